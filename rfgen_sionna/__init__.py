@@ -1,0 +1,64 @@
+"""Synthetic radar data of people moving in rooms, from a sentence to ADC cubes, on Sionna RT.
+
+The names below are loaded when they are first used: importing the package imports neither Mitsuba nor torch.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rfgen_sionna.dataset import open_run as open_run
+    from rfgen_sionna.generative.actor import Actor as Actor
+    from rfgen_sionna.pipeline import Simulator as Simulator
+    from rfgen_sionna.pipeline import generate as generate
+    from rfgen_sionna.radar import Radar as Radar
+    from rfgen_sionna.records import AdcCube as AdcCube
+    from rfgen_sionna.records import MeshSequence as MeshSequence
+    from rfgen_sionna.records import Motion as Motion
+    from rfgen_sionna.records import PathKind as PathKind
+    from rfgen_sionna.records import Pir as Pir
+    from rfgen_sionna.records import RadarPaths as RadarPaths
+    from rfgen_sionna.scene import load_scene as load_scene
+
+    __version__: str
+
+_HOMES = {
+    "Actor": "generative.actor",
+    "AdcCube": "records",
+    "MeshSequence": "records",
+    "Motion": "records",
+    "PathKind": "records",
+    "Pir": "records",
+    "Radar": "radar",
+    "RadarPaths": "records",
+    "Simulator": "pipeline",
+    "generate": "pipeline",
+    "load_scene": "scene",
+    "open_run": "dataset",
+}
+"""Public name -> module of this package that defines it."""
+
+__all__ = ["__version__", *_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            value: Any = version("rfgen-sionna")
+        except PackageNotFoundError:  # a bare tree on sys.path
+            value = "0+unknown"
+    elif name in _HOMES:
+        from importlib import import_module
+
+        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
