@@ -1,0 +1,215 @@
+"""The records that pass from one stage to the next.
+
+Every array names its axes and its unit. World frame: metres, z up, Sionna's conventions; a body in its
+rest pose faces +x and has its left side at +y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+ComplexArray = NDArray[np.complex128]
+
+SPEED_OF_LIGHT = 299_792_458.0
+"""Speed of light in vacuum [m/s] (exact, SI)."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Joint rotations of an articulated body, sampled at a fixed rate.
+
+    Rest pose (all rotations identity): T-pose facing +x, left side at +y, z up.
+    """
+
+    rotations: FloatArray
+    """(frame, joint, 4) unit quaternions, scalar last (x, y, z, w), relative to the parent joint;
+    joint 0 is the world orientation of the root (pelvis)."""
+    translation: FloatArray
+    """(frame, 3) world position of the root joint [m]; the floor is z = 0."""
+    frame_rate: float
+    """Poses per second [Hz]."""
+    joint_names: tuple[str, ...]
+    parents: tuple[int, ...]
+    """Parent index of each joint, -1 for the root; parents precede children."""
+    offsets: FloatArray
+    """(joint, 3) rest position of each joint relative to its parent [m]."""
+    contacts: NDArray[np.bool_] | None = None
+    """(frame, 2) whether the left and the right foot is planted; None where unknown."""
+    action: str = ""
+    """Name of the action, empty where unknown."""
+    prompt: str = ""
+    seed: int | None = None
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last pose [s]."""
+        return (len(self.translation) - 1) / self.frame_rate
+
+
+@runtime_checkable
+class MeshSequence(Protocol):
+    """A mesh of fixed connectivity whose vertices are smooth (C²) functions of time."""
+
+    @property
+    def faces(self) -> IntArray:
+        """(face, 3) vertex indices, counter-clockwise seen from outside."""
+        ...
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """Names of the parts, at least one."""
+        ...
+
+    @property
+    def face_parts(self) -> IntArray:
+        """(face,) index into `part_names`."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """Length of the sequence [s]; it holds its first and last pose outside. `inf` for a rigid mesh."""
+        ...
+
+    def vertices(self, t: float) -> FloatArray:
+        """(vertex, 3) positions at time `t` [s] in metres."""
+        ...
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints that `joints` returns; empty where the mesh has no skeleton."""
+        ...
+
+    def joints(self, t: float) -> FloatArray:
+        """(joint, 3) joint positions at time `t` [s] in metres."""
+        ...
+
+
+class PathKind(IntEnum):
+    """How a path came about."""
+
+    FACET = 0
+    """Physical-optics return of one facet."""
+    SPECULAR = 1
+    """Ray-optical path (for instance from Sionna's `PathSolver`)."""
+    MULTI_BOUNCE = 2
+    DIFFUSE = 3
+    ENVIRONMENT = 4
+    """Path made from an image of the surroundings, random phase."""
+
+
+@dataclass(frozen=True)
+class RadarPaths:
+    """Propagation paths between every Tx and Rx element, as smooth curves over a stretch of time.
+
+    The channel of one element pair is `sum_i a_i exp(-j 2 pi f tau_i)`: as in Sionna the propagation phase
+    is not in `a`. `|a|^2 G_t G_r P_t` is the received power (DESIGN: unit element gains, polarisation kept).
+    Between `times` a path is the interpolant of :mod:`rfgen_sionna.signal.knots`.
+    """
+
+    a: ComplexArray
+    """(tx, rx, path, time) complex gain V_rx/V_tx for elements of unit gain at `frequency`."""
+    tau: FloatArray
+    """(tx, rx, path, time) delay [s]."""
+    times: FloatArray
+    """(time,) knots [s], ascending; a single knot means that the paths do not change."""
+    frequency: float
+    """Reference frequency of the gains [Hz]."""
+    direction: FloatArray
+    """(path, time, 3) unit vector from the array's phase centre towards the first interaction, world frame."""
+    arrival: FloatArray
+    """(path, time, 3) unit vector from the array's phase centre towards the last interaction, world frame."""
+    object_id: IntArray
+    """(path,) index into `object_names`."""
+    part_id: IntArray
+    """(path,) index into `part_names`."""
+    kind: NDArray[np.uint8]
+    """(path,) values of :class:`PathKind`."""
+    bounces: NDArray[np.uint8]
+    """(path,) number of interactions."""
+    velocity: FloatArray
+    """(path, time) radial velocity, half the rate of the path length [m/s]; positive is receding."""
+    object_names: tuple[str, ...] = ()
+    part_names: tuple[str, ...] = ()
+    facet: IntArray = field(default_factory=lambda: np.empty(0, np.int32))
+    """(path,) face index within the object's mesh; -1 where a path belongs to no facet."""
+
+    @property
+    def num_paths(self) -> int:
+        return self.a.shape[2]
+
+    @property
+    def doppler(self) -> FloatArray:
+        """(path, time) Doppler shift at `frequency` [Hz] in Sionna's sign: approaching is positive."""
+        return -2.0 * self.velocity * self.frequency / SPEED_OF_LIGHT
+
+    @property
+    def range(self) -> FloatArray:
+        """(path, time) half the path length, mean over the element pairs [m]."""
+        return 0.5 * SPEED_OF_LIGHT * self.tau.mean(axis=(0, 1))
+
+    def labels(self) -> list[dict[str, Any]]:
+        """Ground truth, one record per path: object, part, kind, bounces, radial velocity [m/s] at the first knot."""
+        return [
+            {
+                "object": self.object_names[o],
+                "part": self.part_names[p],
+                "kind": PathKind(int(k)).name.lower(),
+                "bounces": int(b),
+                "radial_velocity": float(v),
+            }
+            for o, p, k, b, v in zip(
+                self.object_id, self.part_id, self.kind, self.bounces, self.velocity[:, 0], strict=True
+            )
+        ]
+
+
+@dataclass(frozen=True)
+class Pir:
+    """Path-based intermediate representation: what the radar's viewpoint receives, free of any hardware.
+
+    Row 0 is the top, column 0 the left side seen from the radar. Where nothing returns, `energy` is 0 and
+    `time_of_arrival` is NaN.
+    """
+
+    energy: FloatArray
+    """(row, column) sum of |path gain|^2 for isotropic elements."""
+    time_of_arrival: FloatArray
+    """(row, column) energy-weighted round-trip delay [s]."""
+    velocity: FloatArray
+    """(row, column) energy-weighted radial velocity [m/s]; positive is receding."""
+    fov_deg: tuple[float, float]
+    """Horizontal and vertical field of view [degrees]."""
+    position: tuple[float, float, float]
+    """Viewpoint, world frame [m]."""
+    orientation: tuple[float, float, float]
+    """Yaw, pitch, roll of the viewpoint [rad], Sionna's convention."""
+    projection: str = "perspective"
+    time: float = 0.0
+    """Instant [s]."""
+
+
+@dataclass(frozen=True)
+class AdcCube:
+    """Complex baseband samples of a run, with the radar that took them."""
+
+    data: NDArray[np.complex64]
+    """(frame, chirp, tx, rx, sample) in square roots of watts at the receiver input: |sample|^2 is power [W].
+    `chirp` counts loops; the Tx elements of a loop fire one after another at the radar's slot times."""
+    radar: Radar
+    frame_times: FloatArray
+    """(frame,) start of the first ramp of each frame [s]."""
+    seed: int | None = None
+    """Seed of the noise; None where the cube is noise-free."""
+
+    dims: Sequence[str] = ("frame", "chirp", "tx", "rx", "sample")
