@@ -1,0 +1,184 @@
+"""Actors: meshes that are placed in the scene and move through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna.records import FloatArray, IntArray, MeshSequence
+from rfgen_sionna.scene.materials import Material, material
+from rfgen_sionna.scene.mesh import RigidMesh
+
+Vector: TypeAlias = tuple[float, float, float]
+Pose: TypeAlias = "ArrayLike | tuple[ArrayLike, ArrayLike]"
+
+
+def rotation_matrix(orientation: ArrayLike) -> FloatArray:
+    """(3, 3) rotation from the object's frame to the world for (yaw, pitch, roll) [rad], Sionna's convention.
+
+    The object is turned about its x axis by roll, then about y by pitch, then about z by yaw.
+    """
+    return np.asarray(Rotation.from_euler("ZYX", np.asarray(orientation, np.float64)).as_matrix())
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """A mesh sequence of one material, placed and moving rigidly in the world on top of its own deformation.
+
+    Raises:
+        ValueError: a vector that is not three finite numbers, an empty name, or a trajectory together with a
+            position or velocity.
+        MaterialError: unknown material.
+        TypeError: `sequence` is no mesh sequence.
+    """
+
+    sequence: MeshSequence
+    """Shape over time in the actor's own frame [m]."""
+    material: str
+    """Name of a material, see :data:`rfgen_sionna.scene.MATERIALS`."""
+    name: str = "actor"
+    """What labels call it; unique within a simulation."""
+    position: Vector = (0.0, 0.0, 0.0)
+    """World position of the actor's origin at t = 0 [m]."""
+    orientation: Vector = (0.0, 0.0, 0.0)
+    """(yaw, pitch, roll) [rad]."""
+    velocity: Vector = (0.0, 0.0, 0.0)
+    """Constant velocity in the world [m/s]."""
+    trajectory: Callable[[float], Any] | None = None
+    """Function of the time [s] that returns the position [m], or a pair (position, orientation [rad]), instead of
+    `position` and `velocity`. It must be smooth (C²): steps in it are steps in the phase."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.sequence, MeshSequence):
+            raise TypeError(
+                f"sequence: {type(self.sequence).__name__} is no mesh sequence (Actor.from_mesh takes a mesh)"
+            )
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
+        for field in ("position", "orientation", "velocity"):
+            object.__setattr__(self, field, _vector(getattr(self, field), f"{self.name}: {field}"))
+        if self.trajectory is not None:
+            if not callable(self.trajectory):
+                raise TypeError(f"{self.name}: trajectory is not callable")
+            if any(self.position) or any(self.velocity):
+                raise ValueError(
+                    f"{self.name}: a trajectory gives the world position itself, leave position and velocity out"
+                )
+            self.pose(0.0)
+        material(self.material, owner=self.name)
+
+    @classmethod
+    def from_mesh(
+        cls,
+        mesh: Any,
+        *,
+        material: str,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike = (0.0, 0.0, 0.0),
+        trajectory: Callable[[float], Any] | None = None,
+        name: str | None = None,
+    ) -> Actor:
+        """A rigid actor.
+
+        Args:
+            mesh: `trimesh.Trimesh`, path of a file that trimesh reads (in metres), or a pair (vertices, faces).
+            material: name of a material.
+            position: world position of the mesh's origin at t = 0 [m].
+            velocity: [m/s].
+            orientation: (yaw, pitch, roll) [rad].
+            trajectory: see :attr:`trajectory`.
+            name: what labels call it; the file's name or "mesh" where it is not given.
+
+        Raises:
+            MeshError: the mesh is not usable (see :func:`rfgen_sionna.scene.mesh.check_mesh`).
+            MaterialError: unknown material.
+            FileNotFoundError: there is no such file.
+            TypeError: `mesh` is none of the above.
+        """
+        if name is None and isinstance(mesh, (str, Path)):
+            name = Path(mesh).stem
+        rigid = RigidMesh.load(mesh, name)
+        return cls(
+            rigid,
+            material,
+            name=rigid.name,
+            position=position,  # type: ignore[arg-type]  # checked and turned into a tuple on construction
+            velocity=velocity,  # type: ignore[arg-type]
+            orientation=orientation,  # type: ignore[arg-type]
+            trajectory=trajectory,
+        )
+
+    @property
+    def properties(self) -> Material:
+        """The material's properties."""
+        return material(self.material, owner=self.name)
+
+    @property
+    def faces(self) -> IntArray:
+        """(face, 3) vertex indices, counter-clockwise seen from outside."""
+        return self.sequence.faces
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        return self.sequence.part_names
+
+    @property
+    def face_parts(self) -> IntArray:
+        """(face,) index into `part_names`."""
+        return self.sequence.face_parts
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return self.sequence.joint_names
+
+    @property
+    def duration(self) -> float:
+        """Length of the mesh sequence [s]; `inf` for a rigid mesh."""
+        return self.sequence.duration
+
+    def pose(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """World position (3,) [m] and rotation (3, 3) from the actor's frame to the world at time `t` [s]."""
+        orientation: ArrayLike = self.orientation
+        if self.trajectory is None:
+            position = np.asarray(self.position) + float(t) * np.asarray(self.velocity)
+        else:
+            place, orientation = _split_pose(self.trajectory(float(t)), self.orientation)
+            position = np.asarray(_vector(place, f"{self.name}: position on the trajectory at t = {t} s"))
+            orientation = _vector(orientation, f"{self.name}: orientation on the trajectory at t = {t} s")
+        return position, rotation_matrix(orientation)
+
+    def vertices(self, t: float) -> FloatArray:
+        """(vertex, 3) world positions at time `t` [s], in metres."""
+        return self._to_world(self.sequence.vertices(t), t)
+
+    def joints(self, t: float) -> FloatArray:
+        """(joint, 3) world positions of the joints at time `t` [s], in metres."""
+        return self._to_world(self.sequence.joints(t), t)
+
+    def _to_world(self, points: FloatArray, t: float) -> FloatArray:
+        position, rotation = self.pose(t)
+        return np.asarray(points, np.float64) @ rotation.T + position
+
+
+def _vector(value: Any, what: str) -> Vector:
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what}: {value!r} given, three numbers are needed") from None
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ValueError(f"{what}: {value!r} given, three finite numbers are needed")
+    return float(array[0]), float(array[1]), float(array[2])
+
+
+def _split_pose(pose: Any, orientation: Vector) -> tuple[Any, Any]:
+    """Position and orientation of a trajectory's value; three numbers are a position alone."""
+    if isinstance(pose, (tuple, list)) and len(pose) == 2:
+        return pose[0], pose[1]
+    return pose, orientation

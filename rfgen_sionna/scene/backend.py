@@ -1,0 +1,286 @@
+"""Choosing the Mitsuba variant, and finding an LLVM that Dr.Jit can run on.
+
+On the CPU Dr.Jit compiles its kernels with the system's LLVM. With LLVM 15 and 16 it aborts the whole process on
+any float minimum or maximum, and it refuses 14, so a library is tried once in a child process before it is used.
+Nothing here runs at import: call :func:`ensure_backend` right before the first use of Mitsuba.
+
+``python -m rfgen_sionna.scene.backend`` prints what was found and ends with 0, or with 1 and the cure.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterable
+from importlib import metadata
+from pathlib import Path
+
+from rfgen_sionna.scene.errors import BackendError
+
+PREFERRED_LLVM = 19
+"""The version that is tested with the Dr.Jit release in use."""
+OLDEST_LLVM = 17
+"""Older ones are known to abort the process (15, 16) or to be refused (14 and before)."""
+VARIANTS = ("cuda_ad_mono_polarized", "llvm_ad_mono_polarized")
+"""What is chosen where the user has not set a variant, in this order (Sionna's own choice)."""
+
+_ENVIRONMENT = "DRJIT_LIBLLVM_PATH"
+_CURE = (
+    "Install LLVM 19 (Debian and Ubuntu: `apt-get install libllvm19`; where the distribution does not have it, see "
+    "https://apt.llvm.org; conda: `conda install -c conda-forge 'libllvm19'`; macOS: `brew install llvm@19`), or set "
+    f"the environment variable {_ENVIRONMENT} to the file of an existing libLLVM of version {OLDEST_LLVM} or later "
+    "before Python starts."
+)
+_PROBE = """
+import drjit as dr
+from drjit.llvm import Float
+a, b = Float(1.0, 4.0), Float(3.0, 2.0)
+dr.eval(a, b)
+c = dr.minimum(a, b)
+print("probe", c[0] + 10.0 * c[1])
+"""
+_PROBE_ANSWER = "probe 21.0"
+_chosen: str | None = None
+
+
+def ensure_backend() -> str:
+    """Make Mitsuba usable and return the active variant.
+
+    A variant that is already set is kept. Otherwise CUDA is taken where there is a usable device, else LLVM; for
+    LLVM `DRJIT_LIBLLVM_PATH` is set in this process where it is not set yet.
+
+    Raises:
+        BackendError: no usable LLVM and no CUDA device, a variant without vectorised tracing is set, or Mitsuba is
+            not installed. The message names the cure.
+    """
+    global _chosen
+    if _chosen is not None:
+        import mitsuba
+
+        if mitsuba.variant() == _chosen:
+            return _chosen
+    active = _active_variant()
+    if active is None:
+        active = _set_variant()
+    elif not active.startswith(("llvm", "cuda", "metal")):
+        raise BackendError(f"Mitsuba variant {active!r} cannot trace arrays of rays: set one of {', '.join(VARIANTS)}.")
+    elif active.startswith("llvm"):
+        _check_loaded_llvm()
+    _chosen = active
+    return active
+
+
+def find_llvm() -> list[Path]:
+    """Paths of the LLVM libraries worth trying, best first.
+
+    `DRJIT_LIBLLVM_PATH` is the only candidate where it is set. Otherwise version 19 comes first, then newer ones,
+    then 18 and 17; older ones are left out.
+    """
+    explicit = os.environ.get(_ENVIRONMENT)
+    if explicit:
+        return [Path(explicit)]
+    versions: dict[Path, int] = {}
+    for path in _system_libraries():
+        version = _version_of(path)
+        if version is not None and version >= OLDEST_LLVM:
+            versions.setdefault(path.resolve(), version)
+    return sorted(versions, key=lambda path: (_preference(versions[path]), str(path)))
+
+
+def probe_llvm(library: Path) -> str | None:
+    """Try `library` with Dr.Jit in a child process.
+
+    Returns None where it works, else what went wrong. A success is remembered per user until the library or
+    Dr.Jit changes.
+    """
+    if not library.is_file():
+        return "no such file"
+    key = _cache_key(library)
+    if key in _read_cache():
+        return None
+    try:
+        result = subprocess.run(
+            [sys.executable, "-c", _PROBE],
+            env={**os.environ, _ENVIRONMENT: str(library)},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+    except subprocess.TimeoutExpired:
+        return "the probe did not end within 120 s"
+    if result.returncode == 0 and _PROBE_ANSWER in result.stdout:
+        _remember(key)
+        return None
+    if result.returncode < 0:
+        return f"Dr.Jit ends the process with signal {-result.returncode}"
+    lines = (result.stderr or result.stdout).strip().splitlines()
+    return lines[-1] if lines else f"exit status {result.returncode}"
+
+
+def usable_llvm() -> Path:
+    """The best LLVM library that works.
+
+    Raises:
+        BackendError: none was found, or none of those found works.
+    """
+    candidates = find_llvm()
+    failures = []
+    for library in candidates:
+        problem = probe_llvm(library)
+        if problem is None:
+            return library
+        failures.append(f"{library}: {problem}")
+    if os.environ.get(_ENVIRONMENT):
+        found = f"{_ENVIRONMENT} names a library that does not work ({failures[0]})."
+    elif failures:
+        found = "None of the LLVM libraries found works (" + "; ".join(failures) + ")."
+    else:
+        old = sorted({v for v in map(_version_of, _system_libraries()) if v is not None})
+        found = f"No LLVM library of version {OLDEST_LLVM} or later was found" + (
+            f" (only {', '.join(map(str, old))}, with which Dr.Jit aborts)." if old else "."
+        )
+    raise BackendError(f"Tracing on the CPU needs LLVM. {found} {_CURE}")
+
+
+def _active_variant() -> str | None:
+    if "mitsuba" not in sys.modules:
+        return None
+    import mitsuba
+
+    return mitsuba.variant()
+
+
+def _set_variant() -> str:
+    cuda = _has_cuda()
+    if not cuda and not os.environ.get(_ENVIRONMENT):
+        os.environ[_ENVIRONMENT] = str(usable_llvm())
+    elif not cuda:
+        usable_llvm()
+    try:
+        import mitsuba
+    except ImportError as error:
+        raise BackendError(f"Mitsuba cannot be imported ({error}): install `sionna-rt`.") from error
+    try:
+        mitsuba.set_variant(*(VARIANTS if cuda else VARIANTS[1:]))
+    except ImportError as error:
+        raise BackendError(f"Mitsuba offers none of {', '.join(VARIANTS)}: {error}. {_CURE}") from error
+    variant = str(mitsuba.variant())
+    if variant.startswith("llvm"):
+        _check_loaded_llvm()
+    return variant
+
+
+def _check_loaded_llvm() -> None:
+    """Refuse the LLVM of this process where it is one that would abort it.
+
+    Dr.Jit prefers an LLVM that some other library has loaded already over the one it is told to take.
+    """
+    import drjit
+
+    version = tuple(drjit.detail.llvm_version())
+    if version and 0 < version[0] < OLDEST_LLVM:
+        raise BackendError(
+            f"Dr.Jit runs on LLVM {version[0]} in this process and would abort it. {_CURE} If another library or an "
+            "earlier import of mitsuba or sionna.rt has loaded it, import rfgen_sionna's backend first."
+        )
+
+
+def _has_cuda() -> bool:
+    """Whether the CUDA driver is here and sees a device."""
+    name = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
+    try:
+        driver = ctypes.CDLL(name)
+    except OSError:
+        return False
+    count = ctypes.c_int(0)
+    return driver.cuInit(0) == 0 and driver.cuDeviceGetCount(ctypes.byref(count)) == 0 and count.value > 0
+
+
+def _system_libraries() -> Iterable[Path]:
+    folders = [Path(sys.prefix) / "lib", *_search_path()]
+    for root in ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/lib", "/usr/lib/wsl/lib"):
+        folders += [Path(root), *sorted(Path(root).glob("*-linux-gnu*"))]
+    for pattern in ("/usr/lib/llvm*/lib", "/usr/lib64/llvm*/lib64", "/opt/homebrew/opt/llvm*/lib"):
+        folders += sorted(Path("/").glob(pattern.lstrip("/")))
+    folders += sorted(Path("/usr/local/opt").glob("llvm*/lib"))
+    for folder in dict.fromkeys(folders):
+        for pattern in ("libLLVM*.so*", "libLLVM*.dylib", "LLVM-C.dll"):
+            yield from sorted(folder.glob(pattern))
+
+
+def _search_path() -> list[Path]:
+    value = os.environ.get("LD_LIBRARY_PATH", "")
+    return [Path(entry) for entry in value.split(os.pathsep) if entry]
+
+
+def _version_of(path: Path) -> int | None:
+    """Major version from the name of the file, or of the folder above it; None where neither tells."""
+    for text in (path.resolve().name, path.name, str(path.resolve().parent)):
+        match = re.search(r"(?:libLLVM[-.](?:so\.)?|llvm[-@]?)(\d+)", text)
+        if match:
+            return int(match[1])
+    return None
+
+
+def _preference(version: int) -> int:
+    """Sort key: the tested version, newer ones in order, older ones last."""
+    return version - PREFERRED_LLVM if version >= PREFERRED_LLVM else 1000 - version
+
+
+def _cache_file() -> Path:
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local"))
+    elif sys.platform == "darwin":
+        base = Path("~/Library/Caches")
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    return base.expanduser() / "rfgen_sionna" / "llvm-probe.json"
+
+
+def _cache_key(library: Path) -> str:
+    stat = library.stat()
+    try:
+        drjit = metadata.version("drjit")
+    except metadata.PackageNotFoundError:
+        drjit = "none"
+    return f"{library.resolve()}|{stat.st_mtime_ns}|{stat.st_size}|drjit {drjit}"
+
+
+def _read_cache() -> list[str]:
+    try:
+        content = json.loads(_cache_file().read_text())
+    except (OSError, ValueError):
+        return []
+    return [str(key) for key in content] if isinstance(content, list) else []
+
+
+def _remember(key: str) -> None:
+    """Add `key` to the cache; a folder that cannot be written only costs the next start half a second."""
+    file = _cache_file()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial = file.with_suffix(f".{os.getpid()}")
+        partial.write_text(json.dumps([*_read_cache()[-15:], key]))
+        partial.replace(file)
+    except OSError:
+        return
+
+
+def main() -> int:
+    """Report on the back end; 0 where it works."""
+    try:
+        variant = ensure_backend()
+    except BackendError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    library = f", LLVM {os.environ.get(_ENVIRONMENT)}" if variant.startswith("llvm") else ""
+    sys.stdout.write(f"Mitsuba variant {variant}{library}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

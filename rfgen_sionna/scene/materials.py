@@ -1,0 +1,168 @@
+"""Materials at radar frequencies: complex permittivity, permeability, thickness, roughness, source and validity.
+
+The policy for frequencies that a source does not cover is explicit: ``"extrapolate"`` (the default, with a warning:
+gaps between measured ranges are bridged, formulas are continued), ``"clamp"`` (permittivity and conductivity of the
+nearest covered frequency) or ``"raise"``.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from types import MappingProxyType
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.constants import epsilon_0
+
+from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.scene.errors import MaterialError, MaterialRangeWarning
+from rfgen_sionna.scene.material_table import ALIASES, TABLE
+from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity, covers
+
+
+def _prefix(owner: str) -> str:
+    return f"{owner}: " if owner else ""
+
+
+def _check_policy(outside: str) -> None:
+    if outside not in get_args(Outside):
+        raise MaterialError(f"outside: {outside!r} given, allowed are {', '.join(map(repr, get_args(Outside)))}")
+
+
+def _frequencies(frequency: ArrayLike) -> FloatArray:
+    values = np.asarray(frequency, np.float64)
+    if not (np.isfinite(values) & (values > 0.0)).all():
+        raise ValueError(f"frequency: {frequency!r} given, positive finite values [Hz] are needed")
+    return values
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a surface is made of."""
+
+    name: str
+    model: Permittivity
+    """Permittivity and conductivity over frequency."""
+    source: str
+    thickness: float | None = None
+    """Thickness of the slab that a surface stands for [m]; None is a body so thick that only its front reflects."""
+    scattering_coefficient: float = 0.0
+    """Share S of the reflected field that is scattered diffusely, 0 … 1 (Sionna's definition): S² of the energy."""
+    permeability: complex = 1.0
+    """Relative permeability; 1 for everything in the table."""
+    outside: Outside = "extrapolate"
+    """What happens at a frequency that the source does not cover."""
+
+    def __post_init__(self) -> None:
+        _check_policy(self.outside)
+        if self.thickness is not None and not self.thickness >= 0.0:
+            raise MaterialError(f"material {self.name!r}: thickness {self.thickness} m, it must not be negative")
+        if not 0.0 <= self.scattering_coefficient <= 1.0:
+            raise MaterialError(
+                f"material {self.name!r}: scattering_coefficient {self.scattering_coefficient}, allowed are 0 … 1"
+            )
+
+    @property
+    def valid_ranges_hz(self) -> tuple[Range, ...]:
+        """Frequencies [Hz] that the source covers."""
+        return self.model.ranges
+
+    def covers(self, frequency: float) -> bool:
+        """Whether the source covers `frequency` [Hz]."""
+        return covers(self.model, frequency)
+
+    def relative_permittivity(self, frequency: ArrayLike) -> ComplexArray:
+        """Complex relative permittivity with the conductivity in it, shaped as `frequency` [Hz].
+
+        Time goes as exp(+j 2 pi f t): eps' - j sigma / (2 pi f eps_0).
+
+        Raises:
+            MaterialError: the policy is "raise" and a frequency is not covered.
+            ValueError: a frequency is not positive and finite.
+        """
+        values = _frequencies(frequency)
+        if self.outside == "raise":
+            self.check(values)
+        return complex_permittivity(self.model, values, self.outside)
+
+    def relative_permeability(self, frequency: ArrayLike) -> ComplexArray:
+        """Complex relative permeability, shaped as `frequency` [Hz]."""
+        return np.full(_frequencies(frequency).shape, self.permeability, np.complex128)
+
+    def conductivity(self, frequency: ArrayLike) -> FloatArray:
+        """Effective conductivity [S/m], all losses counted, shaped as `frequency` [Hz]."""
+        values = _frequencies(frequency)
+        return np.asarray(-self.relative_permittivity(values).imag * 2.0 * np.pi * values * epsilon_0)
+
+    def check(self, frequency: ArrayLike, owner: str = "") -> None:
+        """Raise a `MaterialError` where a frequency [Hz] is not covered; `owner` is the object named in it."""
+        for value in _frequencies(frequency).ravel():
+            if not self.covers(float(value)):
+                raise MaterialError(
+                    f"{_prefix(owner)}material {self.name!r} is not defined at {value / 1e9:g} GHz, its source covers "
+                    f'{self.describe_ranges()}; choose another material or outside="extrapolate" or "clamp"'
+                )
+
+    def describe_ranges(self) -> str:
+        """The covered frequencies as text."""
+        return ", ".join(f"{low / 1e9:g}-{high / 1e9:g} GHz" for low, high in self.valid_ranges_hz)
+
+
+MATERIALS: Mapping[str, Material] = MappingProxyType(
+    {name: Material(name, model, source) for name, (model, source) in TABLE.items()}
+)
+"""All materials by name. Other spellings ("metal", "itu_metal", "mat-itu_metal", "steel") are understood as well."""
+
+
+def canonical_name(name: str) -> str:
+    """The name in :data:`MATERIALS` that `name` means, or `name` itself in small letters where there is none."""
+    key = name.strip().lower().replace(" ", "_").replace("-", "_")
+    key = key.removeprefix("mat_").removeprefix("itu_")
+    return ALIASES.get(key, key)
+
+
+def material(name: str, frequency: float | None = None, outside: Outside = "extrapolate", owner: str = "") -> Material:
+    """Look a material up.
+
+    Args:
+        name: a name or alias, with or without Sionna's prefixes.
+        frequency: frequency [Hz] to check: with "raise" an uncovered one is an error, else a warning.
+        outside: policy for frequencies that the source does not cover.
+        owner: the object it is for, named in messages.
+
+    Raises:
+        MaterialError: unknown name, unknown policy, or (with "raise") an uncovered frequency.
+        TypeError: `name` is no text.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"{_prefix(owner)}material: {name!r} given, the name of a material is needed")
+    _check_policy(outside)
+    key = canonical_name(name)
+    if key not in MATERIALS:
+        close = get_close_matches(key, [*MATERIALS, *ALIASES], n=1)
+        hint = f", did you mean {close[0]!r}?" if close else ""
+        shown = "no material given" if not name.strip() else f"unknown material {name!r}{hint}"
+        raise MaterialError(f"{_prefix(owner)}{shown}; known are {', '.join(sorted(MATERIALS))}")
+    found = replace(MATERIALS[key], outside=outside)
+    if frequency is not None:
+        if outside == "raise":
+            found.check(frequency, owner)
+        elif not found.covers(float(_frequencies(frequency))):
+            warn_uncovered([found], float(frequency), stacklevel=3)
+    return found
+
+
+def warn_uncovered(materials: list[Material], frequency: float, stacklevel: int = 2) -> None:
+    """One warning about all of `materials` that are used at a `frequency` [Hz] that their sources do not cover."""
+    names = sorted({f"{m.name} ({m.describe_ranges()})" for m in materials if not m.covers(frequency)})
+    if names:
+        how = "clamped" if all(m.outside == "clamp" for m in materials) else "extrapolated"
+        warnings.warn(
+            f"materials {how} to {frequency / 1e9:g} GHz, their sources cover less: {', '.join(names)}",
+            MaterialRangeWarning,
+            stacklevel=stacklevel + 1,
+        )

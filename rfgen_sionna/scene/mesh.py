@@ -1,0 +1,219 @@
+"""Checking triangle meshes, and meshes that do not deform."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.errors import MeshError
+
+
+def face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """(face, 3) normals whose length is twice the area [m²]; counter-clockwise faces point at the viewer."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tuple[FloatArray, IntArray]:
+    """Check that an array pair is a usable surface of triangles and return it as float64 and int32.
+
+    Open surfaces such as a plate are allowed. Faces without area are dropped with a warning that counts them; a
+    closed surface whose faces all look inwards is turned inside out, with a warning too.
+
+    Args:
+        vertices: (vertex, 3) positions [m].
+        faces: (face, 3) vertex indices, counter-clockwise seen from outside.
+        name: what the messages call the mesh.
+
+    Raises:
+        MeshError: empty, not (…, 3) or not triangles, NaN or infinite vertices, an index outside the vertices, an
+            edge shared by more than two faces, or neighbouring faces of opposite orientation.
+    """
+    points = _vertex_array(vertices, name)
+    triangles = _face_array(faces, len(points), name)
+    area = 0.5 * np.linalg.norm(face_normals(points, triangles), axis=1)
+    extent = float(np.ptp(points[triangles.ravel()], axis=0).max())
+    # Below this a triangle's normal is rounding noise: coordinates are known to 1e-16 of their size.
+    reach = float(np.abs(points).max())
+    keep = area > max(1e-14 * extent * extent, 1e-15 * reach * extent)
+    if not keep.all():
+        dropped = int(np.count_nonzero(~keep))
+        if dropped == len(triangles):
+            raise MeshError(f"{name}: all {dropped} faces have zero area")
+        warnings.warn(f"{name}: dropped {dropped} of {len(triangles)} faces, their area is zero", stacklevel=3)
+        triangles = triangles[keep]
+    triangles = _check_edges(points, triangles, name)
+    return points, triangles
+
+
+def _vertex_array(vertices: ArrayLike, name: str) -> FloatArray:
+    points = _numeric(vertices, f"{name}: vertices")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise MeshError(f"{name}: vertices have shape {points.shape}, (vertex, 3) is needed")
+    if len(points) == 0:
+        raise MeshError(f"{name}: the mesh is empty, it has no vertices")
+    points = points.astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{name}: {len(bad)} of {len(points)} vertices are NaN or infinite, the first is vertex {bad[0]} "
+            f"= {tuple(points[bad[0]].tolist())}"
+        )
+    return points
+
+
+def _face_array(faces: ArrayLike, num_vertices: int, name: str) -> IntArray:
+    raw = _numeric(faces, f"{name}: faces")
+    if raw.size == 0:
+        raise MeshError(f"{name}: the mesh is empty, it has no faces")
+    if raw.ndim != 2 or raw.shape[1] != 3:
+        raise MeshError(
+            f"{name}: faces have shape {raw.shape}, only triangles (face, 3) are allowed: split larger polygons first"
+        )
+    if not (np.isfinite(raw).all() and np.array_equal(raw, np.round(raw))):
+        raise MeshError(f"{name}: faces hold values that are not integers")
+    outside = np.flatnonzero((raw < 0).any(axis=1) | (raw >= num_vertices).any(axis=1))
+    if len(outside):
+        raise MeshError(
+            f"{name}: {len(outside)} faces use a vertex that does not exist, the first is face {outside[0]} "
+            f"= {tuple(int(i) for i in raw[outside[0]])}; indices must lie in 0 … {num_vertices - 1}"
+        )
+    return np.ascontiguousarray(raw, dtype=np.int32)
+
+
+def _numeric(values: ArrayLike, what: str) -> np.ndarray[Any, Any]:
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise MeshError(f"{what} are ragged: every row needs three numbers") from None
+    if array.size and not (np.issubdtype(array.dtype, np.integer) or np.issubdtype(array.dtype, np.floating)):
+        raise MeshError(f"{what} are of type {array.dtype}, numbers are needed")
+    return array
+
+
+def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray:
+    start = triangles.ravel()
+    end = triangles[:, [1, 2, 0]].ravel()
+    forward = start < end
+    low, high = np.where(forward, start, end), np.where(forward, end, start)
+    _, first, inverse, uses = np.unique(
+        low.astype(np.int64) * len(points) + high, return_index=True, return_inverse=True, return_counts=True
+    )
+    crowded = np.flatnonzero(uses > 2)
+    if len(crowded):
+        edge = first[crowded].min()
+        raise MeshError(
+            f"{name}: not manifold, {len(crowded)} edges are shared by more than two faces; the first joins vertices "
+            f"{low[edge]} and {high[edge]}"
+        )
+    # In a consistently oriented surface the two faces of an edge run through it in opposite directions.
+    balance = np.bincount(inverse, weights=np.where(forward, 1.0, -1.0), minlength=len(uses))
+    twisted = np.flatnonzero((uses == 2) & (balance != 0))
+    if len(twisted):
+        edge = first[twisted].min()
+        raise MeshError(
+            f"{name}: neighbouring faces are oriented against each other at {len(twisted)} edges; the first joins "
+            f"vertices {low[edge]} and {high[edge]} (trimesh.repair.fix_winding orients a mesh)"
+        )
+    if (uses == 2).all() and _signed_volume(points, triangles) < 0.0:
+        warnings.warn(f"{name}: the faces look inwards, their orientation was reversed", stacklevel=4)
+        return np.ascontiguousarray(triangles[:, ::-1])
+    return triangles
+
+
+def _signed_volume(points: FloatArray, triangles: IntArray) -> float:
+    centred = points - points[triangles.ravel()].mean(axis=0)
+    a, b, c = (centred[triangles[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMesh:
+    """A mesh that keeps its shape: a :class:`~rfgen_sionna.records.MeshSequence` of one part.
+
+    Raises:
+        MeshError: see :func:`check_mesh`.
+    """
+
+    points: FloatArray
+    """(vertex, 3) positions in the mesh's own frame [m]."""
+    faces: IntArray
+    """(face, 3) vertex indices, counter-clockwise seen from outside."""
+    name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        points, faces = check_mesh(self.points, self.faces, self.name)
+        points.flags.writeable = False
+        faces.flags.writeable = False
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "faces", faces)
+
+    @classmethod
+    def load(cls, mesh: Any, name: str | None = None) -> RigidMesh:
+        """Take a `trimesh.Trimesh`, a file that trimesh reads (metres), or a pair (vertices, faces).
+
+        Raises:
+            MeshError: the mesh is not usable, or the file holds none.
+            FileNotFoundError: there is no such file.
+            TypeError: something else was given.
+        """
+        if isinstance(mesh, (str, os.PathLike)):
+            path = Path(mesh)
+            return cls(*_read(path), name=name or path.stem)
+        if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
+            return cls(mesh[0], mesh[1], name=name or "mesh")
+        if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+            return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), name=name or "mesh")
+        raise TypeError(
+            f"mesh: {type(mesh).__name__} given, allowed are a trimesh.Trimesh, the path of a mesh file, or a pair "
+            "(vertices, faces)"
+        )
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        return (self.name,)
+
+    @property
+    def face_parts(self) -> IntArray:
+        return np.zeros(len(self.faces), np.int32)
+
+    @property
+    def duration(self) -> float:
+        return math.inf
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return ()
+
+    def vertices(self, t: float) -> FloatArray:
+        """(vertex, 3) positions [m], the same at any time (read-only)."""
+        return self.points
+
+    def joints(self, t: float) -> FloatArray:
+        """(0, 3): a rigid mesh has no skeleton."""
+        return np.empty((0, 3))
+
+
+def _read(path: Path) -> tuple[FloatArray, IntArray]:
+    if not path.is_file():
+        raise FileNotFoundError(f"mesh file {str(path)!r} does not exist")
+    import trimesh
+
+    try:
+        # Unprocessed, so that a NaN in the file is reported instead of dropped.
+        mesh = trimesh.load(path, force="mesh", process=False)
+    except Exception as error:  # trimesh raises whatever its parsers run into
+        raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise MeshError(f"mesh file {str(path)!r} holds no triangles")
+    if path.suffix.lower() == ".stl" and np.isfinite(mesh.vertices).all():
+        mesh.merge_vertices()  # STL repeats the corners of every face
+    return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)

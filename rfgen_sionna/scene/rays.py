@@ -1,0 +1,312 @@
+"""Visibility: what a ray hits first among static and moving triangles.
+
+Static and moving meshes live in two Mitsuba scenes, so that a moving mesh never rebuilds the static one; the moving
+one sits behind an instance, which Embree builds several times faster than a plain mesh. One kernel asks both.
+Coordinates are shifted to a nearby origin before they become float32, distances are computed from the barycentric
+coordinates in float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.errors import BackendError
+
+MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
+
+SELF_GAP = 1e-5
+"""Relative distance within which a hit counts as the target point itself. float32 resolves 1.2e-7 of the coordinates,
+so a point on a surface is found within a few 1e-7 of its distance, or of its distance from the origin of the scene."""
+BLIND_GAP = 1e-4
+"""The same where the target's facet is not known and its own hit must not count."""
+_NO_PRIMITIVE = 0xFFFFFFFF
+_CHUNK = 1 << 21
+"""Rays per launch: 2 million of them take about 200 MB."""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """First intersections of rays; where a ray hits nothing, distance is infinite and the indices are -1."""
+
+    distance: FloatArray
+    """(ray,) [m]."""
+    object: IntArray
+    """(ray,) index of the object: static ones first, then moving ones, in the order given."""
+    face: IntArray
+    """(ray,) index of the face within its object."""
+    facet: NDArray[np.int64]
+    """(ray,) index of the face among all objects: `facet_offsets[object] + face`."""
+    barycentric: FloatArray
+    """(ray, 3) weights of the face's corners, in its own order; NaN where nothing is hit."""
+
+
+class _Layer:
+    """One Mitsuba scene with a single mesh made of several objects."""
+
+    def __init__(self, meshes: Sequence[MeshArrays], origin: FloatArray, moving: bool) -> None:
+        import mitsuba as mi
+
+        self.vertices = np.concatenate([np.asarray(v, np.float64) for v, _ in meshes])
+        starts = np.cumsum([0] + [len(v) for v, _ in meshes])
+        self.counts = [len(v) for v, _ in meshes]
+        self.faces = np.concatenate(
+            [np.asarray(f, np.int64) + s for (_, f), s in zip(meshes, starts, strict=False)]
+        ).astype(np.uint32)
+        self._origin = origin
+        mesh = mi.Mesh("layer", len(self.vertices), len(self.faces))
+        parameters = mi.traverse(mesh)
+        parameters["faces"] = mi.UInt32(self.faces.ravel())
+        key = _position_key(parameters)
+        parameters[key] = self._shifted()
+        parameters.update()
+        if moving:
+            description: dict[str, Any] = {
+                "type": "scene",
+                "group": {"type": "shapegroup", "mesh": mesh},
+                "instance": {"type": "instance", "group": {"type": "ref", "id": "group"}},
+            }
+        else:
+            description = {"type": "scene", "mesh": mesh}
+        self.scene = mi.load_dict(description)
+        self._parameters = mi.traverse(self.scene)
+        self._key = _position_key(self._parameters)
+
+    def move(self, vertices: FloatArray) -> None:
+        self.vertices = vertices
+        self._parameters[self._key] = self._shifted()
+        self._parameters.update()
+
+    def _shifted(self) -> Any:
+        import mitsuba as mi
+
+        return mi.Float((self.vertices - self._origin).astype(np.float32).ravel())
+
+
+class RayScene:
+    """Static and moving triangle meshes that rays are sent through.
+
+    Faces are hit from both sides. Objects are numbered static ones first, then moving ones; a *facet* is a face
+    numbered through all objects, `facet_offsets[object] + face`.
+
+    Args:
+        static: (vertices (vertex, 3) [m], faces (face, 3)) of each object that stays; may be empty.
+        moving: the same of each object that moves, at its first place; may be empty.
+        origin: (3,) [m] point near which float32 is to resolve best, such as the radar; the centre of the first
+            moving object, else of the static ones, where it is not given.
+
+    Raises:
+        ValueError: an array of a wrong shape or with NaN in it.
+        BackendError: Mitsuba cannot run here.
+    """
+
+    def __init__(
+        self, static: Sequence[MeshArrays], moving: Sequence[MeshArrays] = (), origin: ArrayLike | None = None
+    ) -> None:
+        from rfgen_sionna.scene.backend import ensure_backend  # here, so that `python -m …backend` runs it once
+
+        ensure_backend()
+        meshes = [*static, *moving]
+        for i, (vertices, faces) in enumerate(meshes):
+            _check_points(vertices, f"vertices of object {i}")
+            if np.ndim(faces) != 2 or np.shape(faces)[1] != 3 or len(faces) == 0:
+                raise ValueError(f"faces of object {i} have shape {np.shape(faces)}, (face, 3) is needed")
+        self.facet_offsets: NDArray[np.int64] = np.cumsum([0] + [len(f) for _, f in meshes])
+        self.origin: FloatArray = (
+            _choose_origin(static, moving)
+            if origin is None
+            else _check_points(np.asarray(origin, np.float64)[None], "origin")[0]
+        )
+        self._static = _Layer(static, self.origin, moving=False) if static else None
+        self._moving = _Layer(moving, self.origin, moving=True) if moving else None
+        self._num_static = int(self.facet_offsets[len(static)])
+
+    @property
+    def num_facets(self) -> int:
+        return int(self.facet_offsets[-1])
+
+    def update(self, vertices: Sequence[FloatArray]) -> None:
+        """Move the moving objects to `vertices`, one (vertex, 3) array [m] per object, in the order given.
+
+        Raises:
+            ValueError: another number of objects or vertices than at construction, or NaN in them.
+        """
+        expected = self._moving.counts if self._moving else []
+        if [len(v) for v in vertices] != expected:
+            raise ValueError(f"vertices: {[len(v) for v in vertices]} given, the moving objects have {expected}")
+        if self._moving is None:
+            return
+        for i, points in enumerate(vertices):
+            _check_points(points, f"vertices of moving object {i}")
+        self._moving.move(np.concatenate([np.asarray(v, np.float64) for v in vertices]))
+
+    def first_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
+        """What each ray hits first.
+
+        Args:
+            origins: (ray, 3) or (3,) [m].
+            directions: (ray, 3) of any length above zero.
+        """
+        d = _check_points(directions, "directions")
+        o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), d.shape)
+        length = np.linalg.norm(d, axis=1, keepdims=True)
+        if (length == 0.0).any():
+            raise ValueError(f"directions: ray {int(np.argmin(length))} has length zero")
+        return self._trace(o, d / length)
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        targets: ArrayLike,
+        facets: ArrayLike | None = None,
+        source_facets: ArrayLike | None = None,
+    ) -> NDArray[np.bool_]:
+        """(ray,) whether anything stands between each origin and its target.
+
+        The facet a target lies on never hides its own point, neither does what lies within `SELF_GAP` of the
+        distance in front of it.
+
+        Args:
+            origins: (ray, 3) or (3,) [m].
+            targets: (ray, 3) [m].
+            facets: (ray,) the facet that each target lies on. Where it is not given, whatever lies within
+                `BLIND_GAP` of the distance in front of a target is taken for its own surface.
+            source_facets: (ray,) the facet that each origin lies on, where the rays start on a surface; it never
+                hides.
+        """
+        p = _check_points(targets, "targets")
+        o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), p.shape)
+        own = _check_facets(facets, len(p), self.num_facets, "facets")
+        left = _check_facets(source_facets, len(p), self.num_facets, "source_facets")
+        span = p - o
+        reach = np.linalg.norm(span, axis=1)
+        if (reach == 0.0).any():
+            raise ValueError(f"targets: target {int(np.argmin(reach))} lies at its origin")
+        direction = span / reach[:, None]
+        skip = np.zeros_like(reach)
+        if left is not None:
+            # Start a little above the surface left behind; its own facet is excluded by its number as well.
+            skip = BLIND_GAP * reach
+            o = o + skip[:, None] * direction
+        facet, distance = self._trace_raw(o, direction)
+        allowed = 1.0 - (BLIND_GAP if own is None else SELF_GAP)
+        # Rounding of the shifted coordinates grows with the distance from the origin of the scene.
+        noise = 1e-6 * np.maximum(np.abs(p - self.origin).max(axis=1), np.abs(o - self.origin).max(axis=1))
+        blocked = (facet >= 0) & (distance + skip < np.minimum(allowed * reach, reach - noise))
+        if own is not None:
+            blocked &= facet != own
+        if left is not None:
+            blocked &= facet != left
+        return np.asarray(blocked)
+
+    def _trace(self, origins: FloatArray, directions: FloatArray) -> Hits:
+        parts = [self._launch(o, d, True) for o, d in _chunks(origins, directions)]
+        facet = np.concatenate([p[0] for p in parts]) if parts else np.empty(0, np.int64)
+        u, v = (np.concatenate([p[i] for p in parts]) if parts else np.empty(0) for i in (2, 3))
+        hit = facet >= 0
+        weights = np.stack([1.0 - u - v, u, v], axis=1)
+        weights[~hit] = np.nan
+        distance = np.full(len(facet), np.inf)
+        corners = self._corners(facet[hit])
+        points = np.einsum("rc,rci->ri", weights[hit], corners)
+        distance[hit] = np.linalg.norm(points - origins[hit], axis=1)
+        index = np.searchsorted(self.facet_offsets, facet, side="right") - 1
+        face = facet - self.facet_offsets[np.maximum(index, 0)]
+        return Hits(
+            distance=distance,
+            object=np.where(hit, index, -1).astype(np.int32),
+            face=np.where(hit, face, -1).astype(np.int32),
+            facet=facet,
+            barycentric=weights,
+        )
+
+    def _trace_raw(self, origins: FloatArray, directions: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+        parts = [self._launch(o, d, False) for o, d in _chunks(origins, directions)]
+        if not parts:
+            return np.empty(0, np.int64), np.empty(0)
+        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+    def _corners(self, facets: NDArray[np.int64]) -> FloatArray:
+        """(facet, corner, 3) world positions [m]."""
+        out = np.empty((len(facets), 3, 3))
+        moving = facets >= self._num_static
+        for layer, chosen, offset in ((self._static, ~moving, 0), (self._moving, moving, self._num_static)):
+            if layer is not None:
+                out[chosen] = layer.vertices[layer.faces[facets[chosen] - offset]]
+        return out
+
+    def _launch(self, origins: FloatArray, directions: FloatArray, uv: bool) -> tuple[NDArray[Any], ...]:
+        """Facet (int64, -1 for none), distance, and barycentric u and v of one chunk, float64."""
+        import drjit as dr
+        import mitsuba as mi
+
+        shifted = np.ascontiguousarray((origins - self.origin).T, np.float32)
+        ray = mi.Ray3f(
+            mi.Point3f(*(mi.Float(row) for row in shifted)),
+            mi.Vector3f(*(mi.Float(row) for row in np.ascontiguousarray(directions.T, np.float32))),
+        )
+        facet = dr.full(mi.UInt32, _NO_PRIMITIVE, len(origins))
+        distance = dr.full(mi.Float, dr.inf, len(origins))
+        weights = [dr.zeros(mi.Float, len(origins)), dr.zeros(mi.Float, len(origins))]
+        for layer, offset in ((self._static, 0), (self._moving, self._num_static)):
+            if layer is None:
+                continue
+            found = layer.scene.ray_intersect_preliminary(ray, coherent=False)
+            nearer = found.is_valid() & (found.t < distance)
+            facet = dr.select(nearer, found.prim_index + dr.opaque(mi.UInt32, offset), facet)
+            distance = dr.select(nearer, found.t, distance)
+            weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
+        outputs = [facet, distance, *(weights if uv else [])]
+        dr.eval(*outputs)
+        # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
+        index = np.asarray(facet).astype(np.int64)
+        index[index == _NO_PRIMITIVE] = -1
+        return (index, *(np.asarray(value).astype(np.float64) for value in outputs[1:]))
+
+
+def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
+    for start in range(0, len(arrays[0]), _CHUNK):
+        yield tuple(a[start : start + _CHUNK] for a in arrays)
+
+
+def _position_key(parameters: Any) -> str:
+    # Mitsuba 3.9 says vertex_positions; later ones are expected to rename it.
+    for key in map(str, parameters.keys()):
+        if key.split(".")[-1] in ("vertex_positions", "positions"):
+            return key
+    raise BackendError(f"this Mitsuba names mesh vertices in an unknown way: {list(parameters.keys())}")
+
+
+def _choose_origin(static: Sequence[MeshArrays], moving: Sequence[MeshArrays]) -> FloatArray:
+    if moving:
+        points = np.asarray(moving[0][0], np.float64)
+    elif static:
+        points = np.concatenate([np.asarray(v, np.float64) for v, _ in static])
+    else:
+        return np.zeros(3)
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
+
+def _check_points(value: ArrayLike, what: str) -> FloatArray:
+    points = np.asarray(value, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"{what}: shape {points.shape} given, (…, 3) is needed")
+    if not np.isfinite(points).all():
+        raise ValueError(
+            f"{what}: NaN or infinite values, the first in row {int(np.argmin(np.isfinite(points).all(axis=1)))}"
+        )
+    return points
+
+
+def _check_facets(value: ArrayLike | None, rays: int, facets: int, what: str) -> NDArray[np.int64] | None:
+    if value is None:
+        return None
+    index = np.broadcast_to(np.asarray(value, np.int64), (rays,))
+    if rays and (index.min() < -1 or index.max() >= facets):
+        raise ValueError(f"{what}: {int(index.min())} … {int(index.max())} given, allowed are -1 … {facets - 1}")
+    return index
