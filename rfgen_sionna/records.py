@@ -7,7 +7,7 @@ rest pose faces +x and has its left side at +y.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -108,21 +108,38 @@ class PathKind(IntEnum):
     """Path made from an image of the surroundings, random phase."""
 
 
+def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> FloatArray:
+    """(len(t), len(knots)) weights of the C² not-a-knot cubic spline through values at `knots` [s].
+
+    Fewer than four knots give the polynomial through them. `derivative` is in units of 1/s^derivative.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    t = np.atleast_1d(np.asarray(t, dtype=np.float64))
+    if len(knots) == 1:
+        return np.full((len(t), 1), 1.0 if derivative == 0 else 0.0)
+    # Times count from the first knot: far from t = 0 the spline's polynomials would lose digits.
+    spline = make_interp_spline(knots - knots[0], np.eye(len(knots)), k=min(3, len(knots) - 1))
+    return np.asarray(spline(t - knots[0], nu=derivative), dtype=np.float64)
+
+
 @dataclass(frozen=True)
 class RadarPaths:
     """Propagation paths between every Tx and Rx element, as smooth curves over a stretch of time.
 
     The channel of one element pair is `sum_i a_i exp(-j 2 pi f tau_i)`: as in Sionna the propagation phase
     is not in `a`. `|a|^2 G_t G_r P_t` is the received power (DESIGN: unit element gains, polarisation kept).
-    Between `times` a path is the interpolant of :mod:`rfgen_sionna.signal.knots`.
+    Between the knots `times` a path is the C² spline of :meth:`weights`.
     """
 
     a: ComplexArray
     """(tx, rx, path, time) complex gain V_rx/V_tx for elements of unit gain at `frequency`."""
     tau: FloatArray
     """(tx, rx, path, time) delay [s]."""
+    tau_rate: FloatArray
+    """(tx, rx, path, time) rate of the delay [s/s]; positive is receding."""
     times: FloatArray
-    """(time,) knots [s], ascending; a single knot means that the paths do not change."""
+    """(time,) knots [s], ascending. With a single knot the delay continues at its rate and the gain stays."""
     frequency: float
     """Reference frequency of the gains [Hz]."""
     direction: FloatArray
@@ -137,16 +154,24 @@ class RadarPaths:
     """(path,) values of :class:`PathKind`."""
     bounces: NDArray[np.uint8]
     """(path,) number of interactions."""
-    velocity: FloatArray
-    """(path, time) radial velocity, half the rate of the path length [m/s]; positive is receding."""
-    object_names: tuple[str, ...] = ()
-    part_names: tuple[str, ...] = ()
-    facet: IntArray = field(default_factory=lambda: np.empty(0, np.int32))
+    object_names: tuple[str, ...]
+    part_names: tuple[str, ...]
+    facet: IntArray
     """(path,) face index within the object's mesh; -1 where a path belongs to no facet."""
+    dispersion: ComplexArray | None = None
+    """(order, tx, rx, path, time) how the gain changes over the band: at frequency f it is
+    `a + sum_n dispersion[n-1] ((f - frequency) / half_band)^n`. None where that is negligible."""
+    half_band: float = 0.0
+    """Half the band over which `dispersion` was fitted [Hz]."""
 
     @property
     def num_paths(self) -> int:
         return self.a.shape[2]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(path, time) radial velocity, half the rate of the path length [m/s]; positive is receding."""
+        return 0.5 * SPEED_OF_LIGHT * self.tau_rate.mean(axis=(0, 1))
 
     @property
     def doppler(self) -> FloatArray:
@@ -157,6 +182,10 @@ class RadarPaths:
     def range(self) -> FloatArray:
         """(path, time) half the path length, mean over the element pairs [m]."""
         return 0.5 * SPEED_OF_LIGHT * self.tau.mean(axis=(0, 1))
+
+    def weights(self, t: FloatArray, derivative: int = 0) -> FloatArray:
+        """(len(t), time) matrix that takes values at the knots to values (or their derivative) at times `t` [s]."""
+        return knot_weights(self.times, t, derivative)
 
     def labels(self) -> list[dict[str, Any]]:
         """Ground truth, one record per path: object, part, kind, bounces, radial velocity [m/s] at the first knot."""

@@ -1,0 +1,7 @@
+"""Radars: configuration, element patterns, derived limits. Pure NumPy."""
+
+from rfgen_sionna.radar.pattern import ElementPattern
+from rfgen_sionna.radar.radar import Radar
+from rfgen_sionna.radar.waveform import Waveform
+
+__all__ = ["ElementPattern", "Radar", "Waveform"]

@@ -1,0 +1,349 @@
+"""A monostatic TDM-MIMO FMCW radar and its pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.radar.config import RadarConfigError, check_config, read_config
+from rfgen_sionna.radar.pattern import ElementPattern
+from rfgen_sionna.radar.waveform import Waveform
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.resources import available, resolve
+
+Vector = tuple[float, float, float]
+
+POLARIZATIONS: dict[str, Vector] = {
+    "V": (0.0, 0.0, 1.0),
+    "H": (0.0, 1.0, 0.0),
+    "+45": (0.0, float(np.sqrt(0.5)), float(np.sqrt(0.5))),
+    "-45": (0.0, -float(np.sqrt(0.5)), float(np.sqrt(0.5))),
+}
+"""Direction of the element's electric field at boresight, device frame."""
+
+
+def rotation_matrix(orientation: Vector) -> FloatArray:
+    """(3, 3) rotation from the device to the world frame for (yaw, pitch, roll) [rad], Sionna's Rz Ry Rx."""
+    (ca, cb, cc), (sa, sb, sc) = np.cos(orientation), np.sin(orientation)
+    return np.array(
+        [
+            [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+            [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+            [-sb, cb * sc, cb * cc],
+        ]
+    )
+
+
+def _vector(name: str, value: Any) -> Vector:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (3,) or not np.all(np.isfinite(array)):
+        raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed")
+    return float(array[0]), float(array[1]), float(array[2])
+
+
+@dataclass(frozen=True)
+class Radar:
+    """Element positions, waveform, power, noise and pose of one radar.
+
+    Device frame: boresight +x, z up, y to the left. Only the Tx elements that the preset fires are listed.
+    """
+
+    name: str
+    preset: str
+    waveform: Waveform
+    tx_names: tuple[str, ...]
+    rx_names: tuple[str, ...]
+    tx_positions: FloatArray
+    """(tx, 3) [m], device frame."""
+    rx_positions: FloatArray
+    """(rx, 3) [m], device frame."""
+    pattern: ElementPattern
+    polarization: str
+    tx_power_dbm: float
+    """Per Tx element [dBm]."""
+    noise_figure_db: float
+    temperature: float
+    """Reference temperature of the noise figure [K]."""
+    position: Vector = (0.0, 0.0, 0.0)
+    """World frame [m]."""
+    orientation: Vector = (0.0, 0.0, 0.0)
+    """Yaw, pitch, roll [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("tx_positions", "rx_positions"):
+            array = np.asarray(getattr(self, name), dtype=np.float64)
+            if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):
+                raise ValueError(f"radar.{name} has shape {array.shape}: finite (element, 3) positions [m] are needed")
+            if np.abs(array).max() > 10.0:
+                raise ValueError(f"radar.{name} reaches {np.abs(array).max():g} m: elements lie within 10 m of the centre")
+            gaps = np.linalg.norm(array[:, None] - array[None], axis=-1) + np.eye(len(array))
+            if gaps.min() < 1e-6:
+                i, j = np.argwhere(gaps < 1e-6)[0]
+                raise ValueError(f"radar.{name}: elements {i} and {j} are at the same place {array[i].tolist()} m")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if len(self.waveform.tx_order) != len(self.tx_positions):
+            raise ValueError(
+                f"radar has {len(self.tx_positions)} Tx elements but waveform.tx_order fires {len(self.waveform.tx_order)}"
+            )
+        if self.polarization not in POLARIZATIONS:
+            raise ValueError(f"radar.polarization is {self.polarization!r}; allowed: {', '.join(POLARIZATIONS)}")
+        if not (np.isfinite(self.tx_power_dbm) and -60 <= self.tx_power_dbm <= 80):
+            raise ValueError(f"radar.tx_power_dbm is {self.tx_power_dbm!r}: a value in -60 … 80 dBm is needed")
+        if not (np.isfinite(self.noise_figure_db) and 0 <= self.noise_figure_db <= 60):
+            raise ValueError(f"radar.noise_figure_db is {self.noise_figure_db!r}: a value in 0 … 60 dB is needed")
+        if not (np.isfinite(self.temperature) and 0 <= self.temperature <= 2000):
+            raise ValueError(f"radar.temperature is {self.temperature!r}: a value in 0 … 2000 K is needed")
+        object.__setattr__(self, "position", _vector("position", self.position))
+        object.__setattr__(self, "orientation", _vector("orientation", self.orientation))
+
+    # -- making one ---------------------------------------------------------------------------------------
+
+    @classmethod
+    def available(cls) -> dict[str, tuple[str, ...]]:
+        """Names of the radars that ship with the package, each with its presets."""
+        return {name: tuple(read_config(resolve("radars", name))["preset"]) for name in available("radars")}
+
+    @classmethod
+    def load(
+        cls,
+        radar: str | Path,
+        preset: str | None = None,
+        *,
+        position: Vector = (0.0, 0.0, 0.0),
+        orientation: Vector = (0.0, 0.0, 0.0),
+        look_at: Vector | None = None,
+    ) -> Radar:
+        """Read a radar from `radars/<name>.toml` or from a TOML file of your own.
+
+        Parameters
+        ----------
+        radar
+            Name of a shipped radar, or the path of a TOML file in the same format.
+        preset
+            Name of a configuration in that file; its `default_preset` if None.
+        position, orientation
+            World position [m]; yaw, pitch, roll [rad] in Sionna's convention.
+        look_at
+            World point [m] that the boresight shall hit; replaces `orientation`, without roll.
+
+        Raises
+        ------
+        RadarConfigError, ValueError
+            Naming the key, the value and what is allowed.
+        """
+        path = Path(radar)
+        path = path if path.suffix == ".toml" else resolve("radars", str(radar))
+        if not path.is_file():
+            raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {', '.join(available('radars'))}")
+        made = cls._from_config(read_config(path), preset, str(path))
+        return made.placed(position=position, orientation=orientation, look_at=look_at)
+
+    @classmethod
+    def _from_config(cls, config: dict[str, Any], preset: str | None, where: str) -> Radar:
+        check_config(config, where)
+        preset = preset or config["default_preset"]
+        if preset not in config["preset"]:
+            raise RadarConfigError(f"{where}: preset is '{preset}'; presets: {', '.join(sorted(config['preset']))}")
+        array, chirp = config["array"], config["preset"][preset]
+        design = array["design_frequency_hz"]
+        if not 1e9 <= design <= 1e12:
+            raise RadarConfigError(f"{where}: array.design_frequency_hz is {design:g}; 1e9 … 1e12 Hz is allowed")
+        low, high = config["transmitter"]["frequency_range_hz"]
+        end = chirp["start_frequency_hz"] + chirp["slope_hz_per_s"] * chirp["ramp_end_time_s"]
+        if not (low <= chirp["start_frequency_hz"] and end <= high):
+            raise RadarConfigError(
+                f"{where}: preset.{preset} sweeps {chirp['start_frequency_hz'] / 1e9:g} … {end / 1e9:.3f} GHz; "
+                f"the device reaches {low / 1e9:g} … {high / 1e9:g} GHz"
+            )
+        for key, lowest, highest in (
+            ("sample_rate_hz", 1e3, 1e10),
+            ("slope_hz_per_s", 1e8, 1e16),
+            ("ramp_end_time_s", 1e-7, 1.0),
+            ("frame_period_s", 1e-6, 100.0),
+        ):
+            if not lowest <= chirp[key] <= highest:
+                raise RadarConfigError(
+                    f"{where}: preset.{preset}.{key} is {chirp[key]:g}; {lowest:g} … {highest:g} is allowed "
+                    "(SI units: is it off by a prefix?)"
+                )
+        names = list(array["tx_names"])
+        for label, known in (("tx", names), ("rx", list(array["rx_names"]))):
+            if len(known) != len(array[f"{label}_positions_half_wavelengths"]) or len(set(known)) != len(known):
+                raise RadarConfigError(f"{where}: array.{label}_names must name each {label} position once, got {known}")
+        unknown = [tx for tx in chirp["tx_order"] if tx not in names]
+        if unknown:
+            raise RadarConfigError(f"{where}: preset.{preset}.tx_order names '{unknown[0]}'; elements: {', '.join(names)}")
+        if len(set(chirp["tx_order"])) != len(chirp["tx_order"]):
+            raise RadarConfigError(f"{where}: preset.{preset}.tx_order fires an element twice: {chirp['tx_order']}")
+        fired = [tx for tx in names if tx in chirp["tx_order"]]
+        half = SPEED_OF_LIGHT / design / 2
+        try:
+            waveform = Waveform(
+                **{key: float(chirp[f"{key}_{unit}"]) for key, unit in _WAVEFORM_UNITS.items()},
+                num_samples=chirp["num_samples"],
+                num_loops=chirp["num_loops"],
+                tx_order=tuple(fired.index(tx) for tx in chirp["tx_order"]),
+            )
+            return cls(
+                name=config["name"],
+                preset=preset,
+                waveform=waveform,
+                tx_names=tuple(fired),
+                rx_names=tuple(array["rx_names"]),
+                tx_positions=half * np.array(
+                    [array["tx_positions_half_wavelengths"][names.index(tx)] for tx in fired], dtype=np.float64
+                ),
+                rx_positions=half * np.array(array["rx_positions_half_wavelengths"], dtype=np.float64),
+                pattern=ElementPattern(
+                    peak_gain_dbi=float(config["pattern"]["peak_gain_dbi"]),
+                    **{
+                        key: tuple(float(value) for value in config["pattern"][key])
+                        for key in ("azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
+                    },
+                ),
+                polarization=array["polarization"],
+                tx_power_dbm=float(config["transmitter"]["power_dbm"]),
+                noise_figure_db=float(config["receiver"]["noise_figure_db"]),
+                temperature=float(config["receiver"]["temperature_k"]),
+            )
+        except ValueError as error:
+            raise RadarConfigError(f"{where}: preset '{preset}': {error}") from error
+
+    def placed(
+        self,
+        *,
+        position: Vector | None = None,
+        orientation: Vector | None = None,
+        look_at: Vector | None = None,
+    ) -> Radar:
+        """The same radar elsewhere; `look_at` [m] replaces `orientation`, without roll."""
+        position = _vector("position", self.position if position is None else position)
+        orientation = _vector("orientation", self.orientation if orientation is None else orientation)
+        if look_at is not None:
+            x, y, z = np.subtract(_vector("look_at", look_at), position)
+            if np.hypot(np.hypot(x, y), z) < 1e-9:
+                raise ValueError(f"radar.look_at is the radar's own position {position}: choose another point")
+            orientation = (float(np.arctan2(y, x)), float(-np.arctan2(z, np.hypot(x, y))), 0.0)
+        return replace(self, position=position, orientation=orientation)
+
+    # -- derived ------------------------------------------------------------------------------------------
+
+    @property
+    def rotation(self) -> FloatArray:
+        """(3, 3) device to world."""
+        return rotation_matrix(self.orientation)
+
+    @property
+    def tx_world(self) -> FloatArray:
+        """(tx, 3) element positions in the world frame [m]."""
+        return self.tx_positions @ self.rotation.T + np.asarray(self.position)
+
+    @property
+    def rx_world(self) -> FloatArray:
+        """(rx, 3) element positions in the world frame [m]."""
+        return self.rx_positions @ self.rotation.T + np.asarray(self.position)
+
+    @property
+    def field_direction(self) -> FloatArray:
+        """(3,) direction of the elements' electric field at boresight, world frame."""
+        return self.rotation @ np.asarray(POLARIZATIONS[self.polarization])
+
+    @property
+    def virtual_positions(self) -> FloatArray:
+        """(tx, rx, 3) sum of Tx and Rx position [m], device frame: phase is k times its projection on the direction."""
+        return self.tx_positions[:, None, :] + self.rx_positions[None, :, :]
+
+    @property
+    def center_frequency(self) -> float:
+        """Middle of the sampled band [Hz]."""
+        return self.waveform.center_frequency
+
+    @property
+    def wavelength(self) -> float:
+        """At `center_frequency` [m]."""
+        return self.waveform.wavelength
+
+    @property
+    def range_resolution(self) -> float:
+        """[m]"""
+        return self.waveform.range_resolution
+
+    @property
+    def max_range(self) -> float:
+        """[m]"""
+        return self.waveform.max_range
+
+    @property
+    def velocity_resolution(self) -> float:
+        """[m/s]"""
+        return self.waveform.velocity_resolution
+
+    @property
+    def max_velocity(self) -> float:
+        """[m/s]"""
+        return self.waveform.max_velocity
+
+    # -- storage ------------------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything that makes up the radar, in SI units, ready for JSON."""
+        return {
+            "name": self.name,
+            "preset": self.preset,
+            "waveform": {key: getattr(self.waveform, key) for key in Waveform.__dataclass_fields__}
+            | {"tx_order": list(self.waveform.tx_order)},
+            "tx_names": list(self.tx_names),
+            "rx_names": list(self.rx_names),
+            "tx_positions": self.tx_positions.tolist(),
+            "rx_positions": self.rx_positions.tolist(),
+            "pattern": {
+                key: list(value) if isinstance(value, tuple) else value
+                for key in ElementPattern.__dataclass_fields__
+                for value in [getattr(self.pattern, key)]
+            },
+            "polarization": self.polarization,
+            "tx_power_dbm": self.tx_power_dbm,
+            "noise_figure_db": self.noise_figure_db,
+            "temperature": self.temperature,
+            "position": list(self.position),
+            "orientation": list(self.orientation),
+        }
+
+    @classmethod
+    def from_dict(cls, record: dict[str, Any]) -> Radar:
+        """Inverse of :meth:`to_dict`."""
+        unknown = set(record) - set(cls.__dataclass_fields__)
+        if unknown:
+            raise ValueError(f"radar record has the unknown key '{min(unknown)}'; known: {', '.join(cls.__dataclass_fields__)}")
+        waveform = dict(record["waveform"])
+        pattern = dict(record["pattern"])
+        return cls(
+            **record
+            | {
+                "waveform": Waveform(**waveform | {"tx_order": tuple(waveform["tx_order"])}),
+                "pattern": ElementPattern(
+                    **{key: tuple(v) if isinstance(v, list) else v for key, v in pattern.items()}
+                ),
+                "tx_names": tuple(record["tx_names"]),
+                "rx_names": tuple(record["rx_names"]),
+                "tx_positions": np.array(record["tx_positions"]),
+                "rx_positions": np.array(record["rx_positions"]),
+                "position": tuple(record["position"]),
+                "orientation": tuple(record["orientation"]),
+            }
+        )
+
+
+_WAVEFORM_UNITS = {
+    "start_frequency": "hz",
+    "slope": "hz_per_s",
+    "sample_rate": "hz",
+    "idle_time": "s",
+    "adc_start_time": "s",
+    "ramp_end_time": "s",
+    "frame_period": "s",
+}

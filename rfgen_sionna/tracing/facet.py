@@ -1,0 +1,209 @@
+"""Physical optics of one flat facet, in closed form, on Dr.Jit's float64 arrays (LLVM or CUDA).
+
+With Tx element at distance R_t, Rx element at R_r and k = 2 pi f / c the gain of a facet is
+
+    a = (j / 4 pi) F A / (R_t R_r) <exp(-j k (R_t + R_r))>
+
+where A is the area, <.> the mean over the facet and F the polarimetric obliquity: half the projection of
+the Stratton-Chu integrand of the tangential fields (incident plus Fresnel-reflected) on the Rx element's field
+direction. For a metal plate at normal incidence F = -1, so that an infinite mirror at distance d
+gives the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
+
+The mean of a linear phase over a triangle is -2 f[p0, p1, p2], the second divided difference of f(x) = exp(-j x)
+at the corner phases (Hermite-Genocchi).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.tracing.arrays import drjit_types
+
+_SERIES_SPREAD = 1.0  # rad; below it the divided difference cancels and its Taylor series takes over
+_SERIES_TERMS = 12  # remainder below 1e-13 for spreads up to 1 rad
+
+
+@dataclass(frozen=True)
+class FacetGains:
+    """Gains and delays of facets for every element pair."""
+
+    a: ComplexArray
+    """(frequency, tx, rx, facet) complex gain without the propagation phase of the centroid."""
+    tau: FloatArray
+    """(tx, rx, facet) delay by way of the facet's centroid [s]."""
+    bulge: FloatArray
+    """(facet,) phase at the centroid that a linear phase through the corners misses, first element pair [rad]."""
+
+
+def _mean_phasor(dr: Any, p0: Any, p1: Any, p2: Any) -> tuple[Any, Any]:
+    """Real and imaginary part of the mean of exp(-j phi) over a triangle with corner phases p0, p1, p2 [rad]."""
+    low = dr.minimum(dr.minimum(p0, p1), p2)
+    high = dr.maximum(dr.maximum(p0, p1), p2)
+    mid = p0 + p1 + p2 - low - high
+
+    def first_difference(x: Any, y: Any) -> tuple[Any, Any]:  # f[x, y] = -j exp(-j (x+y)/2) sinc((y-x)/2)
+        half = 0.5 * (y - x)
+        sinc = dr.select(half > 1e-4, dr.sin(half) / half, 1 - half * half / 6)
+        sin, cos = dr.sincos(0.5 * (x + y))
+        return -sinc * sin, -sinc * cos
+
+    lower, upper = first_difference(low, mid), first_difference(mid, high)
+    spread = high - low
+    scale = -2.0 / dr.maximum(spread, _SERIES_SPREAD)
+    real, imag = scale * (upper[0] - lower[0]), scale * (upper[1] - lower[1])
+
+    # Around the mean m: <exp(-j phi)> = exp(-j m) sum_n 2 (-j)^n h_n / (n+2)!, h_n complete homogeneous symmetric
+    # polynomials of the deviations (whose sum is zero): h_n = -e2 h_{n-2} + e3 h_{n-3}.
+    mean = (p0 + p1 + p2) / 3.0
+    d0, d1, d2 = p0 - mean, p1 - mean, p2 - mean
+    e2, e3 = d0 * d1 + d1 * d2 + d2 * d0, d0 * d1 * d2
+    h = [1.0 + 0.0 * mean, 0.0 * mean, -e2]
+    for n in range(3, _SERIES_TERMS + 1):
+        h.append(e3 * h[n - 3] - e2 * h[n - 2])
+    series = [0.0 * mean, 0.0 * mean]
+    factor = 1.0  # 2 / (n+2)!
+    for n, term in enumerate(h):
+        sign = (1.0, -1.0, -1.0, 1.0)[n % 4]
+        series[n % 2] = series[n % 2] + sign * factor * term
+        factor /= n + 3
+    sin, cos = dr.sincos(mean)
+    small = spread < _SERIES_SPREAD
+    return (
+        dr.select(small, series[0] * cos + series[1] * sin, real),
+        dr.select(small, series[1] * cos - series[0] * sin, imag),
+    )
+
+
+def facet_gains(
+    corners: FloatArray,
+    tx: FloatArray,
+    rx: FloatArray,
+    tx_field: FloatArray,
+    rx_field: FloatArray,
+    permittivity: ComplexArray,
+    permeability: ComplexArray,
+    frequencies: FloatArray,
+) -> FacetGains:
+    """Gain of every facet between every Tx and Rx element.
+
+    Parameters
+    ----------
+    corners
+        (facet, 3, 3) corner positions [m], in a frame whose origin is near the radar; either orientation.
+    tx, rx
+        (tx, 3) and (rx, 3) element positions [m].
+    tx_field, rx_field
+        (3,) direction of the elements' electric field; towards each facet its transverse part counts, unit gain.
+    permittivity, permeability
+        (frequency, facet) complex relative values, conductivity included as -j sigma/(omega eps0); an infinite
+        permittivity is a perfect conductor.
+    frequencies
+        (frequency,) [Hz]
+
+    Notes
+    -----
+    Corners of zero area and elements closer than 0.1 mm to the centroid give gain 0.
+    """
+    dr, types = drjit_types()
+    Float, UInt32, Array3, Complex = types.Float64, types.UInt32, types.Array3f64, types.Complex2f64
+    facets, num_tx, num_rx = len(corners), len(tx), len(rx)
+    tau = np.zeros((num_tx, num_rx, facets))
+    a = np.zeros((len(frequencies), num_tx, num_rx, facets), dtype=np.complex128)
+    if facets == 0:
+        return FacetGains(a, tau, np.zeros(0))
+
+    def vector(values: FloatArray, index: Any) -> Any:
+        flat = Float(np.ascontiguousarray(values, dtype=np.float64).reshape(-1))
+        return Array3(*(dr.gather(Float, flat, index * 3 + axis) for axis in range(3)))
+
+    lane = dr.arange(UInt32, num_tx * num_rx * facets)
+    facet_count, rx_count = dr.opaque(UInt32, facets), dr.opaque(UInt32, num_rx)
+    facet, channel = lane % facet_count, lane // facet_count
+    flat_corners = np.ascontiguousarray(corners, dtype=np.float64).reshape(-1, 3)
+    p = [vector(flat_corners, facet * 3 + corner) for corner in range(3)]
+    t, r = vector(tx, channel // rx_count), vector(rx, channel % rx_count)
+
+    centre = (p[0] + p[1] + p[2]) / 3.0
+    from_tx, to_rx = centre - t, r - centre
+    distance_tx, distance_rx = dr.norm(from_tx), dr.norm(to_rx)
+    k_in, k_out = from_tx / distance_tx, to_rx / distance_rx
+    cross = dr.cross(p[1] - p[0], p[2] - p[0])
+    twice_area = dr.norm(cross)
+    usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
+    normal = cross / dr.select(twice_area > 0, twice_area, 1.0)
+    normal = dr.select(dr.dot(normal, k_in) > 0, -normal, normal)
+
+    # Path length at the corners less that at the centroid, without cancellation: |x|-|y| = (x-y).(x+y)/(|x|+|y|).
+    def excess(corner: Any) -> Any:
+        from_t, from_r = corner - t, corner - r
+        offset = corner - centre
+        return dr.dot(offset, from_t + from_tx) / (dr.norm(from_t) + distance_tx) + dr.dot(
+            offset, from_r - to_rx
+        ) / (dr.norm(from_r) + distance_rx)
+
+    lengths = [excess(corner) for corner in p]
+    # A linear phase through the corners lies above the true one by `bulge` at the centroid and, for a quadratic
+    # phase, by 3/4 of it in the mean: take that off.
+    bulge = (lengths[0] + lengths[1] + lengths[2]) / 3.0
+    lengths = [length - 0.75 * bulge for length in lengths]
+
+    def transverse(field: FloatArray, direction: Any) -> Any:
+        v = Array3(*(dr.opaque(Float, float(component)) for component in field))
+        across = v - dr.dot(v, direction) * direction
+        size = dr.norm(across)
+        return dr.select(size > 1e-9, across / dr.maximum(size, 1e-9), 0.0)
+
+    e_tx, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
+    cos_in = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
+    s_raw = dr.cross(k_in, normal)
+    sin_in = dr.norm(s_raw)
+    # At normal incidence the plane of incidence is free: any direction across will do.
+    fallback = dr.normalize(dr.cross(dr.select(dr.abs(normal.x) < 0.6, Array3(1, 0, 0), Array3(0, 1, 0)), normal))
+    s = dr.select(sin_in > 1e-9, s_raw / dr.maximum(sin_in, 1e-9), fallback)
+    k_reflected = k_in + 2.0 * cos_in * normal
+    p_in, p_reflected = dr.cross(s, k_in), dr.cross(s, k_reflected)
+    e_s, e_p = dr.dot(e_tx, s), dr.dot(e_tx, p_in)
+
+    def obliquity(field: Any, direction: Any) -> Any:
+        """Half of e_rx . (k_out x (E x n) + k_out x (k_out x (n x eta H))) for a plane wave E along `direction`."""
+        magnetic = dr.cross(normal, dr.cross(direction, field))
+        return 0.5 * dr.dot(e_rx, dr.cross(k_out, dr.cross(field, normal)) + dr.cross(k_out, dr.cross(k_out, magnetic)))
+
+    incident = obliquity(e_tx, k_in)
+    from_s, from_p = e_s * obliquity(s, k_reflected), e_p * obliquity(p_reflected, k_reflected)
+    area_factor = 0.5 * twice_area / (4.0 * dr.pi * dr.select(usable, distance_tx * distance_rx, 1.0))
+
+    outputs = [distance_tx + distance_rx, bulge]
+    for index, frequency in enumerate(np.asarray(frequencies, dtype=np.float64)):
+        wavenumber = dr.opaque(Float, float(2 * np.pi * frequency / SPEED_OF_LIGHT))
+        mean_re, mean_im = _mean_phasor(dr, *(wavenumber * length for length in lengths))
+        eps, mu = permittivity[index], permeability[index]
+        conductor = ~np.isfinite(eps)
+        eps, mu = np.where(conductor, 1.0, eps), np.where(conductor, 1.0, mu)
+
+        def material(values: Any) -> Any:
+            return dr.gather(Float, Float(np.ascontiguousarray(values, dtype=np.float64)), facet)
+
+        perfect = material(conductor) > 0.5
+        eps_r, mu_r = Complex(material(eps.real), material(eps.imag)), Complex(material(mu.real), material(mu.imag))
+        root = dr.sqrt(eps_r * mu_r - sin_in * sin_in)
+        root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
+        r_s = dr.select(perfect, Complex(-1, 0), (mu_r * cos_in - root) / (mu_r * cos_in + root))
+        r_p = dr.select(perfect, Complex(1, 0), (eps_r * cos_in - root) / (eps_r * cos_in + root))
+        f_re = incident + r_s.real * from_s + r_p.real * from_p
+        f_im = r_s.imag * from_s + r_p.imag * from_p
+        # times j: (f_re + j f_im) (mean_re + j mean_im) j
+        outputs.append(dr.select(usable, -area_factor * (f_re * mean_im + f_im * mean_re), 0.0))
+        outputs.append(dr.select(usable, area_factor * (f_re * mean_re - f_im * mean_im), 0.0))
+    dr.eval(*outputs)
+
+    tau[:] = outputs[0].numpy().reshape(tau.shape) / SPEED_OF_LIGHT
+    for index in range(len(frequencies)):
+        a[index].real = outputs[2 + 2 * index].numpy().reshape(tau.shape)
+        a[index].imag = outputs[3 + 2 * index].numpy().reshape(tau.shape)
+    wavenumber_high = 2 * np.pi * float(np.max(frequencies)) / SPEED_OF_LIGHT
+    return FacetGains(a, tau, wavenumber_high * np.abs(outputs[1].numpy()[:facets]))

@@ -1,0 +1,104 @@
+"""Splitting facets until a linear phase describes each of them to the tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+
+_MAX_SPLITS = 64
+
+
+@dataclass(frozen=True)
+class Tessellation:
+    """Facets as pieces of a mesh's faces: fixed in the mesh, so that they move and deform with it."""
+
+    face: IntArray
+    """(facet,) index of the face that the facet is a piece of."""
+    weights: FloatArray
+    """(facet, 3, 3) barycentric coordinates in that face of the facet's three corners (corner, vertex)."""
+
+    def corners(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions."""
+        return np.asarray(self.weights @ vertices[faces[self.face]], dtype=np.float64)
+
+
+def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:
+    """(facet,) two-way phase [rad] by which the mean over the corners exceeds that at the centroid.
+
+    It is the quadratic phase that the facet integral neglects: about k L^2 / (4 R) for an edge L at range R.
+    """
+    from_view = corners - viewpoint
+    offset = corners - corners.mean(axis=1, keepdims=True)
+    centre = from_view.mean(axis=1, keepdims=True)
+    # |x| - |y| = (x - y) . (x + y) / (|x| + |y|), exact where a difference of norms cancels.
+    sizes = np.linalg.norm(from_view, axis=2) + np.linalg.norm(centre, axis=2)
+    excess = np.einsum("fci,fci->fc", offset, from_view + centre) / np.maximum(sizes, 1e-12)
+    return np.asarray(np.abs(4 * np.pi * frequency / SPEED_OF_LIGHT * excess.mean(axis=1)), dtype=np.float64)
+
+
+def allowed_bulge(rtol: float) -> float:
+    """Largest phase bulge [rad] that keeps the relative error of a facet's gain below `rtol`.
+
+    A phase residual of variance s^2 lowers the mean phasor by s^2 / 2. For a quadratic phase on an equilateral
+    triangle s^2 = 3 b^2 / 80 with b the bulge of :func:`phase_bulge`, hence b = sqrt(160 rtol / 3): 0.23 rad at 1e-3.
+    """
+    return float(np.sqrt(160.0 * rtol / 3.0))
+
+
+def tessellate(
+    vertices: FloatArray, faces: IntArray, viewpoint: FloatArray, frequency: float, rtol: float, limit: int = 5_000_000
+) -> Tessellation:
+    """Bisect the longest edges until every facet's neglected phase is allowed at `rtol`.
+
+    Parameters
+    ----------
+    vertices, faces
+        (vertex, 3) [m] and (face, 3).
+    viewpoint
+        (3,) phase centre of the radar [m].
+    frequency
+        Highest frequency of the band [Hz].
+    rtol
+        Allowed relative error of a facet's gain.
+    limit
+        Largest number of facets.
+
+    Raises
+    ------
+    ValueError
+        If the tolerance would take more than `limit` facets.
+    """
+    bound = allowed_bulge(rtol)
+    face = np.arange(len(faces), dtype=np.int32)
+    weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
+    done_face: list[IntArray] = []
+    done_weights: list[FloatArray] = []
+    count = 0
+    for _ in range(_MAX_SPLITS):
+        corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
+        coarse = phase_bulge(corners, viewpoint, frequency) > bound
+        done_face.append(face[~coarse])
+        done_weights.append(weights[~coarse])
+        count += int(np.count_nonzero(~coarse))
+        face, weights, corners = face[coarse], weights[coarse], corners[coarse]
+        if len(face) == 0:
+            break
+        if count + 2 * len(face) > limit:
+            raise ValueError(
+                f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, near "
+                "surfaces that the radar does not need to see"
+            )
+        edge = np.linalg.norm(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]], axis=2).argmax(axis=1)  # opposite corner
+        row = np.arange(len(face))
+        apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
+        middle = 0.5 * (left + right)
+        face = np.concatenate([face, face])
+        weights = np.concatenate([np.stack([apex, left, middle], axis=1), np.stack([apex, middle, right], axis=1)])
+    else:
+        done_face.append(face)
+        done_weights.append(weights)
+    order = np.argsort(np.concatenate(done_face), kind="stable")
+    return Tessellation(np.concatenate(done_face)[order], np.concatenate(done_weights)[order])
