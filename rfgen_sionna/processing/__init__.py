@@ -1,0 +1,55 @@
+"""Radar signal processing for simulated and measured cubes: spectra, angles, spectrograms, detections. Pure NumPy
+and SciPy."""
+
+from rfgen_sionna.processing.angle import (
+    DynamicRangeAngle,
+    RangeAzimuth,
+    compensate_tdm,
+    drai,
+    find_directions,
+    range_azimuth,
+    steering,
+)
+from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
+from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
+from rfgen_sionna.processing.spectrogram import (
+    DopplerTime,
+    RangeTime,
+    doppler_time,
+    micro_doppler,
+    range_time,
+)
+from rfgen_sionna.processing.spectrum import (
+    RangeDoppler,
+    range_axis,
+    range_doppler,
+    range_spectrum,
+    remove_static,
+    velocity_axis,
+)
+
+__all__ = [
+    "DopplerTime",
+    "DynamicRangeAngle",
+    "PointCloud",
+    "RangeAzimuth",
+    "RangeDoppler",
+    "RangeTime",
+    "cfar",
+    "compensate_tdm",
+    "doppler_time",
+    "drai",
+    "find_directions",
+    "local_maxima",
+    "micro_doppler",
+    "point_cloud",
+    "range_axis",
+    "range_azimuth",
+    "range_doppler",
+    "range_spectrum",
+    "range_time",
+    "refine_peaks",
+    "remove_static",
+    "steering",
+    "velocity_axis",
+]

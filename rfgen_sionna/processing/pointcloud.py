@@ -1,0 +1,142 @@
+"""Point clouds: CFAR detections of one frame with position, radial velocity and signal-to-noise ratio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rfgen_sionna.processing.angle import find_directions, unit_vectors
+from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
+from rfgen_sionna.processing.spectrum import check_cube, coupling, observation_time, range_doppler, remove_static
+from rfgen_sionna.records import FloatArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Detections of one frame, strongest first."""
+
+    range: FloatArray
+    """(point,) distance from the origin of the device frame [m]."""
+    velocity: FloatArray
+    """(point,) radial velocity [m/s]; positive is receding."""
+    azimuth: FloatArray
+    """(point,) [rad], device frame, positive to the left."""
+    elevation: FloatArray
+    """(point,) [rad], device frame, positive upwards; 0 where the array has no height."""
+    power: FloatArray
+    """(point,) mean power of a channel, in the unit of |sample|²."""
+    snr_db: FloatArray
+    """(point,) power over the local noise of the map after both transforms [dB]."""
+    device: FloatArray
+    """(point, 3) position in the device frame [m]: x boresight, y left, z up."""
+    position: FloatArray
+    """(point, 3) position in the world frame [m]."""
+    time: float
+    """Instant after the start of the frame that everything refers to [s]."""
+
+    def __len__(self) -> int:
+        return len(self.range)
+
+
+def point_cloud(
+    frame: ArrayLike,
+    radar: Radar,
+    *,
+    static: bool = False,
+    method: str = "ca",
+    false_alarm: float = 1e-6,
+    guard: tuple[int, int] = (2, 2),
+    train: tuple[int, int] = (8, 8),
+    range_limits: tuple[float, float] | None = None,
+    max_points: int = 512,
+    dynamic_range_db: float = 60.0,
+    ambiguities: int = 0,
+) -> PointCloud:
+    """Detect, refine and locate the targets of one frame (chirp, tx, rx, sample).
+
+    Detection runs on the power averaged over the channels, at twice the FFT lengths; `guard` and `train` count
+    resolution cells. Every local maximum over the threshold becomes one point in its strongest direction.
+
+    Parameters
+    ----------
+    static
+        Whether what stands still within the frame is kept; otherwise the mean over the chirps is taken out.
+    method, false_alarm, guard, train
+        See :func:`rfgen_sionna.processing.detection.cfar`.
+    range_limits
+        Nearest and farthest range [m] that count; by default all but the first two resolution cells.
+    max_points
+        The strongest so many are kept.
+    dynamic_range_db
+        Points so far below the strongest are dropped: noise-free data have no floor but that of the windows.
+    ambiguities
+        See :func:`rfgen_sionna.processing.angle.find_directions`.
+    """
+    array = check_cube(frame, radar)
+    if array.ndim != 4:
+        raise ValueError(f"frame has shape {array.shape}: one frame (chirp, tx, rx, sample) is needed")
+    if max_points < 1:
+        raise ValueError(f"max_points is {max_points}: at least 1 is needed")
+    if not dynamic_range_db > 0:
+        raise ValueError(f"dynamic_range_db is {dynamic_range_db!r}: more than 0 dB is needed")
+    if not static:
+        array = remove_static(array)
+    padding = 2
+    chirps, _, _, samples = array.shape
+    maps = range_doppler(
+        array, radar, range_bins=padding * samples, velocity_bins=padding * chirps, correct_migration=True
+    )
+    power = maps.power
+    # Neighbouring virtual elements share their noise-free signal, not their noise: every channel is a look.
+    detected, noise = cfar(
+        power,
+        method=method,
+        false_alarm=false_alarm,
+        guard=(padding * guard[0], padding * guard[1]),
+        train=(padding * train[0], padding * train[1]),
+        looks=array.shape[1] * array.shape[2],
+    )
+    low, high = (2 * radar.max_range / samples, np.inf) if range_limits is None else range_limits
+    if not 0 <= low < high:
+        raise ValueError(f"range_limits is {range_limits!r} m: two ascending ranges of at least 0 are needed")
+    window = (maps.range >= low) & (maps.range <= high)
+    detected &= power >= power[window].max(initial=0.0) * 10 ** (-dynamic_range_db / 10)
+    cells = np.argwhere(detected & local_maxima(power) & window[:, None])
+    order = np.argsort(power[cells[:, 0], cells[:, 1]], kind="stable")[::-1][:max_points]
+    cells = cells[order]
+    place, peak = refine_peaks(power, cells)
+    seen = place[:, 0] * (maps.range[1] - maps.range[0])
+    velocity = maps.velocity[0] + place[:, 1] * (maps.velocity[1] - maps.velocity[0])
+    channels = maps.spectrum[cells[:, 1], :, :, cells[:, 0]]
+    found = find_directions(channels, radar, velocity, distance=np.maximum(seen, 1e-3), ambiguities=ambiguities)
+    direction = unit_vectors(found.azimuth, found.elevation)
+    distance = _distance(seen - coupling(radar, found.velocity), direction, radar)
+    device = direction * distance[:, None]
+    return PointCloud(
+        range=distance,
+        velocity=found.velocity,
+        azimuth=found.azimuth,
+        elevation=found.elevation,
+        power=peak,
+        snr_db=10 * np.log10(peak / noise[cells[:, 0], cells[:, 1]]),
+        device=device,
+        position=device @ radar.rotation.T + np.asarray(radar.position),
+        time=observation_time(radar),
+    )
+
+
+def _distance(seen: FloatArray, direction: FloatArray, radar: Radar) -> FloatArray:
+    """Distance from the frame's origin where half the path, mean over the channels, is `seen` [m]."""
+    distance = np.maximum(seen, 1e-3)
+    for _ in range(4):
+        point = (direction * distance[:, None])[:, None, :]
+        out = np.linalg.norm(point - radar.tx_positions, axis=-1).mean(axis=1)
+        back = np.linalg.norm(point - radar.rx_positions, axis=-1).mean(axis=1)
+        distance = np.maximum(distance + seen - (out + back) / 2, 1e-3)
+    return distance

@@ -1,0 +1,257 @@
+"""Range and Doppler spectra of FMCW frames, on axes in metres and metres per second.
+
+Cubes have the axes (..., chirp, tx, rx, sample); any number of leading axes (usually frame) is kept. Measured data
+works as well as simulated data: only the number of Tx and Rx elements has to fit the radar, `chirp` and `sample`
+are taken as they come. The signal model is
+
+    s(t) = A exp(+j 2 pi (f0 tau + mu t tau - mu tau^2 / 2)),   t counted from the start of the ramp,
+
+so a beat frequency f means the range c f / (2 mu) and a positive Doppler bin a receding target. The ADC's start
+time changes the phase of a bin and the frequency it is observed at, not its range.
+
+What range means: the range at the centre of the observation, see :func:`observation_time`. A target of radial
+velocity v beats at mu tau + 2 v fc / c, so its range bin lies at R + fc v / mu (range-Doppler coupling: 1.3 mm
+for 1 m/s at 77 GHz and 60 MHz/us); :func:`range_doppler` removes that for every Doppler bin if asked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+from scipy.signal import CZT, get_window
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
+
+Window = str | tuple[str, float]
+"""A name (or name and parameter) that :func:`scipy.signal.get_window` knows, for instance "hann"."""
+
+
+def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArray[np.complexfloating[Any, Any]]:
+    """The cube as a complex array, once its shape fits the radar.
+
+    Parameters
+    ----------
+    cube
+        (..., chirp, tx, rx, sample); exactly (frame, chirp, tx, rx, sample) where `frames` is set.
+
+    Raises
+    ------
+    ValueError
+        Naming the axis, its length and the length that is needed; or where the samples are not finite.
+    """
+    array = np.asarray(cube)
+    axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
+    if array.ndim < 4 or (frames and array.ndim != 5):
+        raise ValueError(f"cube has shape {array.shape}: the axes {axes} are needed")
+    wanted = {-3: ("tx", len(radar.tx_positions)), -2: ("rx", len(radar.rx_positions))}
+    for axis, (name, length) in wanted.items():
+        if array.shape[axis] != length:
+            raise ValueError(
+                f"cube has {array.shape[axis]} entries along '{name}' (shape {array.shape}, axes {axes}); "
+                f"radar '{radar.name}' with preset '{radar.preset}' has {length}"
+            )
+    if 0 in array.shape:
+        raise ValueError(f"cube is empty: shape {array.shape}, axes {axes}")
+    if array.dtype.kind not in "fciu":
+        raise ValueError(f"cube holds {array.dtype}: complex samples are needed")
+    if array.dtype.kind != "c":
+        raise ValueError(f"cube holds real {array.dtype}: complex (I + jQ) samples are needed")
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"cube holds {np.count_nonzero(~np.isfinite(array))} samples that are NaN or infinite")
+    return array
+
+
+def range_axis(radar: Radar, bins: int | None = None) -> FloatArray:
+    """(range,) centres of the range bins [m], from 0 to just under the radar's `max_range`."""
+    bins = radar.waveform.num_samples if bins is None else bins
+    return np.arange(bins, dtype=np.float64) * (radar.max_range / bins)
+
+
+def velocity_axis(radar: Radar, bins: int | None = None) -> FloatArray:
+    """(velocity,) centres of the Doppler bins [m/s], ascending; positive is receding."""
+    bins = radar.waveform.num_loops if bins is None else bins
+    return fft.fftshift(fft.fftfreq(bins, radar.waveform.loop_period)) * (radar.wavelength / 2)
+
+
+def observation_time(radar: Radar) -> float:
+    """Instant after the start of a frame that range and position estimates of the frame refer to [s].
+
+    The centre of all ADC windows of the frame: the windows are symmetric, so a target that moves evenly is seen
+    where it is then.
+    """
+    wave = radar.waveform
+    return float(wave.chirp_times.mean() + wave.sample_times.mean())
+
+
+def taper(window: Window, length: int) -> FloatArray:
+    """(length,) symmetric window whose sum is 1, so that a tone's bin shows the tone's amplitude."""
+    # The periodic window of odd length + 1 without its first zero is the symmetric one that wastes no sample.
+    values = np.asarray(get_window(window, length + 1, fftbins=True)[1:], dtype=np.float64)
+    return values / values.sum()
+
+
+def remove_static(cube: ArrayLike, *, over: str = "frame") -> NDArray[np.complexfloating[Any, Any]]:
+    """Subtract what does not change from chirp to chirp.
+
+    Parameters
+    ----------
+    cube
+        (frame, chirp, tx, rx, sample), or (chirp, tx, rx, sample) with `over="frame"`.
+    over
+        "frame": the mean over the chirps of each frame, a notch at zero Doppler.
+        "run": the mean over all frames and chirps; keeps people who stand still for a part of the run.
+    """
+    array = np.asarray(cube)
+    if over == "frame" and array.ndim >= 4:
+        return array - array.mean(axis=-4, keepdims=True)
+    if over == "run" and array.ndim == 5:
+        return array - array.mean(axis=(0, 1), keepdims=True)
+    raise ValueError(
+        f"over is {over!r} for a cube of shape {array.shape}: 'frame' needs (..., chirp, tx, rx, sample), "
+        "'run' needs (frame, chirp, tx, rx, sample)"
+    )
+
+
+def range_spectrum(
+    cube: ArrayLike, radar: Radar, *, window: Window = "hann", bins: int | None = None
+) -> NDArray[np.complexfloating[Any, Any]]:
+    """Range profiles (..., chirp, tx, rx, range) on the axis :func:`range_axis`.
+
+    A tone of amplitude A shows |A| at its bin, whatever the window. `bins` beyond the number of samples pads with
+    zeros (a finer axis, the same resolution).
+    """
+    array = check_cube(cube, radar)
+    bins = _bins("bins", bins, array.shape[-1])
+    weights = taper(window, array.shape[-1]).astype(array.real.dtype)
+    return np.asarray(fft.fft(array * weights, n=bins, axis=-1))
+
+
+@dataclass(frozen=True)
+class RangeDoppler:
+    """Range-Doppler spectra of every channel."""
+
+    spectrum: NDArray[np.complexfloating[Any, Any]]
+    """(..., velocity, tx, rx, range) complex amplitude of a tone, in the unit of the samples."""
+    range: FloatArray
+    """(range,) [m]"""
+    velocity: FloatArray
+    """(velocity,) [m/s], ascending; positive is receding."""
+
+    @property
+    def power(self) -> FloatArray:
+        """(..., range, velocity) power, mean over the channels: watts where the samples are square roots of watts."""
+        spectrum = self.spectrum
+        power = np.square(spectrum.real, dtype=np.float64)
+        power += np.square(spectrum.imag, dtype=np.float64)
+        return np.swapaxes(power.mean(axis=(-3, -2)), -1, -2)
+
+
+def range_doppler(
+    cube: ArrayLike,
+    radar: Radar,
+    *,
+    range_window: Window = "hann",
+    velocity_window: Window = "hann",
+    range_bins: int | None = None,
+    velocity_bins: int | None = None,
+    correct_coupling: bool = False,
+    correct_migration: bool = False,
+) -> RangeDoppler:
+    """Windowed FFT over sample and chirp, for every frame, Tx and Rx element.
+
+    Parameters
+    ----------
+    cube
+        (..., chirp, tx, rx, sample).
+    range_window, velocity_window
+        Names for :func:`scipy.signal.get_window`.
+    range_bins, velocity_bins
+        FFT lengths, at least the number of samples and of chirps (the default).
+    correct_coupling
+        Shift each Doppler bin back by its own range-Doppler coupling. Right for velocities within the radar's
+        unambiguous interval.
+    correct_migration
+        Keystone transform: Doppler of each sample at the frequency the ramp has there, so that a target that
+        crosses range cells during the frame (4.4 m/s and 27.6 ms are 12 cm) keeps its level and its width.
+        Right for the same velocities; takes about four times as long.
+    """
+    array = check_cube(cube, radar)
+    chirps, samples = array.shape[-4], array.shape[-1]
+    range_bins = _bins("range_bins", range_bins, samples)
+    velocity_bins = _bins("velocity_bins", velocity_bins, chirps)
+    real = array.real.dtype
+    slow = taper(velocity_window, chirps).astype(real)[:, None, None, None]
+    fast = taper(range_window, samples).astype(real)
+    velocity = velocity_axis(radar, velocity_bins)
+    tapered = array * (slow * fast)
+    if correct_migration:
+        doppler = _keystone(tapered, radar, velocity_bins)
+    else:
+        doppler = fft.fftshift(fft.fft(tapered, n=velocity_bins, axis=-4), axes=-4)
+    if correct_coupling:
+        frequency = 2 * velocity / radar.wavelength
+        turn = np.exp(-2j * np.pi * frequency[:, None] * np.arange(samples) / radar.waveform.sample_rate)
+        doppler *= turn.astype(doppler.dtype)[:, None, None, :]
+    return RangeDoppler(
+        spectrum=np.asarray(fft.fft(doppler, n=range_bins, axis=-1)),
+        range=range_axis(radar, range_bins),
+        velocity=velocity,
+    )
+
+
+def _keystone(
+    array: NDArray[np.complexfloating[Any, Any]], radar: Radar, bins: int
+) -> NDArray[np.complexfloating[Any, Any]]:
+    """Doppler spectra (..., velocity, tx, rx, sample), each sample on the velocity axis of its own frequency.
+
+    Source: R. Perry, R. DiPietro and R. Fante, IEEE Trans. AES-35 (1999), 188; as a chirp-z transform.
+    """
+    chirps, samples = array.shape[-4], array.shape[-1]
+    middle = 0.5 * (samples - 1)
+    step = radar.waveform.slope / radar.waveform.sample_rate
+    scale = 1 + step * (np.arange(samples) - middle) / radar.center_frequency
+    cycles = fft.fftshift(fft.fftfreq(bins))
+    result = np.empty((*array.shape[:-4], bins, *array.shape[-3:]), array.dtype)
+    for sample in range(samples):
+        transform = CZT(
+            chirps, bins, w=np.exp(-2j * np.pi * scale[sample] / bins), a=np.exp(2j * np.pi * scale[sample] * cycles[0])
+        )
+        # The frame's middle stays where it is in range, not its first chirp.
+        turn = np.exp(2j * np.pi * (scale[sample] - 1) * cycles * (chirps - 1) / 2)
+        result[..., sample] = transform(array[..., sample], axis=-3) * turn[:, None, None]
+    return result
+
+
+def coupling(radar: Radar, velocity: ArrayLike) -> FloatArray:
+    """Distance [m] by which a target of radial velocity [m/s] appears too far in the range spectrum."""
+    return np.asarray(velocity, dtype=np.float64) * (radar.center_frequency / radar.waveform.slope)
+
+
+def decibel(power: ArrayLike, *, floor: float = -400.0) -> FloatArray:
+    """10 log10 of a power, `floor` [dB] where it is lower or zero."""
+    return np.asarray(10 * np.log10(np.maximum(np.asarray(power, dtype=np.float64), 10 ** (floor / 10))))
+
+
+def watts_to_dbm(power: ArrayLike) -> FloatArray:
+    """Power in watts as dBm."""
+    return decibel(power) + 30.0
+
+
+def range_of_delay(tau: ArrayLike) -> FloatArray:
+    """Range [m] of a round-trip delay [s]."""
+    return np.asarray(tau, dtype=np.float64) * (SPEED_OF_LIGHT / 2)
+
+
+def _bins(name: str, bins: int | None, least: int) -> int:
+    if bins is None:
+        return least
+    if isinstance(bins, bool) or not isinstance(bins, int | np.integer) or bins < least:
+        raise ValueError(f"{name} is {bins!r}: a whole number of at least {least} is needed")
+    return int(bins)
