@@ -1,15 +1,8 @@
 """Radar signal processing for simulated and measured cubes: spectra, angles, spectrograms, detections. Pure NumPy
 and SciPy."""
 
-from rfgen_sionna.processing.angle import (
-    DynamicRangeAngle,
-    RangeAzimuth,
-    compensate_tdm,
-    drai,
-    find_directions,
-    range_azimuth,
-    steering,
-)
+from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steering
+from rfgen_sionna.processing.azimuth import DynamicRangeAngle, RangeAzimuth, drai, range_azimuth
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import (

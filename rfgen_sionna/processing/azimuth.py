@@ -1,0 +1,138 @@
+"""Maps of power against range and azimuth: range-azimuth maps and the images of gesture networks (DRAI)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rfgen_sionna.processing.angle import compensate_tdm, steering, unit_vectors
+from rfgen_sionna.processing.spectrum import Window, range_doppler, remove_static, taper
+from rfgen_sionna.records import FloatArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
+
+
+def row_weights(radar: Radar, window: str = "none") -> FloatArray:
+    """(tx, rx) weights for azimuth maps: the horizontal row with most virtual elements, others 0; their sum is 1.
+
+    Elements off that row would bring the elevation of a target into its azimuth.
+
+    Parameters
+    ----------
+    window
+        "none" or "hamming" (over the true element positions: lower side lobes, a wider beam).
+    """
+    position = radar.virtual_positions
+    height = np.round(position[..., 2] / (radar.wavelength / 16)).astype(int)
+    rows, count = np.unique(height, return_counts=True)
+    row = height == rows[np.argmax(count)]
+    y = position[..., 1]
+    low, high = y[row].min(), y[row].max()
+    if window == "none":
+        shape = np.ones_like(y)
+    elif window == "hamming":
+        # One element pitch more than the aperture, as a sampled window has.
+        aperture = (high - low) + radar.wavelength / 2
+        shape = 0.54 + 0.46 * np.cos(2 * np.pi * (y - (low + high) / 2) / aperture)
+    else:
+        raise ValueError(f"window is {window!r}; allowed: 'none', 'hamming'")
+    weights = np.where(row, shape, 0.0)
+    return weights / weights.sum()
+
+
+@dataclass(frozen=True)
+class RangeAzimuth:
+    """Power against range and azimuth."""
+
+    power: FloatArray
+    """(..., range, azimuth), summed over Doppler: |amplitude|² of the samples for one target."""
+    range: FloatArray
+    """(range,) [m]"""
+    azimuth: FloatArray
+    """(azimuth,) [rad], ascending from right to left."""
+
+
+def range_azimuth(
+    cube: ArrayLike,
+    radar: Radar,
+    *,
+    azimuth: ArrayLike | None = None,
+    max_range: float | None = None,
+    static: bool = True,
+    array_window: str = "hamming",
+    range_window: Window = "hann",
+) -> RangeAzimuth:
+    """Range-azimuth map: beams on the array's main row, each Doppler bin compensated for its TDM phase.
+
+    Parameters
+    ----------
+    cube
+        (..., chirp, tx, rx, sample).
+    azimuth
+        (azimuth,) [rad]; by default 128 directions, even in their sine, within ±90°.
+    max_range
+        Range bins beyond it are left out [m].
+    static
+        Whether what does not move is kept.
+    array_window
+        "hamming" or "none", see :func:`row_weights`.
+    """
+    angles = np.arcsin((np.arange(128) + 0.5) / 64 - 1) if azimuth is None else np.asarray(azimuth, np.float64)
+    maps = range_doppler(
+        cube if static else remove_static(cube), radar, range_window=range_window, correct_coupling=True
+    )
+    # At least one bin: the nearest.
+    bins = len(maps.range) if max_range is None else max(1, int(np.searchsorted(maps.range, max_range, side="right")))
+    spectrum = np.moveaxis(maps.spectrum[..., :bins], -1, -4)
+    spectrum = compensate_tdm(spectrum, radar, maps.velocity)
+    beams = steering(radar, unit_vectors(angles, 0.0)).conj() * row_weights(radar, array_window)
+    used = row_weights(radar) > 0
+    beam = spectrum[..., used] @ beams[:, used].T.astype(spectrum.dtype)
+    # Parseval: the bins of one windowed tone add up to its power times this.
+    spread = len(maps.velocity) * np.sum(np.square(taper("hann", len(maps.velocity))))
+    power = np.sum(np.square(beam.real, dtype=np.float64) + np.square(beam.imag, dtype=np.float64), axis=-2) / spread
+    return RangeAzimuth(power=power, range=maps.range[:bins], azimuth=angles)
+
+
+@dataclass(frozen=True)
+class DynamicRangeAngle:
+    """Dynamic range-angle images (DRAI), the input of gesture networks such as DI-Gesture's."""
+
+    image: NDArray[np.float32]
+    """(frame, range, angle) power of what moves."""
+    range: FloatArray
+    """(range,) [m]"""
+    angle: FloatArray
+    """(angle,) azimuth [rad], ascending from right to left, even in its sine."""
+
+
+def drai(cube: ArrayLike, radar: Radar, *, range_bins: int = 32, angle_bins: int = 32) -> DynamicRangeAngle:
+    """One image a frame of the moving scene: the first range bins against `angle_bins` beams, (T, 32, 32).
+
+    Static returns are taken out by the mean over the chirps of a frame. The published images come from the same
+    steps (range FFT, clutter removal, angle spectrum, rows range and columns angle); here each Doppler bin is
+    also freed of its TDM phase, so that motion does not look like angle.
+
+    Parameters
+    ----------
+    cube
+        (frame, chirp, tx, rx, sample).
+    """
+    array = np.asarray(cube)
+    if array.ndim != 5:
+        raise ValueError(f"cube has shape {array.shape}: the axes (frame, chirp, tx, rx, sample) are needed")
+    if not 1 <= range_bins <= array.shape[-1] or angle_bins < 2:
+        raise ValueError(
+            f"range_bins is {range_bins} and angle_bins {angle_bins}: 1 … {array.shape[-1]} (the samples of a chirp) "
+            "and at least 2 are needed"
+        )
+    angle = np.arcsin((np.arange(angle_bins) + 0.5) * (2 / angle_bins) - 1)
+    limit = (range_bins - 0.5) * radar.max_range / array.shape[-1]
+    maps = [range_azimuth(frame, radar, azimuth=angle, max_range=limit, static=False) for frame in array]
+    return DynamicRangeAngle(
+        image=np.stack([item.power for item in maps]).astype(np.float32), range=maps[0].range, angle=angle
+    )
