@@ -4,7 +4,9 @@ Importing it imports neither Mitsuba nor Sionna; they start when a scene is firs
 """
 
 from rfgen_sionna.scene.actor import Actor, rotation_matrix
+from rfgen_sionna.scene.clearance import check_radar_clear
 from rfgen_sionna.scene.errors import BackendError, MaterialError, MaterialRangeWarning, MeshError, SceneError
+from rfgen_sionna.scene.load import RadarScene, StaticObject, available_scenes, load_scene
 from rfgen_sionna.scene.materials import MATERIALS, Material, canonical_name, material
 from rfgen_sionna.scene.mesh import RigidMesh, check_mesh, face_normals
 from rfgen_sionna.scene.rays import Hits, RayScene
@@ -18,12 +20,17 @@ __all__ = [
     "MaterialError",
     "MaterialRangeWarning",
     "MeshError",
+    "RadarScene",
     "RayScene",
     "RigidMesh",
     "SceneError",
+    "StaticObject",
+    "available_scenes",
     "canonical_name",
     "check_mesh",
+    "check_radar_clear",
     "face_normals",
+    "load_scene",
     "material",
     "rotation_matrix",
 ]

@@ -1,0 +1,121 @@
+"""Whether a radar stands free: neither inside something nor touching it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.actor import Actor
+from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.load import RadarScene
+
+CLEARANCE = 0.02
+"""Free space [m] that a radar needs around its centre: its antenna array is a few centimetres wide."""
+ROOM_RADIUS = 0.5
+"""A closed surface whose nearest point is further away [m] is taken for a room around the radar, not for a wall or a
+piece of furniture with the radar in it."""
+
+
+def winding_number(points: ArrayLike, vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """(point,) how often a surface surrounds each point: 1 inside a closed outward surface, 0 outside, -1 inside one
+    whose faces look inwards, fractions for open surfaces (sum of solid angles over 4 pi).
+
+    Args:
+        points: (point, 3) [m].
+        vertices: (vertex, 3) [m].
+        faces: (face, 3).
+
+    Source: A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125, for the solid angle.
+    """
+    queries = np.atleast_2d(np.asarray(points, np.float64))
+    total = np.empty(len(queries))
+    for i, point in enumerate(queries):
+        a, b, c = (vertices[faces[:, k]] - point for k in range(3))
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        numerator = np.einsum("ij,ij->i", a, np.cross(b, c))
+        denominator = la * lb * lc
+        for u, v, w in ((a, b, lc), (b, c, la), (c, a, lb)):
+            denominator = denominator + np.einsum("ij,ij->i", u, v) * w
+        total[i] = np.arctan2(numerator, denominator).sum() / (2.0 * np.pi)
+    return total
+
+
+def distance(point: ArrayLike, vertices: FloatArray, faces: IntArray) -> float:
+    """Distance [m] from a point (3,) to the nearest point of a surface."""
+    from trimesh.triangles import closest_point
+
+    query = np.asarray(point, np.float64)
+    nearest = closest_point(vertices[faces], np.broadcast_to(query, (len(faces), 3)))
+    return float(np.sqrt(((nearest - query) ** 2).sum(axis=1).min()))
+
+
+def check_radar_clear(
+    position: ArrayLike,
+    scene: RadarScene | None,
+    actors: Sequence[Actor] = (),
+    t: float = 0.0,
+    clearance: float = CLEARANCE,
+) -> None:
+    """Make sure that a radar stands free at time `t` [s].
+
+    A closed object that surrounds the radar is allowed if it is a room: its faces look inwards, or it surrounds the
+    actors as well, or, without actors, its surface is further away than :data:`ROOM_RADIUS`.
+
+    Args:
+        position: (3,) of the radar [m].
+        scene: the static surroundings.
+        actors: what moves.
+        t: instant [s].
+        clearance: free distance [m] that is needed.
+
+    Raises:
+        SceneError: the radar is inside of an object or nearer to its surface than `clearance`; the message names the
+            object.
+    """
+    place = np.asarray(position, np.float64)
+    bodies = [(actor.name, actor.vertices(t), actor.faces) for actor in actors]
+    for name, vertices, faces in bodies:
+        _check_gap(place, f"actor {name!r} at t = {t:g} s", vertices, faces, clearance)
+        if _surrounds(place, vertices, faces) != 0.0:
+            raise SceneError(f"radar position {_text(place)} m lies inside actor {name!r} at t = {t:g} s: move either")
+    centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
+    for item in scene.objects if scene else ():
+        what = f"{item.name!r} ({item.material})"
+        _check_gap(place, what, item.vertices, item.faces, clearance)
+        if _surrounds(place, item.vertices, item.faces) > 0.0 and not _is_room(
+            place, item.vertices, item.faces, centres
+        ):
+            raise SceneError(f"radar position {_text(place)} m lies inside {what}: place it in free space")
+
+
+def _is_room(place: FloatArray, vertices: FloatArray, faces: IntArray, centres: Iterable[FloatArray]) -> bool:
+    inside = [_surrounds(centre, vertices, faces) > 0.0 for centre in centres]
+    return any(inside) if inside else distance(place, vertices, faces) > ROOM_RADIUS
+
+
+def _check_gap(place: FloatArray, what: str, vertices: FloatArray, faces: IntArray, clearance: float) -> None:
+    corners = vertices[faces.ravel()]
+    if (place < corners.min(axis=0) - clearance).any() or (place > corners.max(axis=0) + clearance).any():
+        return
+    gap = distance(place, vertices, faces)
+    if gap < clearance:
+        raise SceneError(
+            f"radar position {_text(place)} m is {1e3 * gap:.3g} mm from the surface of {what}, it needs "
+            f"{1e3 * clearance:g} mm of free space"
+        )
+
+
+def _surrounds(place: FloatArray, vertices: FloatArray, faces: IntArray) -> float:
+    """Sign of the winding number where it is nearer to ±1 than to 0, else 0."""
+    corners = vertices[faces.ravel()]
+    if (place < corners.min(axis=0)).any() or (place > corners.max(axis=0)).any():
+        return 0.0
+    turns = float(winding_number(place, vertices, faces)[0])
+    return float(np.sign(turns)) if abs(turns) > 0.75 else 0.0
+
+
+def _text(place: FloatArray) -> str:
+    return "(" + ", ".join(f"{x:g}" for x in place) + ")"

@@ -1,0 +1,258 @@
+"""Loading scenes: ours, Sionna's, a Mitsuba file, a Sionna scene that is already there, or nothing at all."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.resources import available, resolve
+from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.materials import Material, warn_uncovered
+from rfgen_sionna.scene.mesh import face_normals
+from rfgen_sionna.scene.permittivity import Outside
+
+
+@dataclass(frozen=True, eq=False)
+class StaticObject:
+    """A mesh of the scene that stays where it is. Its surface counts from both sides, as Sionna's do."""
+
+    name: str
+    properties: Material
+    """The material, with the thickness and the scattering coefficient that it has in this scene."""
+    vertices: FloatArray
+    """(vertex, 3) world positions [m]."""
+    faces: IntArray
+    """(face, 3) vertex indices; faces without area are left out."""
+
+    @property
+    def material(self) -> str:
+        """Name of the material."""
+        return self.properties.name
+
+
+class RadarScene:
+    """The static surroundings: a Sionna scene ready for radar frequencies, and its meshes as arrays.
+
+    Made by :func:`load_scene`. Mitsuba starts when `objects` or `sionna` is first read.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        path: Path | None = None,
+        scene: Any = None,
+        frequency: float | None = None,
+        outside: Outside = "extrapolate",
+    ) -> None:
+        self.name = name
+        self.path = path
+        self.frequency = frequency
+        """Carrier frequency [Hz] that the Sionna scene is set to; None leaves what the Sionna scene has."""
+        self.outside: Outside = outside
+        self._given = scene
+
+    def __repr__(self) -> str:
+        return f"RadarScene({self.name!r})"
+
+    @property
+    def is_free_space(self) -> bool:
+        """Whether there are no surroundings."""
+        return self.path is None and self._given is None
+
+    @cached_property
+    def sionna(self) -> Any:
+        """The `sionna.rt.Scene`, whose materials follow our tables.
+
+        Raises:
+            SceneError: the file cannot be read as a scene.
+            BackendError: Mitsuba cannot run here.
+        """
+        from rfgen_sionna.scene.backend import ensure_backend
+        from rfgen_sionna.scene.radio_materials import retune
+
+        variant = ensure_backend()
+        if self._given is not None:
+            scene = self._given
+            retune(scene, self.outside)
+        elif self.path is None:
+            import sionna.rt
+
+            scene = sionna.rt.load_scene()
+        else:
+            scene = _read(self.path, variant)
+            retune(scene, self.outside)
+        if self.frequency is not None:
+            scene.frequency = self.frequency
+        return scene
+
+    @cached_property
+    def objects(self) -> tuple[StaticObject, ...]:
+        """The static meshes.
+
+        Raises:
+            SceneError: the file cannot be read as a scene.
+            MaterialError: an object's material has no permittivity.
+        """
+        if self.is_free_space:
+            return ()
+        from rfgen_sionna.scene.radio_materials import from_sionna
+
+        scene = self.sionna
+        materials = {
+            name: from_sionna(radio_material, self.outside) for name, radio_material in scene.radio_materials.items()
+        }
+        found = []
+        for name, item in scene.objects.items():
+            vertices, faces = _arrays(item.mi_mesh)
+            if len(faces):
+                found.append(StaticObject(name, materials[item.radio_material.name], vertices, faces))
+        if self.frequency is not None:
+            warn_uncovered([o.properties for o in found], self.frequency, stacklevel=3)
+        return tuple(found)
+
+    def tune(self, frequency: float) -> None:
+        """Set the carrier frequency [Hz] of the Sionna scene, with one warning for what our sources do not cover.
+
+        Raises:
+            ValueError: the frequency is not positive.
+            MaterialError: the policy is "raise" and a material is not covered.
+        """
+        if not (np.isfinite(frequency) and frequency > 0.0):
+            raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
+        if frequency == self.frequency and "objects" in self.__dict__:
+            return
+        self.frequency = None
+        objects = self.objects
+        for item in objects:
+            if self.outside == "raise":
+                item.properties.check(frequency, item.name)
+        if not self.is_free_space:
+            self.sionna.frequency = frequency
+        self.frequency = float(frequency)
+        warn_uncovered([o.properties for o in objects], frequency, stacklevel=2)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest corner (3,) of all objects [m]; NaN in free space."""
+        if not self.objects:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        low = np.min([o.vertices.min(axis=0) for o in self.objects], axis=0)
+        high = np.max([o.vertices.max(axis=0) for o in self.objects], axis=0)
+        return low, high
+
+
+def load_scene(scene: Any = None, frequency: float | None = None, outside: Outside = "extrapolate") -> RadarScene:
+    """The surroundings for a simulation.
+
+    Args:
+        scene: name of a scene of ours ("living_room") or of Sionna's (`available_scenes()` lists both), path of a
+            Mitsuba XML file with Sionna's material conventions, a `sionna.rt.Scene` (its ITU materials are retuned
+            in place), a `RadarScene` (returned as it is), or None for free space.
+        frequency: carrier frequency [Hz] for the Sionna scene.
+        outside: what to do at frequencies that a material's source does not cover: "extrapolate" and "clamp" warn,
+            "raise" is an error.
+
+    Raises:
+        SceneError: no such name or file, or the file is no scene.
+        TypeError: something else was given.
+    """
+    if frequency is not None and not (np.isfinite(frequency) and frequency > 0.0):
+        raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
+    if scene is None:
+        return RadarScene("free space", frequency=frequency, outside=outside)
+    if isinstance(scene, RadarScene):
+        return scene
+    if isinstance(scene, (str, os.PathLike)):
+        path = _find(scene)
+        return RadarScene(
+            path.parent.name if path.name == "scene.xml" else path.stem, path, frequency=frequency, outside=outside
+        )
+    if type(scene).__name__ == "Scene" and hasattr(scene, "mi_scene") and hasattr(scene, "radio_materials"):
+        return RadarScene("sionna scene", scene=scene, frequency=frequency, outside=outside)
+    raise TypeError(
+        f"scene: {type(scene).__name__} given, allowed are a name, the path of a Mitsuba XML file, a sionna.rt.Scene "
+        "or None"
+    )
+
+
+def available_scenes() -> dict[str, Path]:
+    """Names and files of our scenes and of those that come with Sionna."""
+    scenes = {}
+    package = importlib.util.find_spec("sionna")
+    for place in (package.submodule_search_locations or []) if package else []:
+        for folder in sorted((Path(place) / "rt" / "scenes").glob("*/")):
+            file = folder / f"{folder.name}.xml"
+            if file.is_file():
+                scenes[folder.name] = file
+    scenes.update({name: resolve("scenes", name) for name in available("scenes")})
+    return scenes
+
+
+def _find(scene: str | os.PathLike[str]) -> Path:
+    text = os.fspath(scene)
+    names = available_scenes()
+    if text in names:
+        return names[text]
+    path = Path(text)
+    if path.is_file():
+        _check_description(path)
+        return path.resolve()
+    allowed = f"allowed are {', '.join(sorted(names))}, the path of a Mitsuba XML file, a sionna.rt.Scene or None"
+    if path.suffix.lower() == ".xml" or isinstance(scene, os.PathLike) or os.sep in text:
+        raise SceneError(f"scene file {text!r} does not exist; {allowed}")
+    close = get_close_matches(text, names, n=1)
+    raise SceneError(f"unknown scene {text!r}{f', did you mean {close[0]!r}?' if close else ''}; {allowed}")
+
+
+def _check_description(path: Path) -> None:
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise SceneError(f"scene file {str(path)!r} is no XML: {error}") from error
+    if root.tag != "scene":
+        raise SceneError(f"scene file {str(path)!r} is no Mitsuba scene: its root is <{root.tag}>, not <scene>")
+
+
+def _read(path: Path, variant: str) -> Any:
+    """Sionna's `load_scene` with our materials in place of its own, and every object under its own name.
+
+    Sionna evaluates each material at 3.5 GHz while it loads, where some of them are not defined.
+    """
+    import mitsuba
+    import sionna.rt
+    from sionna.rt.scene_utils import process_xml
+
+    from rfgen_sionna.scene.radio_materials import register, use_our_materials
+
+    register(variant)
+    mi: Any = mitsuba  # its type stubs leave these three functions untyped
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    resolver.append(str(path.parent))
+    try:
+        mi.set_file_resolver(resolver)
+        description = use_our_materials(process_xml(path.read_text(encoding="utf-8"), merge_shapes=False))
+        return sionna.rt.Scene(mi_scene=mi.load_string(description, optimize=False))
+    except SceneError:
+        raise
+    except Exception as error:  # Mitsuba and Sionna raise RuntimeError, ValueError, TypeError, …
+        raise SceneError(f"scene file {str(path)!r} cannot be loaded: {error}") from error
+    finally:
+        mi.set_file_resolver(before)
+
+
+def _arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
+    # Copies: Dr.Jit's arrays share their memory with NumPy on the CPU.
+    vertices = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
+    faces = np.array(mesh.faces_buffer(), np.int32).reshape(-1, 3)
+    area = np.linalg.norm(face_normals(vertices, faces), axis=1)
+    return vertices, np.ascontiguousarray(faces[area > 0.0])
