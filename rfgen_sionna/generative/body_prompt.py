@@ -1,0 +1,276 @@
+"""What a prompt says about the body: gender, age, height, weight and muscle.
+
+Numbers are taken as they are. Words ("tall", "elderly") name a class, and a value of that class is drawn from
+the seed; a negative prompt takes classes away.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfgen_sionna.generative.reading import Reader, compile_pattern, number
+from rfgen_sionna.generative.vocabulary import (
+    AGE_PATTERN,
+    HEIGHT_PATTERNS,
+    KILOGRAMS,
+    METRES,
+    PERSON,
+    WEIGHT_PATTERN,
+)
+
+
+class PromptError(ValueError):
+    """A prompt that cannot be carried out: it names nothing known, too much, or contradicts itself."""
+
+
+@dataclass(frozen=True)
+class BodyPrompt:
+    """The body a prompt asks for; None where it leaves the choice open."""
+
+    gender: str | None = None
+    """"male" or "female"."""
+    age_years: float | None = None
+    height_m: float | None = None
+    weight_kg: float | None = None
+    muscle: float | None = None
+    """0 (frail) to 1 (very muscular)."""
+
+
+Range = tuple[float, float]
+
+AGES: Mapping[str, Range] = {
+    "child": (4.0, 12.0),
+    "teenager": (13.0, 17.0),
+    "young adult": (18.0, 35.0),
+    "middle-aged": (36.0, 64.0),
+    "elderly": (65.0, 80.0),
+}
+"""Class -> age [years]."""
+
+ADULT = frozenset({"young adult", "middle-aged", "elderly"})
+
+HEIGHTS: Mapping[str | None, Mapping[str, Range]] = {
+    "male": {"short": (1.60, 1.67), "average height": (1.70, 1.81), "tall": (1.84, 1.94)},
+    "female": {"short": (1.48, 1.55), "average height": (1.58, 1.68), "tall": (1.71, 1.80)},
+    None: {"short": (1.52, 1.60), "average height": (1.63, 1.75), "tall": (1.78, 1.88)},
+}
+"""Gender -> class -> stature of adults [m]: about the 2nd-10th, 20th-80th and 90th-99th percentile of ANSUR II
+(2012; stature 1.756 m +- 0.069 m for men, 1.628 m +- 0.064 m for women; in between where no gender is named)."""
+
+BODY_MASS_INDICES: Mapping[str, Range] = {"slim": (17.5, 20.0), "average weight": (21.0, 25.0), "heavy": (29.0, 34.0)}
+"""Class -> body mass index [kg/m^2], inside the WHO's bands of under/normal weight, normal weight and obesity."""
+
+MUSCLES: Mapping[str, Range] = {"frail": (0.1, 0.3), "average build": (0.4, 0.6), "muscular": (0.75, 0.95)}
+GENDERS = ("female", "male")
+
+_Words = tuple[tuple[str, frozenset[str], str], ...]
+
+NOUNS: _Words = (
+    ("gender", frozenset({"male"}), r"man|gentleman|guy|boy|he|male"),
+    ("gender", frozenset({"female"}), r"woman|lady|girl|she|female"),
+    ("age", ADULT, r"man|gentleman|guy|woman|lady|adult"),
+    ("age", frozenset({"child", "teenager"}), r"boy|girl"),
+    ("age", frozenset({"child"}), r"child|kid"),
+    ("age", frozenset({"teenager"}), r"teen|teenager"),
+    ("age", frozenset({"elderly"}), r"senior|elder"),
+)
+"""(trait, classes, nouns): what the word for the target says about the body."""
+
+SIMPLE_NOUNS: _Words = (
+    ("gender", frozenset({"male"}), r"m[ae]n|gentlem[ae]n|guys?"),
+    ("gender", frozenset({"female"}), r"wom[ae]n|lad(?:y|ies)"),
+    ("age", frozenset({"child"}), r"child(?:ren)?|kids?"),
+    ("age", frozenset({"teenager"}), r"teen(?:ager)?s?"),
+    ("age", ADULT, r"adults?"),
+    ("age", frozenset({"elderly"}), r"seniors?|elders?"),
+)
+"""What a noun in a negative prompt forbids: one trait each, "no man" forbids men of any age."""
+
+_PHRASES: _Words = (
+    ("gender", frozenset({"male"}), r"male|masculine"),
+    ("gender", frozenset({"female"}), r"female|feminine"),
+    ("age", frozenset({"teenager"}), r"teenaged?|adolescent"),
+    ("age", frozenset({"young adult"}), r"young adult"),
+    ("age", frozenset({"middle-aged"}), r"middle aged"),
+    ("age", frozenset({"elderly"}), r"elderly"),
+    ("age", ADULT, r"grown ?up"),
+    ("height", frozenset({"average height"}), r"(?:of )?<a>(?:average|medium|normal) height"),
+    ("weight", frozenset({"average weight"}), r"(?:of )?<a>(?:average|medium|normal) weight"),
+    ("weight", frozenset({"heavy"}), r"heavy ?set|overweight|obese|chubby|stocky|corpulent"),
+    ("weight", frozenset({"slim"}), r"slim|slender|skinny|underweight"),
+    ("muscle", frozenset({"average build"}), r"(?:of )?<a>(?:average|medium|normal) build"),
+    ("muscle", frozenset({"muscular"}), r"muscular|athletic|burly|well built|brawny"),
+    ("muscle", frozenset({"frail"}), r"frail|unathletic|scrawny"),
+)
+"""Words that describe a body wherever they stand."""
+
+_ADJECTIVES: _Words = (
+    ("age", frozenset({"elderly"}), r"old|senior"),
+    ("age", frozenset({"child", "teenager", "young adult"}), r"young"),
+    ("age", ADULT, r"adult"),
+    ("height", frozenset({"short"}), r"short|petite"),
+    ("height", frozenset({"tall"}), r"tall"),
+    ("weight", frozenset({"slim"}), r"thin|lean"),
+    ("weight", frozenset({"heavy"}), r"heavy|fat|stout|plump"),
+    ("muscle", frozenset({"frail"}), r"weak"),
+    ("muscle", frozenset({"muscular"}), r"strong|fit|toned"),
+)
+"""Words that describe a body only before a person, after "is" or alone between commas ("short steps" doesn't)."""
+
+_LIMITS: Mapping[str, tuple[float, float, str]] = {
+    "height": (0.9, 2.2, "m"),
+    "weight": (12.0, 200.0, "kg"),
+    "age": (4.0, 90.0, "years"),
+}
+
+
+class BodyWords:
+    """The classes and numbers that a text names, trait by trait."""
+
+    def __init__(self) -> None:
+        self.classes: dict[str, list[tuple[str, frozenset[str]]]] = {}
+        self.values: dict[str, tuple[str, float]] = {}
+
+    def read_numbers(self, reader: Reader) -> None:
+        """Take height, weight and age given as numbers."""
+        for pattern in HEIGHT_PATTERNS:
+            for m in reader.take(pattern):
+                self._value(reader, m, "height", number(m["value"]) * METRES[m["unit"][0]])
+        for m in reader.take(WEIGHT_PATTERN):
+            self._value(reader, m, "weight", number(m["value"]) * KILOGRAMS[m["unit"][0]])
+        for m in reader.take(AGE_PATTERN):
+            self._value(reader, m, "age", number(m["value"] or m["value2"]))
+
+    def _value(self, reader: Reader, match: re.Match[str], trait: str, value: float) -> None:
+        low, high, unit = _LIMITS[trait]
+        value = round(value, 3)
+        if not low <= value <= high:
+            raise PromptError(f"{trait}: {match.group()!r} is {value:g} {unit}; allowed are {low:g} to {high:g} {unit}")
+        phrase, known = self.values.setdefault(trait, (match.group(), value))
+        if known != value:
+            raise PromptError(f"{trait}: the prompt names two values, {phrase!r} and {match.group()!r}")
+        reader.note(match, f"{trait} {value:g} {unit}")
+
+    def read_adjectives(self, reader: Reader) -> None:
+        """Take the adjectives; to be called before the nouns they stand by are taken."""
+        very = r"(?:(?:very|quite|rather|fairly) )?"
+        for trait, classes, words in _PHRASES:
+            self.take_classes(reader, rf"{very}(?:{words})(?= |$)", trait, classes)
+        for trait, classes, words in _ADJECTIVES:
+            word = rf"{very}(?:{words})"
+            before_person = rf"{word}(?=(?:[ ,]+[a-z~]+){{0,5}}[ ,]+{PERSON}(?!\w))"
+            place = rf"{before_person}|(?:(?<=is )|(?<=and )){word}|(?:(?<=, )|^){word}(?= ,|$)"
+            self.take_classes(reader, place, trait, classes)
+
+    def take_classes(self, reader: Reader, pattern: str, trait: str, classes: frozenset[str]) -> None:
+        """Take the words of a pattern, which name classes of a trait."""
+        for match in reader.take(pattern):
+            self.classes.setdefault(trait, []).append((match.group(), classes))
+            reader.note(match, f"{trait}: {' or '.join(sorted(classes))}")
+
+    def read_noun(self, phrase: str) -> str:
+        """Add what the word for the target says about the body; returns it for the report."""
+        said = []
+        for trait, classes, nouns in NOUNS:
+            if compile_pattern(nouns).search(phrase):
+                self.classes.setdefault(trait, []).append((phrase, classes))
+                said.append(f", {trait}: {' or '.join(sorted(classes))}")
+        return "".join(said)
+
+
+def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPrompt, tuple[str, ...]]:
+    """The body that fits both prompts; what only classes describe is drawn from the seed.
+
+    Args:
+        wanted: what the prompt names.
+        unwanted: what the negative prompt names.
+        seed: seed of the draws; each trait has its own stream, so that one word more leaves the others alone.
+
+    Returns:
+        the body, and one sentence for each value that was drawn.
+
+    Raises:
+        PromptError: the two prompts leave nothing of a trait.
+    """
+    rng = {
+        trait: np.random.default_rng([seed, i])
+        for i, trait in enumerate(("gender", "age", "height", "weight", "muscle"))
+    }
+    notes: list[str] = []
+
+    def draw(trait: str, ranges: Mapping[str, Range], unit: str, digits: int = 2) -> float | None:
+        allowed = _allowed(trait, ranges, wanted, unwanted)
+        if trait in wanted.values:
+            return _stated(trait, ranges, wanted, unwanted)
+        if allowed is None:
+            return None
+        widths = np.array([ranges[c][1] - ranges[c][0] for c in allowed])
+        chosen = allowed[rng[trait].choice(len(allowed), p=widths / widths.sum())]
+        value = round(float(rng[trait].uniform(*ranges[chosen])), digits)
+        notes.append(f"{trait} {value:g}{unit} drawn from {' or '.join(allowed)} (seed {seed})")
+        return value
+
+    def words_about(trait: str) -> bool:
+        return trait not in wanted.values and (trait in wanted.classes or trait in unwanted.classes)
+
+    genders = _allowed("gender", GENDERS, wanted, unwanted)
+    gender = None if genders is None else genders[int(rng["gender"].integers(len(genders)))]
+    age = draw("age", AGES, " years", 0)
+    for trait, example in (("height", "1.3 m tall"), ("weight", "30 kg")):
+        if age is not None and age < AGES["young adult"][0] and words_about(trait):
+            raise PromptError(f'{trait}: words for it are known for adults only; give a number, such as "{example}"')
+    height = draw("height", HEIGHTS[gender], " m")
+    if words_about("weight"):
+        if height is None:
+            height = round(float(rng["height"].uniform(*HEIGHTS[gender]["average height"])), 2)
+            notes.append(f"height {height:g} m drawn from average height, to give the weight a meaning (seed {seed})")
+        index = draw("weight", BODY_MASS_INDICES, " kg/m²")
+        weight = None if index is None else round(index * height**2, 1)
+        notes[-1] += f": {weight:g} kg"
+    else:
+        weight = draw("weight", BODY_MASS_INDICES, " kg") if "weight" in wanted.values else None
+    return BodyPrompt(gender, age, height, weight, draw("muscle", MUSCLES, "")), tuple(notes)
+
+
+def _stated(trait: str, ranges: Mapping[str, Range], wanted: BodyWords, unwanted: BodyWords) -> float:
+    """The number that the prompt gives, if the words of both prompts agree with it."""
+    phrase, value = wanted.values[trait]
+    if trait == "weight":  # its words are about the body mass index, a number is not
+        return value
+
+    def within(classes: Iterable[str]) -> bool:
+        # Ages count in whole years, heights between two classes belong to neither, extremes to the outer classes.
+        bounds = [bound for r in ranges.values() for bound in r]
+        measure = min(max(math.floor(value) if trait == "age" else value, min(bounds)), max(bounds))
+        return any(ranges[c][0] <= measure <= ranges[c][1] for c in classes)
+
+    for word, classes in wanted.classes.get(trait, []):
+        if trait == "age" and not within(classes):
+            raise PromptError(f"{trait}: {phrase!r} and {word!r} contradict each other")
+    for word, classes in unwanted.classes.get(trait, []):
+        if within(classes):
+            raise PromptError(f"{trait}: the prompt asks for {phrase!r}, the negative prompt forbids {word!r}")
+    return value
+
+
+def _allowed(trait: str, known: Iterable[str], wanted: BodyWords, unwanted: BodyWords) -> list[str] | None:
+    """Classes of a trait that both prompts allow, None where neither says anything."""
+    said, denied = wanted.classes.get(trait, []), unwanted.classes.get(trait, [])
+    if not said and not denied:
+        return None
+    allowed = set(known)
+    for _, classes in said:
+        allowed &= classes
+    if not allowed:
+        raise PromptError(f"{trait}: the prompt contradicts itself: {', '.join(repr(word) for word, _ in said)}")
+    for word, classes in denied:
+        allowed -= classes
+        if not allowed:
+            asked = ", ".join(repr(w) for w, _ in said) or "nothing else"
+            raise PromptError(f"{trait}: the negative prompt forbids {word!r}, which leaves nothing of {asked}")
+    return [c for c in known if c in allowed]

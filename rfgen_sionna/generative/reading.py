@@ -1,0 +1,113 @@
+"""Reading phrases out of plain text: normalisation, numbers, patterns over inflected words.
+
+Patterns are regular expressions with three abbreviations: `<verb>` stands for every inflection of a verb
+(`<swing|swung>` adds irregular forms), `<a>` for an optional article or possessive with its space, `<n>` for a
+number in digits or words.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from functools import cache
+
+_NUMBER_WORDS = {
+    "half": 0.5, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8,
+    "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "fifteen": 15, "twenty": 20, "thirty": 30, "forty": 40,
+    "fifty": 50, "sixty": 60, "seventy": 70, "eighty": 80, "ninety": 90,
+}  # fmt: skip
+_NUMBER = (
+    r"(?:minus )?(?:\d+(?:\.\d+)?|half an?|(?:(?:twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety) )?"
+    rf"(?:one|two|three|four|five|six|seven|eight|nine)|{'|'.join(_NUMBER_WORDS)})(?: and an? half)?"
+)
+_ARTICLE = r"(?:(?:an?|the|one|either|his|her|their|its|my|your|some) )?"
+_VERB = re.compile(r"(?<!P)<([a-z]{2,}(?:\|[a-z]+)*)>")
+_EITHER = re.compile(
+    r"(?:the )?left or (?:the )?right|(?:the )?right or (?:the )?left"
+    r"|clockwise or (?:counter|anti)-?clockwise|(?:counter|anti)-?clockwise or clockwise"
+)
+_TAKEN = "~"
+
+
+def number(text: str) -> float:
+    """The value of a number in digits or words: "2.5", "two and a half", "twenty five", "half a", "minus 30"."""
+    words = [word for word in text.split() if word not in ("and", "a", "an")]
+    sign = -1.0 if words[0] == "minus" else 1.0
+    return sign * sum(_NUMBER_WORDS[w] if w in _NUMBER_WORDS else float(w) for w in words if w != "minus")
+
+
+def _inflect(match: re.Match[str]) -> str:
+    verb, *irregular = match.group(1).split("|")
+    if verb.endswith("e"):
+        form = verb[:-1] + r"(?:e|es|ed|ing)"
+    elif verb.endswith("y") and verb[-2] not in "aeiou":
+        form = verb[:-1] + r"(?:y|ies|ied|ying)"
+    else:
+        form = verb + rf"(?:e?s|{verb[-1]}?ed|{verb[-1]}?ing)?"
+    return "(?:" + "|".join([form, *irregular]) + ")"
+
+
+@cache
+def compile_pattern(pattern: str) -> re.Pattern[str]:
+    """Compile a pattern with the abbreviations of this module; it matches whole words only."""
+    pattern = pattern.replace("<a>", _ARTICLE).replace("<n>", _NUMBER)
+    pattern = _VERB.sub(_inflect, pattern)
+    return re.compile(rf"(?<![\w.])(?:{pattern})(?!\w)")
+
+
+def _feet(match: re.Match[str]) -> str:
+    return f"{int(match[1]) + int(match[2]) / 12:.3f} ft"
+
+
+def normalise(text: str) -> str:
+    """Lower case, one kind of separator (","), units apart from their numbers, no hyphens or apostrophes."""
+    text = unicodedata.normalize("NFKC", text).lower()
+    text = re.sub(r"(\d),(\d{1,2})(?!\d)", r"\1.\2", text)  # decimal comma
+    text = re.sub(r"(^|\s)[-−](?=\d)", r"\1minus ", text)
+    text = text.replace("°", " degrees ").replace("m/s", " mps ")
+    text = _EITHER.sub("either", text)
+    text = re.sub(r"n['’]t\b", " not", text)
+    text = re.sub(r"['’]s\b", "", text)
+    text = re.sub(r"\.(?!\d)|[,;:!?()\[\]\"“”\n/]", " , ", text)
+    text = re.sub(r"[^\w., ]|_", " ", text)
+    text = re.sub(r"(\d)([a-z])", r"\1 \2", text)
+    text = re.sub(r"(\d+) (?:ft|feet|foot) (\d+)(?: in(?:ch(?:es)?)?)?\b", _feet, text)
+    return " ".join(text.split())
+
+
+class Reader:
+    """A text from which phrases are taken one after another; what is left has not been understood."""
+
+    def __init__(self, text: str) -> None:
+        self.text = normalise(text)
+        self.understood: list[tuple[str, str]] = []
+
+    def take(self, pattern: str, meaning: str | None = None) -> list[re.Match[str]]:
+        """Take every match of `pattern`; later calls no longer see those words.
+
+        Args:
+            pattern: pattern with the abbreviations of this module.
+            meaning: what the phrase says, for the report; None where the caller reports with :meth:`note`.
+        """
+        matches = list(compile_pattern(pattern).finditer(self.text))
+        for match in matches:
+            self.text = self.text[: match.start()] + _TAKEN * len(match.group()) + self.text[match.end() :]
+            if meaning is not None:
+                self.understood.append((match.group(), meaning))
+        return matches
+
+    def note(self, match: re.Match[str], meaning: str) -> None:
+        """Record what a phrase taken without a meaning was understood as."""
+        self.understood.append((match.group(), meaning))
+
+    def rest(self, fillers: Iterable[str]) -> tuple[str, ...]:
+        """The phrases nothing has taken, split at words that carry no choice of their own."""
+        fillers = frozenset(fillers)
+        phrases: list[list[str]] = [[]]
+        for word in self.text.replace(",", " , ").split():
+            if word == "," or _TAKEN in word or word in fillers:
+                phrases.append([])
+            else:
+                phrases[-1].append(word)
+        return tuple(" ".join(phrase) for phrase in phrases if phrase)

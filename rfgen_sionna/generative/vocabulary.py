@@ -1,0 +1,203 @@
+"""How actions, orientations, distances, bodies and scenes are said, as patterns of :mod:`.reading`.
+
+The order of a table matters: what one pattern has read, later ones no longer see.
+"""
+
+# A table of patterns reads best with one phrase to a line.
+# ruff: noqa: E501, ISC004
+
+from __future__ import annotations
+
+ACTIONS: dict[str, str] = {
+    "walk": "walking back and forth",
+    "jump": "jumping",
+    "jumping_jacks": "doing jumping jacks",
+    "pick_up": "picking up an item from the ground",
+    "t_pose": "standing in a T pose",
+    "y_pose": "standing in a Y pose",
+    "left_arm_raised": "left arm raised",
+    "right_arm_raised": "right arm raised",
+    "left_leg_raised": "left leg raised",
+    "right_leg_raised": "right leg raised",
+    "swipe_left": "swiping to the left",
+    "swipe_right": "swiping to the right",
+    "push": "pushing",
+    "pull": "pulling",
+    "circle_clockwise": "drawing a circle clockwise",
+    "circle_counterclockwise": "drawing a circle counter-clockwise",
+    "click": "clicking",
+    "finger_swing": "swinging a finger",
+    "standing": "standing still",
+}
+"""Action -> an example of how to say it."""
+
+GESTURES = frozenset(
+    {"swipe_left", "swipe_right", "push", "pull", "circle_clockwise", "circle_counterclockwise", "click", "finger_swing"}
+)
+"""Actions of one hand, where "with the left hand" says something."""
+
+_STOP = (
+    r"(?!(?:from|off|at|in|on|to|up|with|while|who|and|or|then|towards?|facing|slowly|quickly|fast|several|"
+    r"once|twice|away|of)\b)"
+)
+_THING = rf"{_STOP}[a-z]+(?: {_STOP}[a-z]+){{0,3}}"
+_FLOOR = r"(?:up )?(?:from|off)(?: of)? the (?:floor|ground)"
+_RADAR = r"<a>(?:radar|sensor|camera|device|antenna)"
+_SIDE = r"(?:(?P<side>left|right) )?"
+_ARM, _LEG = r"(?:arm|hand)", r"(?:leg|foot|knee)"
+_UP = r"(?:up(?: high)?|high|upwards?|overhead|aloft|raised|lifted|in the air|into the air|(?:above|over) <a>head)"
+_HELD = r"(?:<hold|held>|<put>|<stretch>|<keep|kept>|<throw|threw>)"
+_RAISE = r"(?:<raise>|<lift>)"
+_ARMS = r"(?:(?:both|two) (?:of )?)?<a>(?:arms|hands)"
+_SIDEWAYS = r"(?:sideways|to (?:the|both|either|his|her|their) sides?)"
+_HAND = r"(?:with )?<a>(?:(?P<side>left|right) )?(?:open )?(?:hand|arm|palm|index finger|finger)"
+_GESTURE = r"(?:gesture|motion|movement)s?"
+_TO_AND_FRO = r"(?:back and forth|back and forwards?|to and fro|up and down|forwards? and backwards?)"
+_AIR = r"(?:in|into) (?:the )?(?:mid ?)?air"
+_TURN = r"(?:clockwise|counter ?clockwise|anti ?clockwise)"
+_DIRECTION = (
+    r"(?:(?:from )?<a>(?:left|right) )?(?:to |towards? )?(?:the |<a>own )?(?P<direction>left|right)(?:wards?)?(?: side)?"
+)
+
+ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
+    ("jumping_jacks", r"(?:jumping ?jacks?|star ?jumps?|side straddle hops?)"),
+    ("t_pose", r"(?:in )?<a>t ?(?:pose|posing|poses|shape|stance|position)"),
+    ("y_pose", r"(?:in )?<a>y ?(?:pose|posing|poses|shape|stance|position)"),
+    ("t_pose", rf"(?:<spread>|<stretch>|<extend>) (?:out )?{_ARMS}(?: (?:out|wide|apart))*(?: {_SIDEWAYS})?"),
+    ("t_pose", rf"{_ARMS} (?:are )?(?:(?:(?:held|stretched|spread|extended) )?(?:out|wide|apart)|outstretched|spread)"
+               rf"(?: wide)?(?: {_SIDEWAYS})?"),
+    ("t_pose", rf"{_ARMS} (?:are )?(?:held|stretched|extended|raised) {_SIDEWAYS}"),
+    ("y_pose", rf"{_RAISE} (?:up )?{_ARMS}(?: {_UP})?"),
+    ("y_pose", rf"{_HELD} (?:up )?{_ARMS} {_UP}|{_HELD} up {_ARMS}"),
+    ("y_pose", rf"{_ARMS} (?:are )?(?:being )?(?:(?:held|stretched) )?{_UP}|raised {_ARMS}"),
+    ("{side}_arm_raised", rf"{_RAISE} (?:up )?<a>{_SIDE}{_ARM}(?: {_UP})?"),
+    ("{side}_arm_raised", rf"{_HELD} <a>{_SIDE}{_ARM} {_UP}"),
+    ("{side}_arm_raised", rf"{_HELD} up <a>{_SIDE}{_ARM}"),
+    ("{side}_arm_raised", rf"<a>{_SIDE}{_ARM} (?:is )?(?:being )?(?:(?:held|stretched) )?{_UP}"),
+    ("{side}_leg_raised", rf"{_RAISE} (?:up )?<a>{_SIDE}{_LEG}(?: {_UP})?"),
+    ("{side}_leg_raised", rf"{_HELD} <a>{_SIDE}{_LEG} {_UP}"),
+    ("{side}_leg_raised", rf"{_HELD} up <a>{_SIDE}{_LEG}"),
+    ("{side}_leg_raised", rf"<a>{_SIDE}{_LEG} (?:is )?(?:being )?(?:(?:held|stretched) )?{_UP}"),
+    ("{other}_leg_raised", rf"(?:<stand|stood>|<balance>) (?:only )?on (?:only )?<a>{_SIDE}{_LEG}(?: only)?"),
+    ("finger_swing", r"(?:<swing|swung>|<wag>|<wiggle>|<wave>) <a>(?:(?P<side>left|right) )?(?:index )?fingers?"
+                     rf"(?: {_TO_AND_FRO}| (?:from )?side to side| (?:from )?(?:left (?:and|to) right|right (?:and|to) left))?"),
+    ("finger_swing", rf"(?:index )?finger ?(?:<swing|swung>|<wag>|<wiggle>)(?: {_GESTURE})?"),
+    ("circle_{turn}", rf"(?:(?:<draw|drew|drawn>|<trace>|<make|made>|<describe>|<do|does|did>|<perform>|<paint>) )?"
+                      rf"(?<!in )(?<!in a )<a>(?:(?P<turn>{_TURN}) )?(?:circular {_GESTURE}|<circle>(?: {_GESTURE})?)"
+                      rf"(?: {_HAND})?(?: {_AIR})?(?: (?P<turn2>{_TURN}))?"),
+    ("circle_{turn}", rf"(?:<rotate>|<move>|<turn>|<spin|spun>) {_HAND} (?:in circles |in a circle |around )?(?P<turn>{_TURN})"),
+    ("circle_{turn}", rf"<move> {_HAND} in (?:a circle|circles)"),
+    ("swipe_{direction}", rf"(?P<direction>left|right)(?:wards?)? (?:swipes?|swiping|sweeps?)(?: {_GESTURE})?"),
+    ("swipe_{direction}", rf"(?:<swipe>|<sweep|swept>)(?: {_HAND})?(?: {_GESTURE})?(?: {_DIRECTION})?"),
+    ("push", rf"<push>(?! ?ups?\b)(?: {_GESTURE})?(?: {_HAND}| {_ARMS})?"
+             rf"(?: (?:forwards?|outwards?|out|away|ahead))?(?: (?:towards?|at) {_RADAR})?"),
+    ("pull", rf"<pull>(?! ?ups?\b)(?: {_GESTURE})?(?: {_HAND}| {_ARMS})?(?: (?:backwards?|back|inwards?|in))?"
+             rf"(?: (?:away from {_RADAR}|towards? (?:<a>(?:body|chest)|himself|herself|themsel(?:f|ves)|oneself)))?"),
+    ("click", rf"(?:<click>|<tap>)(?: {_GESTURE})?(?: {_HAND})?(?: {_AIR})?"),
+    ("click", rf"<press>(?: down)?(?: on)? <a>(?:(?:virtual|invisible|imaginary) )?button(?: {_AIR})?"),
+    ("pick_up", r"(?:(?:<bend|bent>|<crouch>|<stoop>|<squat>|<kneel|knelt>)(?: down| over)?(?: and| to)? )?"
+                rf"(?:<pick> {_THING} up|(?:<pick> ?up|pickup)(?! speed)(?: {_THING})?|<lift> {_THING} up"
+                rf"|(?:<grab>|<collect>|<lift>|<take|took|taken>|<retrieve>|<fetch>|<pick>) (?:up )?{_THING}(?= {_FLOOR}))"
+                rf"(?: {_FLOOR})?"),
+    ("walk", rf"(?:<walk>|<stroll>|<pace>|<stride|strode>)(?: {_TO_AND_FRO}| around| about| towards? and away from {_RADAR})?"),
+    ("walk", rf"(?:<go|went>|<move>) {_TO_AND_FRO}"),
+    ("jump", r"(?:<jump>|<hop>|<leap|leapt>)(?! ?rop)"
+             r"(?: (?:up and down|up|in place|on the spot|(?:high )?(?:in|into) the air|high))?"),
+    # Weakest last: everybody stands while doing something else.
+    ("standing", r"(?:<stand|stood>|<stay>|<remain>|<keep|kept>|<wait>)(?! up)"
+                 r"(?: (?:still|upright|motionless|straight|idle|there|quietly|calmly))*|still|motionless|idle|idling"),
+)  # fmt: skip
+"""(action, pattern). `{side}`, `{other}` (the other side), `{direction}` and `{turn}` are filled from the groups of
+the match; where the phrase doesn't say them, both possibilities stay open."""
+
+ORIENTATION_PATTERNS: tuple[tuple[float, str], ...] = (
+    (180.0, rf"(?:<face>|<look>|turned|oriented|moving)(?: directly)? (?:away(?: from {_RADAR})?|backwards?)"),
+    (180.0, rf"(?:with )?<a>back (?:is )?(?:turned )?(?:to|towards?|facing) {_RADAR}"),
+    (180.0, rf"(?:(?:seen|viewed) )?from behind|rear view|back view|away from {_RADAR}"),
+    (0.0, rf"(?:<face>|<look>|turned|oriented)(?: directly| straight)? (?:(?:at|to|towards?) )?(?:{_RADAR}|forwards?|<a>front|ahead)"),
+    (0.0, rf"(?:directly |straight )?(?:towards?|at) {_RADAR}|(?:(?:seen|viewed) )?from the front|front view|frontal|(?:face|head) on"),
+    (90.0, r"(?:<face>|<look>|turned|oriented) (?:(?:to|towards?) )?(?:the |<a>own )?left(?:wards?)?|(?:in )?left profile"),
+    (270.0, r"(?:<face>|<look>|turned|oriented) (?:(?:to|towards?) )?(?:the |<a>own )?right(?:wards?)?|(?:in )?right profile"),
+    (90.0, rf"(?:<face>|<look>|turned|oriented) (?:sideways|to the side)|side ?(?:on|ways)(?: (?:to|towards?) {_RADAR})?|side view"
+           r"|(?:(?:seen|viewed) )?from the side|in profile|profile view"),
+)  # fmt: skip
+"""(angle [degrees], pattern): 0 faces the radar, positive turns towards the person's own left."""
+
+TURN_PATTERN = (
+    r"(?:(?:<face>|turned|rotated|oriented|<rotate>|<turn>) )?(?:(?:at|by) )?(?:an angle of )?(?P<angle><n>) degrees?"
+    r"(?: (?:to (?:the |<a>own )?)?(?P<side>left|right))?(?: (?:to|from) " + _RADAR + ")?"
+)
+
+_METRES = r"(?P<unit>m|met(?:re|er)s?|cm|centimet(?:re|er)s?|feet|foot|ft)"
+_ABOUT = r"(?:(?:about|around|roughly|approximately|some|ca) )?"
+_LENGTH = rf"{_ABOUT}(?P<value><n>) {_METRES}"
+DISTANCE_PATTERNS: tuple[str, ...] = (
+    rf"(?:at |from )?<a>(?:distance|range) (?:of )?{_LENGTH}(?: (?:away )?(?:from|to|of) {_RADAR})?",
+    rf"(?:at )?{_LENGTH} (?:away(?: from {_RADAR})?|from {_RADAR}|in front of {_RADAR}|distant|distance|off)",
+    rf"at {_LENGTH}(?! (?:tall|high|per))",
+    rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)",
+)
+HEIGHT_PATTERNS: tuple[str, ...] = (
+    rf"(?:<a>height (?:of )?){_LENGTH}(?: tall)?",
+    rf"{_LENGTH} (?:tall|high|in height)",
+)
+WEIGHT_PATTERN = (
+    r"(?:(?:<weigh>|weight)(?: of)? )?" + _ABOUT + r"(?P<value><n>) (?P<unit>kg|kilos?|kilograms?|lbs?|pounds?)(?: heavy)?"
+)
+AGE_PATTERN = r"(?:(?:aged|age|age of) )(?P<value><n>)(?: years?(?: old)?)?|(?P<value2><n>) (?:years? (?:old|of age)|yo)"
+METRES = {"m": 1.0, "c": 0.01, "f": 0.3048}
+"""First letter of a unit of length -> metres."""
+KILOGRAMS = {"k": 1.0, "l": 0.45359237, "p": 0.45359237}
+
+SPEED_PATTERNS: tuple[tuple[float, str], ...] = (
+    (0.5, r"(?:very|extremely|really) (?:slowly|slow)"),
+    (1.6, r"(?:very|extremely|really) (?:quickly|quick|fast|rapidly)|as (?:fast|quickly) as possible"),
+    (0.7, r"slowly|slow|leisurely|gently|gentle|unhurriedly"),
+    (1.3, r"quickly|quick|fast|rapidly|rapid|briskly|brisk|swiftly|swift|hurriedly|energetically|vigorously"),
+    (1.0, r"(?:at )?<a>(?:normal|usual|ordinary) (?:speed|pace)"),
+)
+"""(factor on the usual speed, pattern)."""
+
+PERSON = (
+    r"(?:persons?|people|humans?(?: beings?)?|someone|somebody|individuals?|subjects?|pedestrians?|m[ae]n|wom[ae]n|guys?|lad(?:y|ies)"
+    r"|gentlem[ae]n|adults?|child(?:ren)?|kids?|boys?|girls?|teen(?:ager)?s?|seniors?|elders?|males?|females?|he|she)"
+)
+PLURAL = (
+    r"(?:persons|people|humans|individuals|subjects|pedestrians|men|women|guys|ladies|gentlemen|adults|children|kids|boys|girls"
+    r"|teen(?:ager)?s|seniors|elders|couple|crowd|group|family)"
+)
+
+SCENE_PATTERNS: dict[str, str] = {
+    "living_room": r"(?:furnished )?(?:living ?room|lounge|sitting room|parlou?r|family room)",
+    "simple_street_canyon_with_cars": r"(?:simple )?street(?: canyon)? with (?:parked )?cars",
+    "simple_street_canyon": r"(?:simple )?street(?: canyon)?",
+    "box_knife": r"box knife",
+    "box_one_screen": r"box (?:with )?(?:one|a) screen",
+    "box_two_screens": r"box (?:with )?two screens",
+    "box": r"box",
+    "double_reflector": r"double reflector|two reflectors",
+    "triple_reflector": r"triple reflector|three reflectors",
+    "simple_reflector": r"(?:simple |single )?reflector",
+    "simple_wedge": r"(?:simple )?wedge",
+    "floor_wall": r"floor (?:and <a>)?wall",
+    "etoile": r"(?:etoile|étoile|arc de triomphe)(?: (?:in )?paris)?|paris",
+    "florence": r"florence|firenze",
+    "munich": r"munich|münchen",
+    "san_francisco": r"san francisco",
+}
+"""Name of a scene -> how it is said."""
+COMMON_SCENE_WORDS = frozenset(SCENE_PATTERNS) - {"living_room", "etoile", "florence", "munich", "san_francisco"}
+"""Scenes whose names are common words as well."""
+IN_VIEW = rf"in front of {_RADAR}"
+FREE_SPACE = r"(?:in )?(?:free space|empty space|vacuum|anechoic (?:chamber|room)|nothing|none)"
+
+NEGATION = r"(?:not|never|no|without|neither|nor|except|instead of|rather than)"
+FILLERS = frozenset({
+    "a", "an", "the", "of", "is", "are", "be", "being", "been", "and", "or", "with", "while", "who", "whose",
+    "that", "which", "in", "on", "at", "to", "into", "by", "for", "as", "there", "this", "it", "its", "he", "she",
+    "they", "his", "her", "their", "him", "them", "one", "then", "just", "doing", "do", "does", "done", "did",
+    "performing", "performs", "perform", "making", "makes", "make", "made", "showing", "shows", "show", "having",
+    "has", "have", "gesture", "motion", "movement", "pose", "posture", "position", "only", "exercise",
+    "exercises", "times", "time", "degrees",
+})  # fmt: skip
+"""Words that carry no choice of their own."""

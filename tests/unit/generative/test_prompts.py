@@ -1,0 +1,395 @@
+"""Sentences and keywords are read as what they say, and what they don't say is left open or refused."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rfgen_sionna.generative.body_prompt import AGES, HEIGHTS
+from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
+from rfgen_sionna.generative.vocabulary import ACTIONS, SCENE_PATTERNS
+
+PARAPHRASES = {
+    "walk": [
+        "a person walking back and forth",
+        "Someone strolls around in front of the radar",
+        "a pedestrian paces to and fro",
+        "a person walks towards and away from the radar",
+        "person, walk",
+        "a human who strode up and down",
+    ],
+    "jump": [
+        "A man jumps up and down",
+        "a girl hopping in place",
+        "person leaping into the air",
+        "jump",
+        "PERSON JUMPING!!!",
+    ],
+    "jumping_jacks": [
+        "a person doing jumping jacks, facing forward",
+        "a boy does star jumps",
+        "someone performs side-straddle hops",
+        "jumpingjacks",
+    ],
+    "pick_up": [
+        "person picks something up from the floor",
+        "An old man bends down and picks up his keys from the ground",
+        "a person bends over to grab a bottle off the floor",
+        "a person picking up an item facing forward",
+        "somebody lifting a heavy box up",
+        "a woman took a pen from the floor",
+    ],
+    "t_pose": [
+        "a person in a T pose",
+        "person, T-pose, facing away",
+        "a person with arms stretched out to the sides",
+        "somebody stretches both arms out",
+        "a man standing with his arms outstretched",
+    ],
+    "y_pose": [
+        "woman standing in a Y pose with both arms up",
+        "a person does a Y-pose",
+        "Person raises both arms",
+        "a person with hands in the air",
+        "a kid holding both hands above the head",
+    ],
+    "left_arm_raised": [
+        "left arm raised, person",
+        "somebody holds up the left arm",
+        "Person raising left hand",
+        "a person with their left arm in the air",
+        "person raising an arm, the left one",
+    ],
+    "right_arm_raised": [
+        "a person lifts her right arm",
+        "a man whose right arm is held up",
+        "a raised right hand, person",
+    ],
+    "left_leg_raised": [
+        "a man lifts up his left knee",
+        "person raising the left leg",
+        "someone stands on the right leg",
+    ],
+    "right_leg_raised": ["a person raises the right foot", "An elderly lady balancing on her left leg"],
+    "swipe_left": [
+        "someone swipes their hand to the left",
+        "person swiping from right to left",
+        "left swipe",
+        "a person sweeps the right hand leftwards",
+        "a swipe gesture to the left by a person",
+    ],
+    "swipe_right": ["Somebody is swiping right with the left hand", "a person swept their hand to the right"],
+    "push": ["a person pushes both hands forward towards the radar", "someone performing a push gesture", "push"],
+    "pull": ["pulling the hand back towards the body", "a person pulls", "a woman pulled her hand in"],
+    "circle_clockwise": [
+        "a person draws a circle clockwise with the right hand",
+        "clockwise circle",
+        "someone rotates the hand clockwise",
+        "a man drew a clockwise circle in the air",
+    ],
+    "circle_counterclockwise": [
+        "anticlockwise circle, person",
+        "someone rotates the right hand counter-clockwise",
+        "a person traces a circle anti-clockwise",
+    ],
+    "click": [
+        "a person clicks with the right index finger",
+        "a person taps in the air",
+        "someone presses a virtual button",
+    ],
+    "finger_swing": [
+        "Person wags the index finger back and forth",
+        "The woman waves her finger from side to side",
+        "person swinging right index finger left and right",
+        "finger swing",
+    ],
+    "standing": ["human standing motionless", "A person is idle", "a person stays still", "person, standing"],
+}
+
+
+def test_every_action_has_paraphrases() -> None:
+    assert set(PARAPHRASES) == set(ACTIONS)
+
+
+@pytest.mark.parametrize(("action", "prompt"), [(a, p) for a, prompts in PARAPHRASES.items() for p in prompts])
+def test_paraphrases_are_read_as_their_action_and_leave_nothing_over(action: str, prompt: str) -> None:
+    scene = parse_prompt(prompt)
+    assert scene.choices == (action,)
+    assert scene.unused == ()
+
+
+@pytest.mark.parametrize(("action", "example"), ACTIONS.items())
+def test_the_examples_in_error_messages_are_themselves_understood(action: str, example: str) -> None:
+    assert parse_prompt(f"a person {example}").choices == (action,)
+
+
+@pytest.mark.parametrize(
+    ("phrase", "angle"),
+    [
+        ("facing forward", 0),
+        ("facing the radar", 0),
+        ("looking towards the sensor", 0),
+        ("head-on", 0),
+        ("towards the radar", 0),
+        ("facing left", 90),
+        ("turned to the left", 90),
+        ("side on", 90),
+        ("facing sideways", 90),
+        ("facing right", 270),
+        ("with his back to the radar", 180),
+        ("facing away", 180),
+        ("seen from behind", 180),
+        ("45 degrees", 45),
+        ("turned 30° to the right", 330),
+        ("at an angle of thirty degrees to the left", 30),
+        ("rotated by -45 degrees", 315),
+        ("facing 90 degrees to the right", 270),
+    ],
+)
+def test_orientation(phrase: str, angle: float) -> None:
+    scene = parse_prompt(f"a person jumping, {phrase}")
+    assert scene.orientation_deg == angle
+    assert scene.unused == ()
+
+
+@pytest.mark.parametrize(
+    ("phrase", "metres"),
+    [
+        ("at 3 m", 3.0),
+        ("at 2.5m", 2.5),
+        ("at 2,5 m", 2.5),
+        ("two metres away", 2.0),
+        ("two and a half meters from the radar", 2.5),
+        ("half a metre in front of the radar", 0.5),
+        ("at a distance of 350 cm from the radar", 3.5),
+        ("10 feet away", 3.048),
+        ("at about twenty five metres", 25.0),
+    ],
+)
+def test_distance(phrase: str, metres: float) -> None:
+    scene = parse_prompt(f"a person jumping {phrase}")
+    assert scene.distance_m == pytest.approx(metres)
+    assert scene.unused == ()
+
+
+def test_lengths_that_are_no_distances_are_not_read_as_one() -> None:
+    assert parse_prompt("a person 1.8 m tall jumping").distance_m is None
+    scene = parse_prompt("a person walks 3 m")
+    assert scene.distance_m is None
+    assert scene.unused == ("3 m",)
+
+
+def test_numbers_of_the_body_are_taken_as_they_are() -> None:
+    body = parse_prompt("an adult male, 35 years old, 1.82 m tall, weighing 82 kg, stands still").body
+    assert (body.gender, body.age_years, body.height_m, body.weight_kg) == ("male", 35, 1.82, 82)
+    assert parse_prompt("a 5 ft 10 in tall man walks").body.height_m == pytest.approx(1.778)
+    assert parse_prompt("a 30-year-old woman weighing 150 lbs pulls").body.weight_kg == pytest.approx(68.04, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_words_about_the_body_draw_from_their_class(seed: int) -> None:
+    body = parse_prompt("a tall, strong and heavy young woman strolls", seed=seed).body
+    assert body.gender == "female"
+    assert AGES["young adult"][0] <= body.age_years <= AGES["young adult"][1]
+    low, high = HEIGHTS["female"]["tall"]
+    assert low <= body.height_m <= high
+    assert 29 <= body.weight_kg / body.height_m**2 <= 34.1
+    assert body.muscle >= 0.75
+
+
+def test_an_unmentioned_body_is_left_open() -> None:
+    body = parse_prompt("a person jumping").body
+    assert (body.gender, body.age_years, body.height_m, body.weight_kg, body.muscle) == (None,) * 5
+
+
+def test_one_word_more_does_not_change_the_other_draws() -> None:
+    one = parse_prompt("an elderly person walking", seed=5).body
+    two = parse_prompt("a muscular elderly person walking", seed=5).body
+    assert one.age_years == two.age_years
+
+
+def test_short_steps_are_not_a_short_person() -> None:
+    scene = parse_prompt("a person takes short steps while walking")
+    assert scene.body.height_m is None
+    assert scene.unused == ("takes short steps",)
+
+
+def test_hands_belong_to_gestures() -> None:
+    assert parse_prompt("someone swiping right with the left hand").hand == "left"
+    assert parse_prompt("someone sweeps their right hand to the left").hand == "right"
+    assert parse_prompt("left hand swiping right, person").action == "swipe_right"
+    walking = parse_prompt("a person walking with the left hand")
+    assert walking.hand is None
+    assert "with the left hand" in walking.unused
+
+
+def test_speed_and_surroundings() -> None:
+    scene = parse_prompt("A teenager walks towards the radar very quickly in Munich")
+    assert (scene.speed, scene.surroundings, scene.orientation_deg) == (1.6, "munich", 0)
+    assert parse_prompt("kid walking in the living room, side on").surroundings == "living_room"
+    assert parse_prompt("a person doing slow jumps").speed == 0.7
+
+
+def test_what_is_left_open_is_drawn_from_the_seed_and_said() -> None:
+    drawn = {parse_prompt("a person raises an arm", seed=seed).action for seed in range(20)}
+    assert drawn == {"left_arm_raised", "right_arm_raised"}
+    scene = parse_prompt("a person raises the left or right arm", seed=3)
+    assert scene.choices == ("left_arm_raised", "right_arm_raised")
+    assert scene == parse_prompt("a person raises the left or right arm", seed=3)
+    assert "drawn from left_arm_raised or right_arm_raised (seed 3)" in scene.report()
+    assert set(parse_prompt("a person walking or jumping").choices) == {"walk", "jump"}
+
+
+@pytest.mark.parametrize(
+    ("prompt", "negative", "choices"),
+    [
+        ("a person raising an arm", "left arm", ("right_arm_raised",)),
+        ("a person raising an arm", "right", ("left_arm_raised",)),
+        ("a person swipes", "to the left", ("swipe_right",)),
+        ("a person draws a circle", "clockwise", ("circle_counterclockwise",)),
+        ("a person draws a circle", "counter-clockwise", ("circle_clockwise",)),
+        ("a person walking or jumping", "a person jumping", ("walk",)),
+        ("a person jumping or doing jumping jacks", "jumping", ("jumping_jacks",)),
+    ],
+)
+def test_the_negative_prompt_takes_choices_away(prompt: str, negative: str, choices: tuple[str, ...]) -> None:
+    for seed in range(5):
+        assert parse_prompt(prompt, negative, seed=seed).choices == choices
+
+
+def test_the_negative_prompt_narrows_body_orientation_and_hand() -> None:
+    for seed in range(10):
+        scene = parse_prompt("an adult clicks", "women, elderly, facing forward, sideways, left hand", seed=seed)
+        assert scene.body.gender == "male"
+        assert 18 <= scene.body.age_years <= 64
+        assert scene.orientation_deg in (180.0, 270.0)
+        assert scene.hand == "right"
+
+
+@pytest.mark.parametrize(
+    ("prompt", "negative", "field"),
+    [
+        ("a person walking", "walk", "action"),
+        ("a person raising the left arm", "left arm", "action"),
+        ("a person walking facing the radar", "facing forward", "orientation"),
+        ("a person walks slowly", "slow", "speed"),
+        ("a tall person walking", "tall", "height"),
+        ("a 70 year old walking, person", "elderly", "age"),
+        ("a boy walking", "men", "gender"),
+        ("a person walking in a living room", "living room", "surroundings"),
+        ("a person clicks with the left hand", "left hand", "hand"),
+        ("a person walking", "a person", "person"),
+        ("a person walking facing left, facing right", "", "orientation"),
+        ("a person jumping at 3 m, 4 m away", "", "distance"),
+        ("a 10 year old man walking", "", "age"),
+        ("a man walking, female", "", "gender"),
+    ],
+)
+def test_contradictions_are_refused_by_name(prompt: str, negative: str, field: str) -> None:
+    with pytest.raises(PromptError, match=field):
+        parse_prompt(prompt, negative)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "message"),
+    [
+        ("", "names none that is known"),
+        ("a person", "action.*known: walking back and forth"),
+        ("a person sitting on a chair", "not understood: 'sitting', 'chair'"),
+        ("a person doing push-ups", "not understood: 'push ups'"),
+        ("a person jumping rope", "not understood"),
+        ("a person standing up", "not understood"),
+        ("a dog walking", "target.*not understood: 'dog'.*known: a person"),
+        ("purple monkey dishwasher", "target"),
+        ("two people walking", "more than one person"),
+        ("women walking", "more than one person"),
+        ("a person walking and jumping", r"several \('walking', 'jumping'\)"),
+        ("a person walking without arms", "negative prompt instead"),
+        ("a person isn't walking", "negative prompt instead"),
+        ("a person jumping, 0 m away", "must be positive"),
+        ("a man, 300 kg, jumping", "12 to 200 kg"),
+        ("a man 3 m tall jumping", r"0\.9 to 2\.2 m"),
+        ("a fat child jumping", "give a number"),
+    ],
+)
+def test_what_cannot_be_carried_out_is_refused_with_what_is_known(prompt: str, message: str) -> None:
+    with pytest.raises(PromptError, match=message):
+        parse_prompt(prompt)
+
+
+def test_what_is_not_understood_is_said() -> None:
+    scene = parse_prompt("a cheerful person walking a dog for 3 seconds", "purple sky")
+    assert scene.unused == ("cheerful", "dog", "3 seconds", "purple sky")
+    assert all(phrase in scene.report() for phrase in scene.unused)
+    assert "'dog' was not understood and has no effect" in scene.warnings[1]
+
+
+@pytest.mark.parametrize("arguments", [(None,), (3,), ("a person walking", None)])
+def test_only_texts_are_prompts(arguments: tuple) -> None:
+    with pytest.raises(TypeError, match="expected a text"):
+        parse_prompt(*arguments)
+
+
+@given(st.text(max_size=80))
+def test_any_text_is_read_or_refused_but_never_crashes(text: str) -> None:
+    try:
+        scene = parse_prompt("a person walking, " + text)
+    except PromptError:
+        return
+    assert scene.action in scene.choices
+    assert "person" in scene.report()
+
+
+@pytest.mark.parametrize(
+    ("text", "scene"),
+    [
+        ("a living room", "living_room"),
+        ("in the lounge", "living_room"),
+        ("Living-room", "living_room"),
+        ("a street with parked cars", "simple_street_canyon_with_cars"),
+        ("a street canyon", "simple_street_canyon"),
+        ("downtown Munich", "munich"),
+        ("München", "munich"),
+        ("box with two screens", "box_two_screens"),
+        *((name, name) for name in SCENE_PATTERNS),
+    ],
+)
+def test_surroundings(text: str, scene: str) -> None:
+    assert parse_environment(text).scene == scene
+
+
+@pytest.mark.parametrize("text", [None, "", "  ", "free space", "in free space", "an anechoic chamber"])
+def test_no_surroundings(text: str | None) -> None:
+    assert parse_environment(text) is None
+
+
+def test_unknown_surroundings_are_refused_and_unknown_furniture_is_said() -> None:
+    with pytest.raises(PromptError, match=r"'a kitchen' names no scene that is known.*living_room"):
+        parse_environment("a kitchen")
+    with pytest.raises(PromptError, match="several scenes"):
+        parse_environment("Munich or Florence")
+    with pytest.raises(TypeError, match="environment"):
+        parse_environment(3)
+    cosy = parse_environment("a cosy living room with a piano")
+    assert cosy.unused == ("cosy", "piano")
+    assert "piano" in cosy.warnings[1]
+
+
+def test_every_scene_that_a_prompt_can_name_exists() -> None:
+    """Those that aren't ours are Sionna's; read from its folder, since importing it takes seconds."""
+    from importlib.metadata import files
+
+    sionna = {path.parent.name for path in files("sionna-rt") if path.match("sionna/rt/scenes/*/*.xml")}
+    assert set(SCENE_PATTERNS) - {"living_room"} == sionna
+
+
+def test_reading_a_prompt_needs_no_torch() -> None:
+    code = (
+        "import sys; from rfgen_sionna.generative.prompts import parse_prompt; parse_prompt('a person walking');"
+        "assert not {'torch', 'anny', 'mitsuba', 'drjit'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
