@@ -1,0 +1,20 @@
+"""Run files: one HDF5 file holds the samples, images, meshes and labels of a run, and how it was made."""
+
+from rfgen_sionna.dataset.reader import ActorRecord, LabelRecord, Run, open_run
+from rfgen_sionna.dataset.schema import STANDARD_LABELS, ActorInfo, Label, RunFormatError, RunInfo
+from rfgen_sionna.dataset.store import OutputError, RunWriter, check_output
+
+__all__ = [
+    "STANDARD_LABELS",
+    "ActorInfo",
+    "ActorRecord",
+    "Label",
+    "LabelRecord",
+    "OutputError",
+    "Run",
+    "RunFormatError",
+    "RunInfo",
+    "RunWriter",
+    "check_output",
+    "open_run",
+]

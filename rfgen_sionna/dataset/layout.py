@@ -1,0 +1,150 @@
+"""Datasets, axes and attributes of a run file, as :mod:`rfgen_sionna.dataset.schema` describes them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+import h5py
+import numpy as np
+
+from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, VERSION, ActorInfo, Label, RunInfo
+from rfgen_sionna.records import Pir
+
+_TEXT = h5py.string_dtype()
+
+
+def create_run(file: h5py.File, info: RunInfo, filters: Mapping[str, Any]) -> None:
+    """Everything but labels and PIR, whose shapes the first frame tells; `filters` compress samples and meshes."""
+    radar = info.radar
+    wave = radar.waveform
+    file.attrs.update(
+        {
+            "Conventions": f"{FORMAT}-{VERSION}",
+            "format": FORMAT,
+            "format_version": VERSION,
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "prompt": info.prompt,
+            "negative_prompt": info.negative_prompt,
+            "environment": info.environment,
+            "radar": json.dumps(radar.to_dict()),
+            "seeds": json.dumps({name: None if seed is None else int(seed) for name, seed in info.seeds.items()}),
+            "software": json.dumps(dict(info.software)),
+        }
+    )
+    _scale(file, "frame", np.arange(0), "frame number", frames=True)
+    _scale(file, "chirp", np.arange(wave.num_loops), "loop within the frame")
+    _scale(file, "tx", list(radar.tx_names), "transmit element")
+    _scale(file, "rx", list(radar.rx_names), "receive element")
+    _scale(file, "sample", np.arange(wave.num_samples), "ADC sample within the chirp")
+    shape = (wave.num_loops, len(radar.tx_positions), len(radar.rx_positions), wave.num_samples)
+    _series(
+        file, "adc", shape, np.complex64, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
+        "complex baseband at the receiver input: |sample|² is power", **filters,
+    )  # fmt: skip
+    _series(file, "frame_time", (), np.float64, (), "s", "start of the first ramp of the frame")
+    _series(file, "mesh_time", (), np.float64, (), "s", "instant of meshes, joints and labels")
+    _fixed(file, "chirp_time", wave.chirp_times, ("chirp", "tx"), "s", "start of the ramp in the frame")
+    _fixed(file, "sample_time", wave.sample_times, ("sample",), "s", "time after the start of the ramp")
+    _scale(file, "axis", list(AXES), "component in the world frame")
+    _fixed(file, "tx_position", radar.tx_positions, ("tx", "axis"), "m", "element position, device frame")
+    _fixed(file, "rx_position", radar.rx_positions, ("rx", "axis"), "m", "element position, device frame")
+    file.create_group("labels")
+    file.create_group("actors")
+    if info.actors:
+        _scale(file, "actor", [actor.name for actor in info.actors], "name of the actor")
+    for actor in info.actors:
+        _create_actor(file, actor, filters)
+
+
+def _create_actor(file: h5py.File, actor: ActorInfo, filters: Mapping[str, Any]) -> None:
+    at = f"actors/{actor.name}"
+    file.create_group(at).attrs["material"] = actor.material
+    _scale(file, f"{at}/vertex", np.arange(actor.num_vertices, dtype=np.int32), "vertex number")
+    _scale(file, f"{at}/face", np.arange(len(actor.faces), dtype=np.int32), "face number")
+    _scale(file, f"{at}/corner", np.arange(3, dtype=np.int32), "corner of the face")
+    _scale(file, f"{at}/part", list(actor.part_names), "name of the body part")
+    face, corner = f"{at}/face", f"{at}/corner"
+    _fixed(file, f"{at}/faces", actor.faces, (face, corner), "", "vertex numbers, counter-clockwise from outside")
+    _fixed(file, f"{at}/face_part", actor.face_parts, (face,), "", "index into part")
+    _series(
+        file, f"{at}/vertices", (actor.num_vertices, 3), np.float32, (f"{at}/vertex", "axis"), "m",
+        "vertex position, world frame", **filters,
+    )  # fmt: skip
+    if actor.joint_names:
+        _scale(file, f"{at}/joint", list(actor.joint_names), "name of the joint")
+        _series(
+            file, f"{at}/joints", (len(actor.joint_names), 3), np.float32, (f"{at}/joint", "axis"), "m",
+            "joint position, world frame",
+        )  # fmt: skip
+
+
+def create_label(file: h5py.File, name: str, label: Label, shape: tuple[int, ...]) -> None:
+    """The series of one label of `shape` a frame."""
+    if len(shape) != len(label.dims):
+        raise ValueError(f"label '{name}' has shape {shape}; the axes {label.dims} are declared")
+    dims = []
+    for dim, length in zip(label.dims, shape, strict=True):
+        at = dim if dim in file and file[dim].is_scale else f"labels/{dim}"
+        if at not in file:
+            _scale(file, at, np.arange(length), dim)
+        if file[at].shape != (length,):
+            raise ValueError(f"label '{name}' has shape {shape}; '{dim}' has {file[at].shape[0]} entries")
+        dims.append(at)
+    kind = _TEXT if label.text else np.float64
+    _series(file, f"labels/{name}", shape, kind, tuple(dims), label.units, label.description)
+
+
+def create_pir(file: h5py.File, pir: Pir, filters: Mapping[str, Any]) -> None:
+    """The series of images that look like `pir`."""
+    rows, columns = np.shape(pir.energy)
+    group = file.create_group("pir")
+    group.attrs.update({"fov_deg": pir.fov_deg, "projection": pir.projection})
+    _scale(file, "pir/channel", list(PIR_CHANNELS), "what the image shows")
+    _scale(file, "pir/row", np.arange(rows), "0 is the top")
+    _scale(file, "pir/column", np.arange(columns), "0 is the left side seen from the radar")
+    _fixed(file, "pir/channel_units", list(PIR_CHANNELS.values()), ("pir/channel",), "", "units of each channel")
+    _series(
+        file, "pir/image", (len(PIR_CHANNELS), rows, columns), np.float32, ("pir/channel", "pir/row", "pir/column"),
+        "see channel_units", "energy is |path gain|² of isotropic elements", **filters,
+    )  # fmt: skip
+    _series(file, "pir/time", (), np.float64, (), "s", "instant of the image")
+    _series(file, "pir/position", (3,), np.float64, ("axis",), "m", "viewpoint, world frame")
+    _scale(file, "pir/angle", ["yaw", "pitch", "roll"], "rotation")
+    _series(file, "pir/orientation", (3,), np.float64, ("pir/angle",), "rad", "orientation of the viewpoint")
+
+
+def _scale(file: h5py.File, name: str, values: Any, description: str, *, frames: bool = False) -> None:
+    text = isinstance(values, list)
+    dataset = file.create_dataset(
+        name, data=values, dtype=_TEXT if text else None, maxshape=(None,) if frames else None,
+        chunks=(1024,) if frames else None,
+    )  # fmt: skip
+    dataset.attrs["long_name"] = description
+    dataset.make_scale(name.rpartition("/")[2])
+
+
+def _fixed(file: h5py.File, name: str, values: Any, dims: tuple[str, ...], units: str, description: str) -> None:
+    kind = _TEXT if isinstance(values, list) else None
+    _describe(file, file.create_dataset(name, data=values, dtype=kind), dims, units, description)
+
+
+def _series(
+    file: h5py.File, name: str, shape: tuple[int, ...], kind: Any, dims: tuple[str, ...], units: str, description: str,
+    **filters: Any,
+) -> None:  # fmt: skip
+    dataset = file.create_dataset(
+        name, (0, *shape), kind, maxshape=(None, *shape), chunks=(1, *shape) if shape else (1024,), **filters
+    )
+    _describe(file, dataset, ("frame", *dims), units, description)
+
+
+def _describe(file: h5py.File, dataset: h5py.Dataset, dims: tuple[str, ...], units: str, description: str) -> None:
+    if units:
+        dataset.attrs["units"] = units
+    dataset.attrs["long_name"] = description
+    for axis, dim in enumerate(dims):
+        dataset.dims[axis].attach_scale(file[dim])
+        dataset.dims[axis].label = dim.rpartition("/")[2]
