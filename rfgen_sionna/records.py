@@ -7,7 +7,7 @@ rest pose faces +x and has its left side at +y.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -186,6 +186,66 @@ class RadarPaths:
     def weights(self, t: FloatArray, derivative: int = 0) -> FloatArray:
         """(len(t), time) matrix that takes values at the knots to values (or their derivative) at times `t` [s]."""
         return knot_weights(self.times, t, derivative)
+
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> RadarPaths:
+        """The paths that `chosen` (path,) marks or counts out, in its order."""
+        return replace(
+            self,
+            a=self.a[:, :, chosen],
+            tau=self.tau[:, :, chosen],
+            tau_rate=self.tau_rate[:, :, chosen],
+            direction=self.direction[chosen],
+            arrival=self.arrival[chosen],
+            object_id=self.object_id[chosen],
+            part_id=self.part_id[chosen],
+            kind=self.kind[chosen],
+            bounces=self.bounces[chosen],
+            facet=self.facet[chosen],
+            dispersion=None if self.dispersion is None else self.dispersion[:, :, :, chosen],
+        )
+
+    @staticmethod
+    def concatenate(parts: Sequence[RadarPaths]) -> RadarPaths:
+        """All paths of `parts`, which must share knots, elements, names and band.
+
+        Raises
+        ------
+        ValueError
+            If there are no parts, or they differ in what they must share.
+        """
+        if not parts:
+            raise ValueError("parts is empty: at least one set of paths is needed")
+        first = parts[0]
+        for part in parts[1:]:
+            if not np.array_equal(part.times, first.times) or part.a.shape[:2] != first.a.shape[:2]:
+                raise ValueError("parts differ in their knots or in their number of elements")
+            if (part.object_names, part.part_names, part.frequency) != (
+                first.object_names,
+                first.part_names,
+                first.frequency,
+            ):
+                raise ValueError("parts differ in their object names, part names or reference frequency")
+        order = max(0 if part.dispersion is None else len(part.dispersion) for part in parts)
+        bands = {part.half_band for part in parts if part.dispersion is not None}
+        if len(bands) > 1:
+            raise ValueError(f"parts differ in the band of their dispersion: {sorted(bands)} Hz")
+
+        def dispersion(part: RadarPaths) -> ComplexArray:
+            full = np.zeros((order, *part.a.shape), dtype=np.complex128)
+            if part.dispersion is not None:
+                full[: len(part.dispersion)] = part.dispersion
+            return full
+
+        def join(name: str, axis: int) -> Any:
+            return np.concatenate([getattr(part, name) for part in parts], axis=axis)
+
+        return replace(
+            first,
+            **{name: join(name, 2) for name in ("a", "tau", "tau_rate")},
+            **{name: join(name, 0) for name in ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")},
+            dispersion=np.concatenate([dispersion(part) for part in parts], axis=3) if order else None,
+            half_band=max(bands, default=0.0),
+        )
 
     def labels(self) -> list[dict[str, Any]]:
         """Ground truth, one record per path: object, part, kind, bounces, radial velocity [m/s] at the first knot."""

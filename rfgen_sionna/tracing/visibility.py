@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
@@ -10,13 +13,9 @@ from rfgen_sionna.scene.rays import RayScene
 
 def _lattice(n: int) -> FloatArray:
     """(n^2, 3) barycentric centroids of the n^2 equal triangles that a triangle splits into."""
-    points = []
-    for i in range(n):
-        for j in range(n - i):
-            points.append((i + 1 / 3, j + 1 / 3))
-            if i + j < n - 1:
-                points.append((i + 2 / 3, j + 2 / 3))
-    u = np.array(points) / n
+    upright = [(i + 1 / 3, j + 1 / 3) for i in range(n) for j in range(n - i)]
+    inverted = [(i + 2 / 3, j + 2 / 3) for i in range(n) for j in range(n - i - 1)]
+    u = np.array(upright + inverted) / n
     return np.column_stack([u, 1 - u.sum(axis=1)])
 
 
@@ -24,18 +23,29 @@ _GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 
 _FINE = _lattice(4)
 
 
+@dataclass(frozen=True)
+class Visibility:
+    """Visible share of facets and what it took to know it."""
+
+    fraction: FloatArray
+    """(facet,) share of the area that nothing hides, 0 … 1."""
+    fine: NDArray[np.bool_]
+    """(facet,) whether the dense lattice of sample points decided."""
+    rays: int
+    """Rays sent."""
+
+
 def visible_fraction(
     rays: RayScene,
     viewpoint: FloatArray,
     corners: FloatArray,
     facet: IntArray,
-    neighbour_rule: bool = True,
-) -> tuple[FloatArray, int]:
+    fine: NDArray[np.bool_] | None = None,
+) -> Visibility:
     """Share of each facet's area that nothing hides from the viewpoint.
 
-    Three guiding rays go to every facet. Where they disagree, or where facets of the same face or next to it in the
-    list disagree with each other, 16 rays on a lattice decide. The sample points are fixed in the facet, so that the
-    fraction changes smoothly as it moves.
+    Three guiding rays go to every facet; where they disagree, 16 on a lattice decide. The sample points are fixed in
+    the facet, so that the share changes gradually while it moves.
 
     Parameters
     ----------
@@ -47,28 +57,27 @@ def visible_fraction(
         (facet, 3, 3) [m].
     facet
         (facet,) number of the ray scene's face that each facet is a piece of; it does not hide itself.
-    neighbour_rule
-        Whether a facet whose neighbours in the list differ is refined as well.
-
-    Returns
-    -------
-    (facet,) fractions in 0 … 1, and the number of rays sent.
+    fine
+        (facet,) facets that get the lattice in any case. Without it those get it whose neighbour in the list, most
+        often a neighbour in the mesh, is seen differently: a shadow's edge can pass between guiding rays.
     """
     if len(corners) == 0:
-        return np.zeros(0), 0
+        return Visibility(np.zeros(0), np.zeros(0, dtype=np.bool_), 0)
 
-    def seen(chosen: FloatArray, own: IntArray, weights: FloatArray) -> FloatArray:
-        targets = np.einsum("sc,fci->fsi", weights, chosen).reshape(-1, 3)
-        hidden = rays.occluded(viewpoint, targets, np.repeat(own, len(weights)))
-        return 1.0 - hidden.reshape(len(chosen), len(weights)).mean(axis=1)
+    def seen(index: NDArray[np.intp], weights: FloatArray) -> FloatArray:
+        targets = np.einsum("sc,fci->fsi", weights, corners[index]).reshape(-1, 3)
+        hidden = rays.occluded(viewpoint, targets, np.repeat(facet[index], len(weights)))
+        return np.asarray(1.0 - hidden.reshape(len(index), len(weights)).mean(axis=1), dtype=np.float64)
 
-    fraction = seen(corners, facet, _GUIDE)
+    fraction = seen(np.arange(len(corners)), _GUIDE)
     mixed = (fraction > 0) & (fraction < 1)
-    if neighbour_rule and len(fraction) > 1:
+    if fine is not None:
+        mixed |= fine
+    else:
         step = fraction[1:] != fraction[:-1]
         mixed[1:] |= step
         mixed[:-1] |= step
     index = np.flatnonzero(mixed)
     if len(index):
-        fraction[index] = seen(corners[index], facet[index], _FINE)
-    return fraction, len(_GUIDE) * len(corners) + len(_FINE) * len(index)
+        fraction[index] = seen(index, _FINE)
+    return Visibility(fraction, mixed, len(_GUIDE) * len(corners) + len(_FINE) * len(index))

@@ -1,0 +1,105 @@
+"""Facets of several surfaces, stacked into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths
+from rfgen_sionna.tracing.surfaces import Surface
+from rfgen_sionna.tracing.tessellate import Tessellation
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Flat pieces of surfaces at one instant."""
+
+    corners: FloatArray
+    """(facet, 3, 3) [m], world."""
+    number: IntArray
+    """(facet,) face among all faces of the ray scene."""
+    face: IntArray
+    """(facet,) face within its surface."""
+    surface: IntArray
+    """(facet,) position in the list of surfaces."""
+    facing: NDArray[np.bool_]
+    """(facet,) False where a closed surface looks away from the viewpoint."""
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def take(self, index: NDArray[np.intp]) -> Facets:
+        """The facets that `index` counts out."""
+        return Facets(
+            self.corners[index], self.number[index], self.face[index], self.surface[index], self.facing[index]
+        )
+
+    @property
+    def centroids(self) -> FloatArray:
+        """(facet, 3) [m]"""
+        return np.asarray(self.corners.mean(axis=1), dtype=np.float64)
+
+    def directions(self, viewpoint: FloatArray) -> FloatArray:
+        """(facet, 3) unit vectors from the viewpoint to the centroids."""
+        offset = self.centroids - viewpoint
+        return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12), dtype=np.float64)
+
+
+def stack_facets(
+    surfaces: Sequence[Surface], pieces: Sequence[Tessellation], vertices: Sequence[FloatArray], viewpoint: FloatArray
+) -> Facets:
+    """All pieces of all surfaces, in their order, for the vertices [m] given."""
+    corners = [np.zeros((0, 3, 3))]
+    number, face, index = ([np.zeros(0, np.int32)] for _ in range(3))
+    facing = [np.zeros(0, np.bool_)]
+    for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
+        c = piece.corners(points, surface.faces)
+        normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+        towards = np.einsum("fi,fi->f", normal, viewpoint - c.mean(axis=1)) > 0
+        corners.append(c)
+        number.append(piece.face + np.int32(surface.first_facet))
+        face.append(piece.face)
+        index.append(np.full(len(c), position, dtype=np.int32))
+        facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
+    return Facets(*(np.concatenate(parts) for parts in (corners, number, face, index, facing)))
+
+
+def facet_paths(
+    surfaces: Sequence[Surface],
+    facets: Facets,
+    times: FloatArray,
+    coefficients: ComplexArray,
+    tau: FloatArray,
+    tau_rate: FloatArray,
+    direction: FloatArray,
+    frequency: float,
+    half_band: float,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+) -> RadarPaths:
+    """First-order paths from (order, tx, rx, facet, time) gain coefficients; `names` are those of objects and parts."""
+    objects = np.array([surface.object_id for surface in surfaces], dtype=np.int32)
+    parts = np.zeros(len(facets), dtype=np.int32)
+    for position, surface in enumerate(surfaces):
+        chosen = facets.surface == position
+        parts[chosen] = surface.parts[facets.face[chosen]]
+    return RadarPaths(
+        a=coefficients[0],
+        tau=tau,
+        tau_rate=tau_rate,
+        times=times,
+        frequency=frequency,
+        direction=direction,
+        arrival=direction,
+        object_id=objects[facets.surface] if len(facets) else np.zeros(0, np.int32),
+        part_id=parts,
+        kind=np.full(len(facets), PathKind.FACET, dtype=np.uint8),
+        bounces=np.ones(len(facets), dtype=np.uint8),
+        object_names=names[0],
+        part_names=names[1],
+        facet=facets.face,
+        dispersion=coefficients[1:] if len(coefficients) > 1 else None,
+        half_band=half_band if len(coefficients) > 1 else 0.0,
+    )

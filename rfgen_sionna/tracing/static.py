@@ -1,0 +1,136 @@
+"""The part of a scene that stays: traced once per radar pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.tessellate import tessellate
+from rfgen_sionna.tracing.visibility import visible_fraction
+
+
+@dataclass(frozen=True)
+class StaticTrace:
+    """Paths of the static scene without actors, and what is needed to know what actors hide of them."""
+
+    paths: RadarPaths
+    """One path per facet of `facets`, a single knot."""
+    facets: Facets
+    fraction: FloatArray
+    """(facet,) visible share without actors, above 0."""
+    fine: NDArray[np.bool_]
+    """(facet,) whether the lattice of sample points decided about the share."""
+    viewpoint: FloatArray
+    rays: int
+    """Rays sent."""
+
+    def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
+        """Visible share of each facet with the actors where `rays` has them, and the number of rays sent.
+
+        `actors` are the (vertex, 3) positions [m] of each actor. A facet that no actor touches keeps its share to the
+        bit, as the same sample points decide about it.
+        """
+        index = np.flatnonzero(self._behind(actors))
+        fraction = self.fraction.copy()
+        if len(index) == 0:
+            return fraction, 0
+        facets = self.facets.take(index)
+        seen = visible_fraction(rays, self.viewpoint, facets.corners, facets.number, self.fine[index])
+        fraction[index] = seen.fraction
+        return fraction, seen.rays
+
+    def _behind(self, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
+        """(facet,) facets that reach into the cone around an actor, seen from the viewpoint, and not before it."""
+        direction = self.facets.directions(self.viewpoint)
+        centroids = self.facets.centroids
+        distance = np.linalg.norm(centroids - self.viewpoint, axis=1)
+        size = np.linalg.norm(self.facets.corners - centroids[:, None], axis=2).max(axis=1, initial=0.0)
+        behind = np.zeros(len(distance), dtype=np.bool_)
+        for points in actors:
+            offset = points - self.viewpoint
+            reach = np.linalg.norm(offset, axis=1)
+            unit = offset / np.maximum(reach, 1e-12)[:, None]
+            axis = unit.mean(axis=0)
+            length = float(np.linalg.norm(axis))
+            if length < 0.1:  # the actor surrounds the radar
+                return np.ones(len(distance), dtype=np.bool_)
+            axis /= length
+            opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
+            off_axis = np.arccos(np.clip(direction @ axis, -1.0, 1.0))
+            margin = np.arctan2(size, distance) + 1e-3
+            behind |= (off_axis <= opening + margin) & (distance + size > reach.min())
+        return behind
+
+    def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
+        """What is missing of the static paths when the facets' visible shares at the knots are `fraction` (facet, time).
+
+        Returns the paths, weighted with the share less the unobstructed one, and which static path each belongs to.
+        """
+        index = np.flatnonzero((fraction != self.fraction[:, None]).any(axis=1))
+        weight = fraction[index] / self.fraction[index, None] - 1.0
+        chosen = self.paths.select(index)
+        count = len(knots)
+
+        def over_time(values: FloatArray) -> FloatArray:
+            return np.broadcast_to(values, (*values.shape[:-1], count))
+
+        direction = np.broadcast_to(chosen.direction, (len(index), count, 3))
+        return (
+            replace(
+                chosen,
+                a=chosen.a * weight,
+                dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
+                tau=over_time(chosen.tau),
+                tau_rate=over_time(chosen.tau_rate),
+                times=knots,
+                direction=direction,
+                arrival=direction,
+            ),
+            index,
+        )
+
+
+def trace_static(
+    surfaces: Surfaces, rays: RayScene | None, band: BandTracer, viewpoint: FloatArray, rtol: float, max_range: float
+) -> StaticTrace:
+    """Trace the static surfaces; facets beyond `max_range` [m] are left out, as the radar's IF filter removes them.
+
+    `rays` holds the static scene alone; None where there is no static surface.
+    """
+    pieces = [
+        tessellate(points, surface.faces, viewpoint, band.highest, rtol)
+        for points, surface in zip(surfaces.static_vertices, surfaces.static, strict=True)
+    ]
+    facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
+    near = np.linalg.norm(facets.centroids - viewpoint, axis=1) < max_range
+    facets = facets.take(np.flatnonzero(facets.facing & near))
+    fraction, fine, count = np.zeros(len(facets)), np.zeros(len(facets), np.bool_), 0
+    if rays is not None and len(facets):
+        seen = visible_fraction(rays, viewpoint, facets.corners, facets.number)
+        fraction, fine, count = seen.fraction, seen.fine, seen.rays
+    kept = np.flatnonzero(fraction > 0)
+    facets, fraction, fine = facets.take(kept), fraction[kept], fine[kept]
+    materials = tuple(surface.material for surface in surfaces.static)
+    order = band.order_for(facets.corners, materials, facets.surface, fraction)
+    gains = band(facets.corners, materials, facets.surface, order)
+    paths = facet_paths(
+        surfaces.static,
+        facets,
+        np.array([0.0]),
+        (gains.coefficients * fraction)[..., None],
+        gains.tau[..., None],
+        np.zeros((*gains.tau.shape, 1)),
+        facets.directions(viewpoint)[:, None],
+        band.centre,
+        band.half_band,
+        (surfaces.object_names, surfaces.part_names),
+    )
+    return StaticTrace(paths, facets, fraction, fine, viewpoint, count)

@@ -1,0 +1,219 @@
+"""First-order physical optics of a scene with static and moving parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.knots import choose_knots
+from rfgen_sionna.tracing.static import StaticTrace, trace_static
+from rfgen_sionna.tracing.surfaces import collect_surfaces
+from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
+from rfgen_sionna.tracing.visibility import visible_fraction
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene import Actor, RadarScene
+
+RATE_STEP = 0.5e-3
+"""Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
+PHASE_PER_RTOL = 10.0
+"""Phase error between knots [rad] per unit of `rtol`: 0.01 rad at the default of 1e-3."""
+
+
+@dataclass(frozen=True)
+class TraceReport:
+    """What a trace cost."""
+
+    facets: int
+    """Facets integrated."""
+    rays: int
+    """Visibility rays sent, those of the static scene included."""
+    knots: int
+    """Instants traced."""
+
+
+@dataclass(frozen=True)
+class Traced:
+    """Paths over a stretch of time. The channel is the sum of the three parts, which don't share knots."""
+
+    static: RadarPaths
+    """The static scene as if there were no actors: one knot, traced once."""
+    shadow: RadarPaths
+    """What the actors hide of it: its paths, weighted with the visible share less the unobstructed one."""
+    shaded: NDArray[np.intp]
+    """(path,) index of the static path that each path of `shadow` takes from."""
+    moving: RadarPaths
+    """The actors."""
+    report: TraceReport
+
+
+class Tracer:
+    """Traces one radar in one scene with its actors.
+
+    The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
+    and what they hide is traced anew.
+
+    Parameters
+    ----------
+    scene
+        The static scene; None is free space.
+    radar
+        Position, elements, band and range window.
+    actors
+        What moves.
+    rtol
+        Allowed relative error of a facet's gain (see :func:`~rfgen_sionna.tracing.tessellate.allowed_bulge`) and, times
+        `PHASE_PER_RTOL`, phase error between knots [rad].
+    """
+
+    def __init__(self, scene: RadarScene | None, radar: Radar, actors: Sequence[Actor], rtol: float = 1e-3) -> None:
+        self.radar = radar
+        self.actors = tuple(actors)
+        self.rtol = rtol
+        self.surfaces = collect_surfaces(scene, self.actors)
+        self._viewpoint = np.asarray(radar.position)
+        self._band = BandTracer(radar, rtol)
+        self._moving_order: int | None = None
+        self._positions: dict[float, list[FloatArray]] = {}
+
+    @cached_property
+    def static(self) -> StaticTrace:
+        """The static scene, traced at first use."""
+        rays = RayScene(self._static_meshes, origin=self._viewpoint) if self._static_meshes else None
+        return trace_static(self.surfaces, rays, self._band, self._viewpoint, self.rtol, self.radar.max_range)
+
+    @cached_property
+    def _rays(self) -> RayScene:
+        """Static and moving meshes together."""
+        moving = [(points, actor.faces) for points, actor in zip(self._vertices(0.0), self.actors, strict=True)]
+        return RayScene(self._static_meshes, moving, origin=self._viewpoint)
+
+    @property
+    def _static_meshes(self) -> list[tuple[FloatArray, NDArray[np.int32]]]:
+        surfaces = self.surfaces
+        return [(points, each.faces) for points, each in zip(surfaces.static_vertices, surfaces.static, strict=True)]
+
+    def _vertices(self, t: float) -> list[FloatArray]:
+        """Vertices of every actor at `t`; kept for the stretch at hand, as knots are chosen by trying."""
+        if t not in self._positions:
+            self._positions[t] = [actor.vertices(t) for actor in self.actors]
+        return self._positions[t]
+
+    def trace(self, start: float, stop: float) -> Traced:
+        """Paths from `start` to `stop` [s], with as many knots as the motion asks for."""
+        self._positions.clear()
+        knots = np.array([start])
+        if self.actors:
+            knots = choose_knots(
+                lambda t: np.concatenate(self._vertices(t)),
+                self._viewpoint,
+                start,
+                stop,
+                self._band.highest,
+                PHASE_PER_RTOL * self.rtol,
+            )
+        return self._traced(knots)
+
+    def instant(self, t: float) -> RadarPaths:
+        """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot."""
+        self._positions.clear()
+        traced = self._traced(np.array([t]))
+        static = traced.static
+        if len(traced.shaded):
+            a = static.a.copy()
+            a[:, :, traced.shaded] += traced.shadow.a
+            dispersion = None if static.dispersion is None else static.dispersion.copy()
+            if dispersion is not None and traced.shadow.dispersion is not None:
+                dispersion[:, :, :, traced.shaded] += traced.shadow.dispersion
+            static = replace(static, a=a, dispersion=dispersion).select(np.any(a != 0, axis=(0, 1, 3)))
+        return RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
+
+    def _traced(self, knots: FloatArray) -> Traced:
+        static = self.static
+        rays, facets = static.rays, len(static.facets)
+        pieces = self._tessellations(knots)
+        stacked, fractions, shares = [], [], []
+        for t in knots:
+            vertices = self._vertices(float(t))
+            each = stack_facets(self.surfaces.moving, pieces, vertices, self._viewpoint)
+            fraction, share = np.zeros(len(each)), static.fraction
+            if self.actors:
+                self._rays.update(vertices)
+                facing = np.flatnonzero(each.facing)
+                seen = visible_fraction(self._rays, self._viewpoint, each.corners[facing], each.number[facing])
+                fraction[facing] = seen.fraction
+                share, more = static.visible(self._rays, vertices)
+                rays += seen.rays + more
+                facets += len(facing)
+            stacked.append(each)
+            fractions.append(fraction)
+            shares.append(share)
+        shadow, shaded = static.shadow(knots, np.stack(shares, axis=1))
+        moving = self._moving_paths(knots, pieces, stacked, np.stack(fractions, axis=1))
+        return Traced(static.paths, shadow, shaded, moving, TraceReport(facets, rays, len(knots)))
+
+    def _tessellations(self, knots: FloatArray) -> list[Tessellation]:
+        """Tessellation of every actor at the knot where it comes nearest to the radar."""
+        pieces = []
+        for index, surface in enumerate(self.surfaces.moving):
+            poses = [self._vertices(float(t))[index] for t in knots]
+            nearest = min(poses, key=lambda points: float(np.linalg.norm(points - self._viewpoint, axis=1).min()))
+            pieces.append(tessellate(nearest, surface.faces, self._viewpoint, self._band.highest, self.rtol))
+        return pieces
+
+    def _moving_paths(
+        self, knots: FloatArray, pieces: list[Tessellation], stacked: list[Facets], fraction: FloatArray
+    ) -> RadarPaths:
+        """Paths of the facets that are seen at any knot; `fraction` is (facet, time)."""
+        surfaces = self.surfaces.moving
+        materials = tuple(surface.material for surface in surfaces)
+        kept = np.flatnonzero((fraction > 0).any(axis=1))
+        facets, fraction = [each.take(kept) for each in stacked], fraction[kept]
+        if self._moving_order is None and len(kept):
+            self._moving_order = self._band.order_for(facets[0].corners, materials, facets[0].surface, fraction[:, 0])
+        order = self._moving_order or 1
+        shape = (len(self.radar.tx_positions), len(self.radar.rx_positions), len(kept), len(knots))
+        coefficients = np.empty((order, *shape), dtype=np.complex128)
+        tau, direction = np.empty(shape), np.empty((len(kept), len(knots), 3))
+        for k, each in enumerate(facets):
+            gains = self._band(each.corners, materials, each.surface, order)
+            coefficients[..., k] = gains.coefficients * fraction[:, k]
+            tau[..., k] = gains.tau
+            direction[:, k] = each.directions(self._viewpoint)
+        if len(knots) > 1:
+            rate = tau @ knot_weights(knots, knots, 1).T
+        else:
+            rate = self._rates(float(knots[0]), pieces, kept)[..., None]
+        return facet_paths(
+            surfaces,
+            facets[0],
+            knots,
+            coefficients,
+            tau,
+            rate,
+            direction,
+            self._band.centre,
+            self._band.half_band,
+            (self.surfaces.object_names, self.surfaces.part_names),
+        )
+
+    def _rates(self, t: float, pieces: list[Tessellation], kept: NDArray[np.intp]) -> FloatArray:
+        """(tx, rx, facet) rates of the delays by way of the facets' centroids, differenced around `t`."""
+        tau = []
+        for instant in (t - RATE_STEP, t + RATE_STEP):
+            facets = stack_facets(self.surfaces.moving, pieces, self._vertices(instant), self._viewpoint)
+            centroids = facets.centroids[kept]
+            to_tx = np.linalg.norm(centroids - self.radar.tx_world[:, None], axis=2)
+            to_rx = np.linalg.norm(centroids - self.radar.rx_world[:, None], axis=2)
+            tau.append((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
+        return np.asarray((tau[1] - tau[0]) / (2 * RATE_STEP), dtype=np.float64)
