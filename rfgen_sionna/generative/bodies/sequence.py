@@ -1,0 +1,86 @@
+"""A rigged body in motion: a mesh whose vertices are C² functions of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from rfgen_sionna.generative.bodies.rig import Rig
+from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
+from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES
+from rfgen_sionna.records import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodySequence:
+    """A body posed by rotations and a root path; a :class:`~rfgen_sionna.records.MeshSequence`.
+
+    Bones turn along cubic splines through their unit quaternions, normalised at each instant, and the root moves along
+    a cubic spline: both are C², so vertices have continuous velocity and acceleration. Skinning is linear blending in
+    float64.
+    """
+
+    rig: Rig
+    rotations: FloatArray
+    """(frame, bone, 3, 3) world rotations relative to the mesh's rest pose."""
+    translation: FloatArray
+    """(frame, 3) positions of the root joint [m]."""
+    frame_rate: float
+    """Poses per second [Hz]."""
+
+    @property
+    def faces(self) -> IntArray:
+        """(face, 3) vertex indices."""
+        return self.rig.faces
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """head, torso, left_upper_arm, ..."""
+        return self.rig.part_names
+
+    @property
+    def face_parts(self) -> IntArray:
+        """(face,) index into `part_names`."""
+        return self.rig.face_parts
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The 52 joints of SMPL-H."""
+        return JOINT_NAMES
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last pose [s]."""
+        return (len(self.translation) - 1) / self.frame_rate
+
+    @cached_property
+    def _curve(self) -> CubicSpline | None:
+        n = len(self.translation)
+        if n < 2:
+            return None
+        quaternions = to_quaternions(self.rotations).reshape(n, -1)
+        return CubicSpline(np.arange(n) / self.frame_rate, np.hstack([self.translation, quaternions]))
+
+    def pose(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """(bone, 3, 3) rotations and (3,) root position [m] at `t` [s]."""
+        if self._curve is None:
+            return self.rotations[0], self.translation[0]
+        state = self._curve(min(max(float(t), 0.0), self.duration))
+        return to_matrices(state[3:].reshape(-1, 4)), state[:3]
+
+    def vertices(self, t: float) -> FloatArray:
+        """(vertex, 3) positions at `t` [s] in metres."""
+        return self.rig.skin(*self.pose(t))
+
+    def joints(self, t: float) -> FloatArray:
+        """(52, 3) joint positions at `t` [s] in metres."""
+        return self.rig.bone_heads(*self.pose(t))[self.rig.joint_bones]
+
+    def joint_rotations(self, t: float) -> FloatArray:
+        """(52, 3, 3) world rotations of the joints relative to the T-pose at `t` [s]."""
+        rotations, _ = self.pose(t)
+        bones = self.rig.joint_bones
+        return rotations[bones] @ np.swapaxes(self.rig.to_t_pose[bones], -1, -2)

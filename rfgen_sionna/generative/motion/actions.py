@@ -1,0 +1,65 @@
+"""The actions that can be asked for by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from rfgen_sionna.generative.motion import gestures, jumps, postures
+from rfgen_sionna.generative.motion.pick_up import pick_up
+from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.walk import walk
+
+Writer = Callable[[Score, np.random.Generator, str, float], None]
+"""(score, rng, hand "left" or "right", speed factor): writes an action into a score."""
+
+
+@dataclass(frozen=True)
+class Action:
+    """One action of the kinematic synthesiser."""
+
+    name: str
+    description: str
+    """What a person does, as a clause: "walks back and forth"."""
+    write: Writer
+    one_handed: bool = False
+    """Whether the choice of the hand matters."""
+    periodic: bool = True
+    """Whether it repeats with a rhythm; postures don't."""
+
+
+ACTIONS: Mapping[str, Action] = MappingProxyType(
+    {
+        a.name: a
+        for a in (
+            Action("walk", "walks back and forth", walk),
+            Action("jump", "jumps up on the spot", jumps.jump),
+            Action("jumping_jacks", "does jumping jacks", jumps.jumping_jacks),
+            Action("pick_up", "picks up an item from the ground", pick_up, one_handed=True),
+            Action("t_pose", "holds a T pose", postures.t_pose, periodic=False),
+            Action("y_pose", "holds a Y pose", postures.y_pose, periodic=False),
+            Action("left_arm_raised", "raises the left arm", postures.left_arm_raised, periodic=False),
+            Action("right_arm_raised", "raises the right arm", postures.right_arm_raised, periodic=False),
+            Action("left_leg_raised", "raises the left leg", postures.left_leg_raised, periodic=False),
+            Action("right_leg_raised", "raises the right leg", postures.right_leg_raised, periodic=False),
+            Action("swipe_left", "swipes to the left", gestures.swipe_left, one_handed=True),
+            Action("swipe_right", "swipes to the right", gestures.swipe_right, one_handed=True),
+            Action("push", "pushes a hand forwards", gestures.push, one_handed=True),
+            Action("pull", "pulls a hand back", gestures.pull, one_handed=True),
+            Action("circle_clockwise", "draws clockwise circles", gestures.circle_clockwise, one_handed=True),
+            Action(
+                "circle_counterclockwise",
+                "draws counter-clockwise circles",
+                gestures.circle_counterclockwise,
+                one_handed=True,
+            ),
+            Action("click", "clicks with the index finger", gestures.click, one_handed=True),
+            Action("finger_swing", "swings the index finger", gestures.finger_swing, one_handed=True),
+            Action("standing", "stands", postures.standing, periodic=False),
+        )
+    }
+)
+"""All actions by name. Left, right and clockwise are the person's own."""

@@ -1,0 +1,93 @@
+"""Keep a standing person's centre of mass over the feet, and the legs long enough."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
+from rfgen_sionna.records import FloatArray
+
+# Share of body mass and position of the centre along the segment from its upper joint:
+# Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), table 4.1.
+_SEGMENTS: tuple[tuple[str, str, float, float], ...] = (
+    ("neck", "head", 0.081, 1.0),
+    ("pelvis", "neck", 0.497, 0.5),
+    *(
+        segment
+        for s in SIDES
+        for segment in (
+            (f"{s}_shoulder", f"{s}_elbow", 0.028, 0.436),
+            (f"{s}_elbow", f"{s}_wrist", 0.016, 0.430),
+            (f"{s}_wrist", f"{s}_middle1", 0.006, 0.506),
+            (f"{s}_hip", f"{s}_knee", 0.100, 0.433),
+            (f"{s}_knee", f"{s}_ankle", 0.0465, 0.433),
+            (f"{s}_ankle", f"{s}_foot", 0.0145, 0.5),
+        )
+    ),
+)
+
+
+def centre_of_mass(joints: FloatArray) -> FloatArray:
+    """(..., 3) centre of mass [m] of a body with joint positions (..., 52, 3) [m]."""
+    total = np.zeros(joints.shape[:-2] + (3,))
+    for upper, lower, share, at in _SEGMENTS:
+        a, b = joints[..., JOINT[upper], :], joints[..., JOINT[lower], :]
+        total += share * (a + at * (b - a))
+    return total / sum(share for _, _, share, _ in _SEGMENTS)
+
+
+def over_feet(score: Score, weight: FloatArray | float = 0.5, ahead: float = 0.05) -> None:
+    """Shift the pelvis so that the centre of mass stays over the support.
+
+    Args:
+        score: changed in place; its centre of mass sways by `score.sway`.
+        weight: share of the weight on the left foot, (n,) or constant.
+        ahead: how far in front of the ankles the weight rests [m].
+    """
+    left, right = (score.feet[s] for s in SIDES)
+    w = np.broadcast_to(np.asarray(weight, float), (score.n,))[:, None]
+    support = w * left.place + (1.0 - w) * right.place
+    support = support + ahead * np.stack([np.cos(score.yaw), np.sin(score.yaw)], axis=-1)
+    for _ in range(3):
+        _, joints = score.solve()
+        score.pelvis[:, :2] += support + score.sway - centre_of_mass(joints)[:, :2]
+
+
+def fit_height(score: Score, reach: float = 0.985) -> None:
+    """Lower the pelvis by one constant so that no leg is stretched beyond `reach` of its length."""
+    sk = score.skeleton
+    longest = reach * sk.leg_length()
+    for _ in range(4):
+        _, joints = score.solve()
+        over = 0.0
+        for side in SIDES:
+            ankle, _, _ = score.foot_frames(side)
+            over = max(over, float(np.max(np.linalg.norm(ankle - joints[:, JOINT[f"{side}_hip"]], axis=-1)) - longest))
+        if over <= 1e-4:
+            return
+        score.pelvis[:, 2] -= over
+
+
+def ride_height(score: Score, reach: float = 0.99, sigma: float = 0.04) -> None:
+    """Lower the pelvis smoothly, where and when the legs ask for it: the vault of walking.
+
+    The highest pelvis that both legs allow is found at each instant, its lower envelope smoothed over `sigma` [s], and
+    the pelvis kept under it.
+    """
+    sk = score.skeleton
+    longest = reach * sk.leg_length()
+    step = float(score.t[1] - score.t[0]) if score.n > 1 else 1.0
+    width = max(1, round(2.0 * sigma / step))
+    for _ in range(2):
+        _, joints = score.solve()
+        allowed = np.full(score.n, np.inf)
+        for side in SIDES:
+            ankle, _, _ = score.foot_frames(side)
+            hip = joints[:, JOINT[f"{side}_hip"]]
+            aside = np.sum((hip - ankle)[:, :2] ** 2, axis=-1)
+            up = np.sqrt(np.maximum(longest**2 - aside, (0.5 * longest) ** 2))
+            allowed = np.minimum(allowed, ankle[:, 2] + up - (hip[:, 2] - score.pelvis[:, 2]))
+        low = minimum_filter1d(np.minimum(allowed, score.pelvis[:, 2]), 2 * width + 1, mode="nearest")
+        score.pelvis[:, 2] = gaussian_filter1d(low, sigma / step, mode="nearest", truncate=2.0 * step * width / sigma)

@@ -1,0 +1,192 @@
+"""Jumping on the spot and jumping jacks: ballistic flight between pushes against the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna.generative.motion.balance import over_feet
+from rfgen_sionna.generative.motion.curves import ease, hermite, keys, wander
+from rfgen_sionna.generative.motion.postures import lift_arm, quiet, relaxed
+from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
+from rfgen_sionna.records import FloatArray
+
+GRAVITY = 9.81
+
+
+def _airborne(score: Score, reach: float = 0.985) -> None:
+    """Lower the pelvis until the planted legs reach the floor, and let the feet follow where flight outruns them."""
+    sk = score.skeleton
+    longest = reach * sk.leg_length()
+    planted = score.contacts
+    for _ in range(4):
+        _, joints = score.solve()
+        over = 0.0
+        for i, side in enumerate(SIDES):
+            ankle, _, _ = score.foot_frames(side)
+            gap = np.linalg.norm(ankle - joints[:, JOINT[f"{side}_hip"]], axis=-1) - longest
+            over = max(over, float(np.max(gap[planted[:, i]], initial=0.0)))
+        if over <= 1e-4:
+            break
+        score.pelvis[:, 2] -= over
+
+
+def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+    """Straight up, again and again: dip with the arms back, push off, fly, land soft, stand."""
+    t, sk = score.t, score.skeleton
+    leg = sk.leg_length()
+    quiet(score, rng, 0.7)
+    relaxed(score, rng)
+    height = rng.uniform(0.10, 0.24) * leg / 0.82
+    depth = rng.uniform(0.14, 0.24) * leg
+    take_off = np.sqrt(2.0 * GRAVITY * height)
+    flight = 2.0 * take_off / GRAVITY
+    dip, push, land, rest = (
+        rng.uniform(0.34, 0.5) / speed**0.5,
+        np.clip(2.1 * depth / take_off, 0.2, 0.42),
+        rng.uniform(0.26, 0.36),
+        rng.uniform(0.35, 0.6) / speed,
+    )
+    tucked = rng.uniform(0.0, 0.06) * leg
+    arms_up = rng.uniform(0.4, 2.4)
+    clock = rng.uniform(0.05, 0.4)
+    # the toes leave the floor before the legs are straight: on tiptoe the pelvis is higher by `rise`
+    rise = 0.07 * leg / 0.82
+    times, z = [min(0.0, clock - 0.1)], [[0.0, 0.0, 0.0]]
+    pitch_t, pitch = [times[0]], [[0.0, 0.0, 0.0]]
+    lift_t, lift = [times[0]], [[0.0, 0.0, 0.0]]
+    arm_t, arm = [times[0]], [0.0]
+    airborne = np.zeros(score.n, bool)
+    while times[-1] <= t[-1]:
+        jitter = rng.uniform(0.93, 1.07)
+        a = clock
+        b, c = a + dip * jitter, a + dip * jitter + push
+        d = c + flight
+        e = d + land
+        f = e + rest * rng.uniform(0.8, 1.3)
+        times += [a, b, c, c + 0.5 * flight, d, e, f]
+        z += [
+            [0.0, 0.0, 0.0],
+            [-depth, 0.0, 0.6 * GRAVITY],
+            [rise, take_off, -GRAVITY],
+            [rise + height, 0.0, -GRAVITY],
+            [rise, -take_off, -GRAVITY],
+            [-0.75 * depth, 0.0, 0.3 * GRAVITY],
+            [0.0, 0.0, 0.0],
+        ]
+        point = np.radians(50.0)
+        pitch_t += [b + 0.4 * push, c, c + 0.3 * flight, c + 0.75 * flight, d, d + 0.13]
+        pitch += [
+            [0.0, 0.0, 0.0],
+            [-0.75 * point, -2.5 * point / flight, 0.0],
+            [-point, 0.0, 0.0],
+            [-0.45 * point, 0.0, 0.0],
+            [-0.42 * point, 0.0, 0.0],
+            [0.0, 0.0, 0.0],
+        ]
+        lift_t += [c, c + 0.22 * flight, c + 0.5 * flight, d - 0.18 * flight, d]
+        top = height + tucked - 0.02
+        lift += [
+            [0.0, 0.0, 0.0],
+            [0.5 * top, 0.62 * take_off, 0.0],
+            [top, 0.0, -GRAVITY],
+            [0.42 * top, -0.75 * take_off, 0.0],
+            [0.0, 0.0, 0.0],
+        ]
+        arm_t += [a, b - 0.05, c + 0.3 * flight, e - 0.05, f]
+        arm += [0.0, -0.75, arms_up, 0.1, 0.0]
+        airborne |= (t > c) & (t < d)
+        clock = f
+    score.pelvis[:, 2] += hermite(t, times, z)
+    feet_pitch, feet_lift = hermite(t, pitch_t, pitch), hermite(t, lift_t, lift)
+    for side in SIDES:
+        foot = score.feet[side]
+        foot.pitch, foot.lift = feet_pitch, np.maximum(feet_lift, 0.0)
+        foot.loose = ease(feet_lift / (0.4 * height))
+    score.contacts[:] = ~airborne[:, None]
+    swing = keys(t, arm_t, arm)
+    bent = np.clip(-(hermite(t, times, z) - rise), 0.0, None) / depth
+    low = keys(t, *_dips(times, z))
+    score.pitch += 0.45 * low
+    score.bend += 0.35 * low
+    score.nod -= 0.5 * low
+    del bent
+    for side in SIDES:
+        arm_score = score.arms[side]
+        out = rng.uniform(0.15, 0.3)
+        arm_score.direction = np.stack([np.sin(swing), np.full_like(t, out), -np.cos(swing)], axis=-1)
+        arm_score.pole = np.tile([-0.5, 0.8, -0.4], (score.n, 1))
+        arm_score.elbow = 0.35 + 0.35 * np.abs(np.sin(swing)) * rng.uniform(0.6, 1.4)
+    grounded = score.pelvis.copy()
+    over_feet(score, ahead=0.07)
+    score.pelvis[:, 2] = grounded[:, 2]
+    _airborne(score)
+
+
+def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[float]]:
+    """Keys of how deep the body is in its dips, 0 .. 1."""
+    depth = max(-state[0] for state in z)
+    return times, [max(-state[0] / depth, 0.0) for state in z]
+
+
+def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+    """Feet apart with arms overhead, feet together with arms down, a hop between."""
+    t, sk = score.t, score.skeleton
+    leg = sk.leg_length()
+    quiet(score, rng, 0.7)
+    half = rng.uniform(0.46, 0.62) / speed
+    flight = rng.uniform(0.36, 0.44) * half
+    take_off = 0.5 * GRAVITY * flight
+    dip = rng.uniform(0.035, 0.06) * leg / 0.82
+    apart = rng.uniform(0.36, 0.52) * leg / 0.82
+    together = rng.uniform(0.07, 0.1) * leg / 0.82
+    down, up = rng.uniform(0.1, 0.3), np.radians(rng.uniform(150.0, 170.0))
+    start = -rng.uniform(0.0, 2.0) * half
+    ground = half - flight
+    count = int(np.ceil((t[-1] - start) / half)) + 2
+    times, z, pitch_t, pitch, lift_t, lift, place_t, place, arm_t = [], [], [], [], [], [], [], [], []
+    airborne = np.zeros(score.n, bool)
+    rise = 0.04 * leg / 0.82
+    for k in range(count):
+        a = start + k * half  # touch-down
+        c = a + ground  # take-off
+        times += [a, a + 0.5 * ground, c, c + 0.5 * flight]
+        top = 0.125 * GRAVITY * flight**2
+        z += [
+            [rise, -take_off, -GRAVITY],
+            [-dip, 0.0, 0.5 * GRAVITY],
+            [rise, take_off, -GRAVITY],
+            [rise + top, 0.0, -GRAVITY],
+        ]
+        on_toes = -np.radians(24.0)
+        pitch_t += [a, a + 0.4 * ground, a + 0.6 * ground, c]
+        pitch += [[on_toes, 0.0, 0.0], [0.3 * on_toes, 0.0, 0.0], [0.3 * on_toes, 0.0, 0.0], [on_toes, 0.0, 0.0]]
+        lift_t += [a, c, c + 0.5 * flight]
+        lift += [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [top + 0.012, 0.0, -0.6 * GRAVITY]]
+        place_t += [a, c]
+        place += [k % 2, k % 2]
+        arm_t.append(a)
+        airborne |= (t > c) & (t < c + flight)
+    score.pelvis[:, 2] += hermite(t, times, z)
+    spread = keys(t, place_t, place)
+    feet_pitch, feet_lift = hermite(t, pitch_t, pitch), np.maximum(hermite(t, lift_t, lift), 0.0)
+    score.contacts[:] = ~airborne[:, None]
+    # the arms are at their ends just after touch-down and never stop for long
+    wave = 0.5 - 0.5 * np.cos(np.pi * (t - start - 0.12 * half) / half)
+    for side in SIDES:
+        foot = score.feet[side]
+        sign = 1.0 if side == "left" else -1.0
+        foot.place[:, 1] = sign * (together + spread * (apart - together))
+        foot.pitch, foot.lift = feet_pitch, feet_lift
+        foot.yaw = foot.yaw + sign * 0.12 * spread
+        angle = down + (up - down) * wave * rng.uniform(0.97, 1.03)
+        arm = score.arms[side]
+        lift_arm(score, side, np.array([0.1, 1.0, 0.2]), 0.2, np.zeros_like(t))
+        arm.direction = np.stack([np.full_like(t, 0.08), np.sin(angle), -np.cos(angle)], axis=-1)
+        arm.elbow = 0.12 + 0.25 * np.sin(np.pi * wave) + 0.02 * wander(t, rng, 1.0)
+        score.hands[side].curl *= rng.uniform(0.2, 0.8)
+        score.hands[side].pronation -= 0.3 * wave
+    heights: FloatArray = score.pelvis[:, 2].copy()
+    over_feet(score, ahead=0.09)
+    score.pelvis[:, 2] = heights
+    _airborne(score)

@@ -1,0 +1,80 @@
+"""The kinematic synthesiser: motion from rules of human movement, different for every seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfgen_sionna.generative.motion.actions import ACTIONS
+from rfgen_sionna.generative.motion.adult import MEAN_ADULT
+from rfgen_sionna.generative.motion.rotations import to_quaternions, transpose
+from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, PARENTS, SIDES, Skeleton
+from rfgen_sionna.records import Motion
+
+SPEED_RANGE = (0.5, 2.0)
+MAX_DURATION = 600.0
+
+
+@dataclass(frozen=True)
+class KinematicSource:
+    """A :class:`~rfgen_sionna.generative.motion.MotionSource` that needs no training data.
+
+    Feet are planned on the floor and legs follow by inverse kinematics, flight is ballistic, hands move on
+    minimum-jerk paths; the centre of mass stays over the feet while standing.
+    """
+
+    frame_rate: float = 60.0
+    """Poses per second [Hz]."""
+
+    def __call__(
+        self,
+        action: str,
+        duration: float,
+        seed: int,
+        *,
+        skeleton: Skeleton | None = None,
+        hand: str | None = None,
+        speed: float = 1.0,
+    ) -> Motion:
+        """Synthesise an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
+
+        Raises:
+            ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; hand neither "left" nor
+                "right", or given for an action that is not one-handed.
+        """
+        if action not in ACTIONS:
+            raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
+        if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
+            raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
+        if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
+            raise ValueError(f"speed: {speed!r}; allowed is a factor from {SPEED_RANGE[0]} to {SPEED_RANGE[1]}")
+        if hand is not None and hand not in SIDES:
+            raise ValueError(f"hand: {hand!r}; allowed are {', '.join(SIDES)}")
+        if hand is not None and not ACTIONS[action].one_handed:
+            raise ValueError(f"hand: the action {action!r} is not done with one hand; leave it out")
+        skeleton = skeleton or MEAN_ADULT
+        rng = np.random.default_rng([seed, list(ACTIONS).index(action)])
+        if hand is None:
+            # nine people in ten prefer the right
+            hand = "right" if rng.uniform() < 0.9 else "left"
+        t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) + 1) / self.frame_rate
+        score = Score(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
+        ACTIONS[action].write(score, rng, hand, speed)
+        world, joints = score.solve()
+        local = world.copy()
+        for j, p in enumerate(PARENTS):
+            if p >= 0:
+                local[:, j] = transpose(world[:, p]) @ world[:, j]
+        return Motion(
+            rotations=to_quaternions(local),
+            translation=joints[:, 0],
+            frame_rate=self.frame_rate,
+            joint_names=JOINT_NAMES,
+            parents=PARENTS,
+            offsets=skeleton.offsets,
+            contacts=score.contacts,
+            action=action,
+            seed=seed,
+        )

@@ -1,0 +1,94 @@
+"""Bending down to pick something up from the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna.generative.motion.balance import fit_height, over_feet
+from rfgen_sionna.generative.motion.curves import keys
+from rfgen_sionna.generative.motion.postures import quiet, relaxed
+from rfgen_sionna.generative.motion.rotations import Y, about
+from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, side_sign
+
+
+def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+    """Bend hips, knees and back, reach to the floor with one hand or both, grasp, and stand up again."""
+    t, sk = score.t, score.skeleton
+    leg = sk.leg_length()
+    relaxed(score, rng)
+    quiet(score, rng, 0.7)
+    both = rng.uniform() < 0.4
+    squat = rng.uniform(0.30, 0.46) * leg
+    stoop = rng.uniform(0.62, 0.85)
+    down, hold, up = (rng.uniform(*r) / speed for r in ((0.9, 1.3), (0.25, 0.55), (0.9, 1.4)))
+    clock = rng.uniform(0.1, 0.5) / speed
+    times, low, grip = [0.0], [0.0], [(0.0, 0.0)]
+    carried = 0.0
+    while times[-1] <= t[-1]:
+        # what was picked up is put down the next time
+        carried = 1.0 - carried
+        for step, depth in ((0.0, 0.0), (down, 1.0), (hold, 1.0), (up, 0.0)):
+            clock += step
+            times.append(clock)
+            low.append(depth)
+        grip += [(clock - up - hold, 1.0 - carried), (clock - up - 0.05, carried)]
+        clock += rng.uniform(0.4, 0.9) / speed
+    amount = keys(t, times, low)
+    # trunk and head start a little before the knees, as people do
+    early = keys(t + 0.08, times, low)
+    closing = keys(t, [g[0] for g in grip], [g[1] for g in grip])
+    score.pelvis[:, 2] -= squat * amount
+    score.pitch += stoop * early
+    score.bend += rng.uniform(0.35, 0.65) * early
+    score.nod += rng.uniform(-0.25, 0.15) * amount
+    score.knee_out += (rng.uniform(0.05, 0.25) * amount)[:, None]
+    aside = rng.uniform(0.0, 0.12) if both else rng.uniform(-0.02, 0.1)
+    forward, height = rng.uniform(0.3, 0.4) * leg / 0.82, rng.uniform(0.11, 0.17) * leg / 0.82
+    if not both:
+        score.turn += side_sign(hand) * -rng.uniform(0.05, 0.3) * amount
+        score.lean += side_sign(hand) * -rng.uniform(0.0, 0.1) * amount
+    for side in SIDES:
+        s, arm = side_sign(side), score.arms[side]
+        reaching = both or side == hand
+        if reaching:
+            arm.target = np.tile([forward, s * aside + (s * 0.1 if both else 0.0), height], (score.n, 1))
+            arm.target_weight = amount
+            arm.pole = arm.pole + amount[:, None] * (np.array([-0.8, 0.9, 0.3]) - arm.pole)
+            grasp = score.hands[side]
+            grasp.curl = grasp.curl + closing[:, None, None] * (
+                np.tile([0.85, 0.75, 0.4], (5, 1)) - grasp.curl
+            ) * _thumb_less()
+            grasp.flexion += 0.25 * amount
+        else:
+            # the free hand goes to the thigh
+            hanging = about(Y, np.array(-0.9 * rng.uniform(0.7, 1.0)))[:, 2] * -1.0
+            arm.direction += amount[:, None] * (hanging + [0.0, 0.15, 0.0] - arm.direction)
+            arm.elbow += 0.5 * amount
+    over_feet(score, ahead=0.075)
+    fit_height(score)
+    _reach_down(score, JOINT)
+
+
+def _thumb_less() -> np.ndarray:
+    """(5, 1) the thumb closes less than the fingers."""
+    return np.array([1.0, 1.0, 1.0, 1.0, 0.45])[:, None]
+
+
+def _reach_down(score: Score, joints: dict[str, int]) -> None:
+    """Bend the trunk a little more where the hand would not get down to its target."""
+    for _ in range(3):
+        _, p = score.solve()
+        short = 0.0
+        for side in SIDES:
+            arm = score.arms[side]
+            if arm.target is None or arm.target_weight is None:
+                continue
+            gap = np.linalg.norm(p[:, joints[f"{side}_wrist"]] - arm.target, axis=-1)
+            short = max(short, float(np.max(gap[arm.target_weight > 0.999], initial=0.0)))
+            weight = arm.target_weight
+        if short < 0.01:
+            return
+        score.bend += weight * min(0.9 * short, 0.12)
+        score.pelvis[:, 2] -= weight * 0.5 * short
+        over_feet(score, ahead=0.075)

@@ -1,0 +1,92 @@
+"""Rotations as arrays: (..., 3, 3) matrices inside, unit quaternions (x, y, z, w) at the boundary."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna.records import FloatArray
+
+X, Y, Z = np.eye(3)
+
+
+def about(axis: FloatArray, angle: FloatArray | float) -> FloatArray:
+    """(..., 3, 3) rotation by `angle` [rad] about the unit vector `axis` (..., 3)."""
+    angle = np.asarray(angle, float)
+    vector = np.asarray(axis, float) * angle[..., None]
+    return Rotation.from_rotvec(vector.reshape(-1, 3)).as_matrix().reshape(*vector.shape[:-1], 3, 3)
+
+
+def normalised(v: FloatArray) -> FloatArray:
+    """`v` (..., 3) at unit length."""
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def perpendicular(v: FloatArray, u: FloatArray) -> FloatArray:
+    """Unit vector of `v` (..., 3) without its part along the unit vector `u` (..., 3)."""
+    return normalised(v - np.sum(v * u, axis=-1, keepdims=True) * u)
+
+
+def basis(u: FloatArray, m: FloatArray) -> FloatArray:
+    """(..., 3, 3) right-handed frame with columns u, m (made perpendicular to u) and u x m."""
+    u = normalised(u)
+    m = perpendicular(m, u)
+    return np.stack([u, m, np.cross(u, m)], axis=-1)
+
+
+def between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(..., 3, 3) smallest rotation that takes unit vector `a` to unit vector `b` (not opposite)."""
+    a, b = np.broadcast_arrays(a, b)
+    v = np.cross(a, b)
+    c = np.sum(a * b, axis=-1)[..., None, None]
+    zero = np.zeros(v.shape[:-1])
+    k = np.stack(
+        [zero, -v[..., 2], v[..., 1], v[..., 2], zero, -v[..., 0], -v[..., 1], v[..., 0], zero], axis=-1
+    ).reshape(*v.shape[:-1], 3, 3)
+    return np.eye(3) + k + k @ k / (1.0 + c)
+
+
+def transpose(r: FloatArray) -> FloatArray:
+    """Inverse of (..., 3, 3) rotations."""
+    return np.swapaxes(r, -1, -2)
+
+
+def to_quaternions(r: FloatArray) -> FloatArray:
+    """(..., 4) unit quaternions (x, y, z, w) of (frame, ..., 3, 3) rotations, of continuous sign along axis 0."""
+    q = Rotation.from_matrix(r.reshape(-1, 3, 3)).as_quat().reshape(*r.shape[:-2], 4)
+    return continuous(q)
+
+
+def continuous(q: FloatArray) -> FloatArray:
+    """Quaternions (frame, ..., 4) with the sign chosen that stays nearest to the frame before."""
+    if len(q) < 2:
+        return q
+    flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
+    signs = np.concatenate([np.ones_like(flips[:1]), np.cumprod(flips, axis=0)])
+    return q * signs[..., None]
+
+
+def to_matrices(q: FloatArray) -> FloatArray:
+    """(..., 3, 3) rotations of (..., 4) quaternions (x, y, z, w), which need not have unit length."""
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    x, y, z, w = np.moveaxis(q, -1, 0)
+    return np.stack(
+        [
+            1 - 2 * (y * y + z * z),
+            2 * (x * y - z * w),
+            2 * (x * z + y * w),
+            2 * (x * y + z * w),
+            1 - 2 * (x * x + z * z),
+            2 * (y * z - x * w),
+            2 * (x * z - y * w),
+            2 * (y * z + x * w),
+            1 - 2 * (x * x + y * y),
+        ],
+        axis=-1,
+    ).reshape(*q.shape[:-1], 3, 3)
+
+
+def twist_angle(r: FloatArray, axis: FloatArray) -> FloatArray:
+    """(...) angle [rad] of the part of the rotations `r` (..., 3, 3) about the fixed unit vector `axis` (3,)."""
+    q = Rotation.from_matrix(r.reshape(-1, 3, 3)).as_quat().reshape(*r.shape[:-2], 4)
+    return 2.0 * np.arctan2(q[..., :3] @ axis * np.sign(q[..., 3] + 1e-300), np.abs(q[..., 3]))

@@ -1,0 +1,173 @@
+"""Walking back and forth along the facing direction, with a turn on the spot, step by step, at each end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from rfgen_sionna.generative.motion.balance import ride_height
+from rfgen_sionna.generative.motion.curves import bump, cruise, ease, hermite, keys, wander
+from rfgen_sionna.generative.motion.postures import relaxed
+from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, side_sign
+from rfgen_sionna.records import FloatArray
+
+STANCE = 0.62
+"""Share of the cycle that a foot stays on the floor (Perry and Burnfield, Gait Analysis, 2nd ed. 2010)."""
+WALK_RATIO = 0.0065
+"""Step length over cadence [m/(steps/min)], near constant in adults (Sekiya et al. 1996)."""
+_MARGIN = 2.5
+
+
+@dataclass(frozen=True)
+class Path:
+    """Where the body walks, densely sampled."""
+
+    t: FloatArray
+    """(m,) [s]."""
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    """(m,) [rad]."""
+    speed: FloatArray
+    """(m,) [m/s]."""
+
+    def at(self, t: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y [m] and heading [rad] at `t` [s]."""
+        return tuple(np.interp(t, self.t, c) for c in (self.x, self.y, self.heading))  # type: ignore[return-value]
+
+
+def back_and_forth(
+    end: float, speed: float, length: float, turn_time: float, sense: int, start: float, slow: float = 0.12
+) -> Path:
+    """Straight stretches of about `length` [m] with half turns (`sense` +1 to the left) of `turn_time` [s] between.
+
+    At time 0 the person has walked for `start` [s] on a stretch towards +x.
+    """
+    slowing = 0.3
+    straight = length / speed
+    t = np.arange(-_MARGIN, end + _MARGIN, 1.0 / 480.0)
+    half = straight + turn_time
+    first = np.floor((-_MARGIN + start) / half)
+    heading = np.zeros_like(t)
+    times, speeds = [t[0] + start - half], [1.0]
+    for k in range(int(first) - 1, int((end + _MARGIN + start) / half) + 2):
+        turn = k * half + straight
+        heading += sense * np.pi * cruise((t + start - turn) / turn_time, 0.3)
+        times += [turn - slowing, turn + 0.3 * turn_time, turn + 0.7 * turn_time, turn + turn_time + slowing]
+        speeds += [1.0, slow, slow, 1.0]
+    order = np.argsort(times, kind="stable")
+    pace = speed * keys(t + start, np.asarray(times)[order].tolist(), np.asarray(speeds)[order])
+    # whole turns before time 0 leave the heading at a multiple of pi: begin towards +x
+    heading -= heading[np.searchsorted(t, -start)] if start < _MARGIN else heading[0]
+    x = cumulative_trapezoid(pace * np.cos(heading), t, initial=0.0)
+    y = cumulative_trapezoid(pace * np.sin(heading), t, initial=0.0)
+    inside = (t >= -start) & (t <= max(end, 2.0 * half - start))
+    x -= 0.5 * (x[inside].min() + x[inside].max())
+    y -= 0.5 * (y[inside].min() + y[inside].max())
+    return Path(t, x, y, heading, pace)
+
+
+def walk(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+    """Back and forth on 1 to 1.6 m, towards the facing direction first."""
+    t, sk = score.t, score.skeleton
+    size = sk.leg_length() / 0.82
+    pace = rng.uniform(0.85, 1.35) * speed * np.sqrt(size)
+    # v = step * cadence and step = ratio * cadence * 60
+    step = np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
+    period = 2.0 * step / pace
+    length = rng.uniform(0.9, 1.5)
+    path = back_and_forth(
+        t[-1],
+        pace,
+        length,
+        turn_time=rng.uniform(2.1, 2.5) * period,
+        sense=1 if rng.uniform() < 0.5 else -1,
+        start=rng.uniform(0.0, 0.5) * length / pace,
+    )
+    begin = rng.uniform(-period, 0.0)
+    liveliness = np.interp(t, path.t, path.speed) / pace
+    x, y, heading = path.at(t)
+    relaxed(score, rng)
+    phase: dict[str, FloatArray] = {}
+    for i, side in enumerate(SIDES):
+        contact = begin + 0.5 * i * period
+        phase[side] = 2.0 * np.pi * (t - contact) / period
+        _feet(score, side, path, period, contact, step, rng)
+    left = phase["left"]
+    middle = left - 2.0 * np.pi * 0.26
+    lively = 0.35 + 0.65 * liveliness
+    sway = rng.uniform(0.015, 0.028) * np.cos(middle)
+    score.pelvis[:, 0] = x - sway * np.sin(heading)
+    score.pelvis[:, 1] = y + sway * np.cos(heading)
+    score.pelvis[:, 2] += rng.uniform(0.016, 0.022) * step / 0.65 * lively * np.cos(2.0 * middle)
+    score.yaw = heading - np.radians(rng.uniform(3.0, 6.0)) * lively * np.cos(left)
+    score.roll = np.radians(rng.uniform(2.0, 4.0)) * lively * np.cos(middle)
+    score.pitch = np.radians(rng.uniform(1.0, 5.0)) * lively
+    score.turn = np.radians(rng.uniform(5.0, 10.0)) * lively * np.cos(left)
+    score.lean = -0.8 * score.roll
+    turning = np.gradient(heading, t)
+    score.look = np.clip(0.22 * turning, -0.6, 0.6) + wander(t, rng, 0.04) - 0.5 * score.turn
+    score.nod = wander(t, rng, 0.02) + rng.uniform(-0.03, 0.08)
+    swing, bent, lag = rng.uniform(0.25, 0.5), rng.uniform(0.25, 0.5), rng.uniform(0.0, 0.35)
+    for side, other in zip(SIDES, SIDES[::-1], strict=True):
+        arm = score.arms[side]
+        forward = lively * swing * rng.uniform(0.85, 1.15) * np.cos(phase[other] - lag) + 0.05
+        arm.direction = np.stack([np.sin(forward), np.full_like(t, rng.uniform(0.1, 0.2)), -np.cos(forward)], axis=-1)
+        arm.elbow = bent + 0.25 * lively * (1.0 + np.sin(phase[other] - lag + 1.2))
+        score.hands[side].flexion += 0.08 * np.cos(phase[other] - lag - 0.6)
+    ride_height(score)
+
+
+def _feet(
+    score: Score, side: str, path: Path, period: float, contact: float, step: float, rng: np.random.Generator
+) -> None:
+    """Write one foot: planted where the body passes over it, rolling from heel to toe, swinging between."""
+    t, sk, s, i = score.t, score.skeleton, side_sign(side), SIDES.index(side)
+    foot = score.feet[side]
+    width = rng.uniform(0.5, 0.75) * abs(sk.offsets[JOINT["left_hip"], 1])
+    toe_out, clearance = rng.uniform(0.05, 0.16), rng.uniform(0.018, 0.035)
+    heel_up, toe_up = np.radians(rng.uniform(50.0, 62.0)), np.radians(rng.uniform(14.0, 22.0))
+    ahead = sk.rest_positions()[JOINT[f"{side}_ankle"], 0] + 0.01
+    first = int(np.floor((t[0] - contact) / period)) - 1
+    count = int(np.ceil((t[-1] - contact) / period)) + 2 - first
+    lands = contact + period * (first + np.arange(count + 1))
+    # the body passes over the foot a quarter of a cycle after touch-down: half a step before, half a step after
+    x, y, heading = path.at(lands + 0.26 * period)
+    places = np.stack(
+        [
+            x + ahead * np.cos(heading) - s * width * np.sin(heading),
+            y + ahead * np.sin(heading) + s * width * np.cos(heading),
+        ],
+        axis=-1,
+    )
+    yaws = heading + s * toe_out
+    strides = np.linalg.norm(np.diff(places, axis=0), axis=-1) / (2.0 * step)
+    reach = np.clip(0.25 + 0.75 * np.concatenate([strides, strides[-1:]]), 0.25, 1.0)
+    times: list[float] = []
+    states: list[list[float]] = []
+    for k, land in enumerate(lands):
+        before = toe_up * (reach[k - 1] - 0.25) / 0.75 if k else 0.0
+        push = heel_up * reach[k]
+        for share, state in (
+            (0.0, [before, -6.0 * before / period, 0.0]),
+            (0.10, [0.0, 0.0, 0.0]),
+            (0.30, [0.0, 0.0, 0.0]),
+            (STANCE, [-0.92 * push, -3.0 * push / period, 0.0]),
+            (STANCE + 0.07, [-push, 0.0, 0.0]),
+        ):
+            times.append(land + share * period)
+            states.append(state)
+    foot.pitch = hermite(t, times, states)
+    k = np.clip(np.floor((t - lands[0]) / period).astype(int), 0, count - 1)
+    share = (t - lands[k]) / period
+    swing = (share - STANCE) / (1.0 - STANCE)
+    moved = cruise(swing, 0.42)[:, None]
+    foot.place = places[k] + moved * (places[k + 1] - places[k])
+    foot.yaw = yaws[k] + ease(swing) * (yaws[k + 1] - yaws[k])
+    foot.lift = clearance * bump(swing) * (0.7 + 0.3 * reach[k])
+    # the pivot passes to the heel in the air and back to the toes while the foot is flat
+    foot.heel = np.where(share < STANCE, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.1) / 0.75))
+    score.contacts[:, i] = share <= STANCE
