@@ -138,6 +138,17 @@ class Tracer:
             static = replace(static, a=a, dispersion=dispersion).select(np.any(a != 0, axis=(0, 1, 3)))
         return RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
 
+    def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
+        """The ray scene as it stands at `t` [s], each object's vertices [m], and their velocities [m/s] or None."""
+        self._positions.clear()
+        moving = self._vertices(t)
+        if self.actors:
+            self._rays.update(moving)
+        before, after = self._vertices(t - RATE_STEP), self._vertices(t + RATE_STEP)
+        velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
+        static = list(self.surfaces.static_vertices)
+        return self._rays, [*static, *moving], [*([None] * len(static)), *velocities]
+
     def _traced(self, knots: FloatArray) -> Traced:
         static = self.static
         rays, facets = static.rays, len(static.facets)

@@ -1,0 +1,129 @@
+"""Rendering the PIR of a traced scene."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rfgen_sionna.radar.radar import POLARIZATIONS, Vector, rotation_matrix
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.tracing.footprints import trace_footprints
+
+if TYPE_CHECKING:
+    from rfgen_sionna.tracing.tracer import Tracer
+
+PATCH_WAVELENGTHS = 2.0
+"""Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""
+PATCH_RANGE = 3.0
+MAX_OVERSAMPLING = 16
+
+
+def render_pir(
+    tracer: Tracer,
+    t: float,
+    resolution: tuple[int, int] = (128, 128),
+    fov_deg: float | tuple[float, float] = 60.0,
+    position: Vector | None = None,
+    orientation: Vector | None = None,
+) -> Pir:
+    """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
+
+    Each pixel is split into patches a few wavelengths wide; the return of each is integrated in closed form,
+    and a pixel's energy is |sum of its patches' gains|^2, isotropic and vertically polarised. Time of arrival and
+    velocity are weighted with the patches' energies.
+
+    Parameters
+    ----------
+    tracer
+        The scene, the actors and the band.
+    t
+        Instant [s].
+    resolution
+        (rows, columns).
+    fov_deg
+        Horizontal field of view [degrees], with square pixels, or (horizontal, vertical).
+    position, orientation
+        Viewpoint [m] and its yaw, pitch, roll [rad]; those of the radar if None.
+
+    Raises
+    ------
+    ValueError
+        If the resolution or the field of view is out of range.
+    """
+    rows, columns, (horizontal, vertical) = check_view(resolution, fov_deg)
+    position = tracer.radar.position if position is None else position
+    orientation = tracer.radar.orientation if orientation is None else orientation
+    half = np.tan(np.radians([horizontal, vertical]) / 2)
+    pixel = 2 * max(half[0] / columns, half[1] / rows)
+    patch = PATCH_WAVELENGTHS * tracer.radar.wavelength / PATCH_RANGE
+    split = min(max(1, math.ceil(pixel / patch)), MAX_OVERSAMPLING)
+    directions, corners = _grid(rows * split, columns * split, half, rotation_matrix(orientation))
+    found = trace_footprints(
+        tracer,
+        t,
+        np.asarray(position, dtype=np.float64),
+        rotation_matrix(orientation) @ np.asarray(POLARIZATIONS["V"]),
+        directions,
+        corners,
+    )
+    row, column = np.divmod(found.ray, columns * split)
+    index = (row // split) * columns + column // split
+    size = rows * columns
+
+    def total(weights: FloatArray) -> FloatArray:
+        return np.bincount(index, weights=weights, minlength=size)
+
+    energy = total(found.a.real) ** 2 + total(found.a.imag) ** 2
+    # A patch may return nothing at all (edge on): its geometry counts a little all the same.
+    power = np.abs(found.a) ** 2
+    power = power + 1e-12 * power.max(initial=1e-300)
+    weight = total(power)
+    hit = weight > 0
+    arrival, velocity = np.full(size, np.nan), np.zeros(size)
+    arrival[hit] = (2 / SPEED_OF_LIGHT) * total(power * found.distance)[hit] / weight[hit]
+    velocity[hit] = total(power * found.velocity)[hit] / weight[hit]
+    return Pir(
+        energy=energy.reshape(rows, columns),
+        time_of_arrival=arrival.reshape(rows, columns),
+        velocity=velocity.reshape(rows, columns),
+        fov_deg=(horizontal, vertical),
+        position=position,
+        orientation=orientation,
+        time=float(t),
+    )
+
+
+def check_view(
+    resolution: tuple[int, int], fov_deg: float | tuple[float, float]
+) -> tuple[int, int, tuple[float, float]]:
+    """Rows, columns and (horizontal, vertical) field of view [degrees], or a ValueError that says what is allowed."""
+    if len(resolution) != 2 or not all(isinstance(n, (int, np.integer)) and 1 <= n <= 4096 for n in resolution):
+        raise ValueError(f"resolution is {resolution!r}: (rows, columns), whole numbers in 1 … 4096, are needed")
+    rows, columns = int(resolution[0]), int(resolution[1])
+    if isinstance(fov_deg, (int, float, np.floating)):
+        horizontal = float(fov_deg)
+        if not 0 < horizontal < 180:
+            raise ValueError(f"fov_deg is {fov_deg!r}: an angle above 0 and below 180 degrees is needed")
+        vertical = math.degrees(2 * math.atan(math.tan(math.radians(horizontal) / 2) * rows / columns))
+    else:
+        horizontal, vertical = (float(angle) for angle in fov_deg)
+        if not (0 < horizontal < 180 and 0 < vertical < 180):
+            raise ValueError(f"fov_deg is {fov_deg!r}: angles above 0 and below 180 degrees are needed")
+    return rows, columns, (horizontal, vertical)
+
+
+def _grid(rows: int, columns: int, half: FloatArray, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(ray, 3) directions of the pixel centres and (ray, 4, 3) of their corners, row by row from the top left."""
+    y = half[0] * (1 - 2 * np.arange(columns + 1) / columns)
+    z = half[1] * (1 - 2 * np.arange(rows + 1) / rows)
+
+    def unit(ys: FloatArray, zs: FloatArray) -> FloatArray:
+        grid_z, grid_y = np.meshgrid(zs, ys, indexing="ij")
+        vectors = np.stack([np.ones_like(grid_y), grid_y, grid_z], axis=-1)
+        return np.asarray((vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)) @ rotation.T)
+
+    edges = unit(y, z)
+    corners = np.stack([edges[:-1, :-1], edges[:-1, 1:], edges[1:, 1:], edges[1:, :-1]], axis=2)
+    return unit(0.5 * (y[1:] + y[:-1]), 0.5 * (z[1:] + z[:-1])).reshape(-1, 3), corners.reshape(-1, 4, 3)

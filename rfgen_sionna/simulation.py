@@ -1,0 +1,207 @@
+"""A radar, a scene and actors put together: paths, images and samples of any instant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.pir import render_pir
+from rfgen_sionna.pir.render import check_view
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import AdcCube, Pir, RadarPaths
+from rfgen_sionna.scene.actor import Actor
+from rfgen_sionna.scene.clearance import check_radar_clear
+from rfgen_sionna.scene.load import RadarScene, load_scene
+from rfgen_sionna.signal import add_thermal_noise, synthesize
+from rfgen_sionna.tracing.tracer import TraceReport, Tracer
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar.radar import Vector
+
+Progress = Callable[[int, int], None]
+"""Called with the number of frames done and in all."""
+
+CHECKED_INSTANTS = 33
+"""Instants of a run at which the actors' places are checked before the work starts."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a run."""
+
+    index: int
+    time: float
+    """Start of the first ramp [s]."""
+    samples: NDArray[np.complex128]
+    """(chirp, tx, rx, sample) in square roots of watts."""
+    report: TraceReport
+
+
+class Simulator:
+    """Traces a radar in a scene with actors and synthesises what its ADC takes.
+
+    Parameters
+    ----------
+    scene
+        A scene of :func:`~rfgen_sionna.scene.load.load_scene` or anything that it takes; None is free space.
+    radar
+        The radar, placed in the scene.
+    actors
+        What moves; names must differ.
+    rtol
+        Relative error that the tracer may make: a smaller value means more facets, knots and time.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming what was given and what is allowed; among them a radar inside of an object.
+    """
+
+    def __init__(
+        self, scene: RadarScene | Any | None, radar: Radar, actors: Sequence[Actor] = (), *, rtol: float = 1e-3
+    ) -> None:
+        if not isinstance(radar, Radar):
+            raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
+        if isinstance(actors, Actor):
+            actors = (actors,)
+        for actor in actors:
+            if not isinstance(actor, Actor):
+                raise TypeError(f"actors holds a {type(actor).__name__}: Actor.from_mesh and from_prompt make actors")
+        if not (isinstance(rtol, (int, float)) and 1e-8 <= rtol <= 0.1):
+            raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
+        self.scene = load_scene(scene)
+        self.radar = radar
+        self.actors = _with_unique_names(actors)
+        self.rtol = float(rtol)
+        self.scene.tune(radar.center_frequency)
+        check_radar_clear(radar.position, self.scene, self.actors)
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """The tracer behind the simulation."""
+        return Tracer(self.scene, self.radar, self.actors, self.rtol)
+
+    def paths(self, t: float = 0.0) -> RadarPaths:
+        """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot."""
+        self._check_places(_time("t", t), t)
+        return self.tracer.instant(float(t))
+
+    def pir(
+        self,
+        t: float = 0.0,
+        resolution: tuple[int, int] = (128, 128),
+        fov_deg: float | tuple[float, float] = 60.0,
+        position: Vector | None = None,
+        orientation: Vector | None = None,
+    ) -> Pir:
+        """Image of energy, time of arrival and velocity at instant `t` [s]; see :func:`~rfgen_sionna.pir.render_pir`."""
+        check_view(resolution, fov_deg)
+        return render_pir(self.tracer, _time("t", t), resolution, fov_deg, position, orientation)
+
+    def adc(
+        self,
+        duration: float,
+        *,
+        start: float = 0.0,
+        noise: bool = True,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> AdcCube:
+        """Samples of all frames that fit into `duration` [s].
+
+        Parameters
+        ----------
+        duration
+            [s]; at least one frame must fit.
+        start
+            Start of the first frame [s] on the actors' clock.
+        noise
+            Whether thermal noise is added, drawn from `seed`.
+        seed
+            Seed of the noise; the same seed gives the same samples to the bit.
+        progress
+            Called after each frame.
+        """
+        times = self.frame_times(duration, start)
+        waveform, radar = self.radar.waveform, self.radar
+        shape = (len(times), waveform.num_loops, len(radar.tx_names), len(radar.rx_names), waveform.num_samples)
+        data = np.empty(shape, dtype=np.complex64)
+        for frame in self.frames(duration, start=start, noise=noise, seed=seed):
+            data[frame.index] = frame.samples
+            if progress is not None:
+                progress(frame.index + 1, len(times))
+        return AdcCube(data, radar, times, seed if noise else None)
+
+    def frames(
+        self, duration: float, *, start: float = 0.0, noise: bool = True, seed: int = 0
+    ) -> Iterator[Frame]:
+        """The frames of :meth:`adc` one by one; memory does not grow with their number."""
+        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+            raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
+        times = self.frame_times(duration, start)
+        self._check_places(float(times[0]), float(times[-1]) + self.radar.waveform.frame_length)
+        return self._frames(times, noise, int(seed))
+
+    def _frames(self, times: NDArray[np.float64], noise: bool, seed: int) -> Iterator[Frame]:
+        eps = min(max(0.1 * self.rtol, 1e-10), 1e-3)
+        for index, begin in enumerate(times):
+            traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length)
+            if index == 0:
+                # Nothing in it changes: one synthesis serves every frame.
+                still = synthesize(self.radar, traced.static, 0.0, eps=eps)
+            samples = still + synthesize(self.radar, traced.moving, float(begin), eps=eps)
+            if traced.shadow.num_paths:
+                samples += synthesize(self.radar, traced.shadow, float(begin), eps=eps)
+            if noise:
+                add_thermal_noise(samples, self.radar, seed, index)
+            yield Frame(index, float(begin), samples, traced.report)
+
+    def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
+        """(frame,) starts of the frames that fit into `duration` [s]."""
+        waveform = self.radar.waveform
+        if not (isinstance(duration, (int, float, np.number)) and np.isfinite(duration) and duration > 0):
+            raise ValueError(f"duration is {duration!r} s: a positive, finite time is needed")
+        if duration < waveform.frame_length * (1 - 1e-9):
+            raise ValueError(
+                f"duration is {duration:g} s but one frame of radar '{self.radar.name}' (preset '{self.radar.preset}') "
+                f"takes {waveform.frame_length:.6g} s: give at least that"
+            )
+        count = max(1, int(np.floor(duration / waveform.frame_period + 1e-9)))
+        return _time("start", start) + np.arange(count) * waveform.frame_period
+
+    def _check_places(self, start: float, stop: float) -> None:
+        """Every actor within the range window, and none of them around the radar, all along."""
+        viewpoint = np.asarray(self.radar.position)
+        instants = np.linspace(start, stop, CHECKED_INSTANTS) if stop > start else [start]
+        for actor in self.actors:
+            for t in instants:
+                distance = np.linalg.norm(actor.vertices(float(t)) - viewpoint, axis=1)
+                if not np.isfinite(distance).all():
+                    raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
+                if distance.max() > self.radar.max_range:
+                    raise ValueError(
+                        f"actor '{actor.name}' reaches {distance.max():.2f} m from the radar at t = {t:.3f} s; the ADC's "
+                        f"range window ends at {self.radar.max_range:.2f} m: move it closer, or take a preset with a "
+                        "lower slope or a higher sample rate"
+                    )
+                if distance.min() < 0.5:
+                    check_radar_clear(self.radar.position, None, [actor], float(t))
+
+
+def _with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
+    names = [actor.name for actor in actors]
+    doubled = {name for name in names if names.count(name) > 1}
+    if doubled:
+        raise ValueError(f"actors share the name '{min(doubled)}': give each a name of its own (name=…)")
+    return tuple(actors)
+
+
+def _time(name: str, value: Any) -> float:
+    if not (isinstance(value, (int, float, np.number)) and np.isfinite(value)):
+        raise ValueError(f"{name} is {value!r}: a finite time [s] is needed")
+    return float(value)
