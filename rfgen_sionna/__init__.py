@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import open_run as open_run
     from rfgen_sionna.generative.actor import Actor as Actor
-    from rfgen_sionna.pipeline import Simulator as Simulator
     from rfgen_sionna.pipeline import generate as generate
     from rfgen_sionna.radar import Radar as Radar
     from rfgen_sionna.records import AdcCube as AdcCube
@@ -20,6 +19,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.records import Pir as Pir
     from rfgen_sionna.records import RadarPaths as RadarPaths
     from rfgen_sionna.scene import load_scene as load_scene
+    from rfgen_sionna.scene import material as material
+    from rfgen_sionna.simulation import Simulator as Simulator
 
     __version__: str
 
@@ -32,9 +33,10 @@ _HOMES = {
     "Pir": "records",
     "Radar": "radar",
     "RadarPaths": "records",
-    "Simulator": "pipeline",
+    "Simulator": "simulation",
     "generate": "pipeline",
     "load_scene": "scene",
+    "material": "scene",
     "open_run": "dataset",
 }
 """Public name -> module of this package that defines it."""

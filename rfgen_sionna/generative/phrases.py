@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass, field
 
 from rfgen_sionna.generative.body_prompt import SIMPLE_NOUNS, BodyWords, PromptError
+from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.reading import Reader, number
 from rfgen_sionna.generative.vocabulary import (
     ACTION_PATTERNS,
-    ACTIONS,
     COMMON_SCENE_WORDS,
     DISTANCE_PATTERNS,
     FILLERS,

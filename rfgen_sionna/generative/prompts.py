@@ -15,9 +15,10 @@ from typing import TypeVar
 import numpy as np
 
 from rfgen_sionna.generative.body_prompt import BodyPrompt, PromptError, draw_body
+from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.reading import Reader, compile_pattern
-from rfgen_sionna.generative.vocabulary import ACTIONS, FILLERS, FREE_SPACE, GESTURES, NEGATION, SCENE_PATTERNS
+from rfgen_sionna.generative.vocabulary import FILLERS, FREE_SPACE, NEGATION, SCENE_PATTERNS
 
 T = TypeVar("T")
 
@@ -198,7 +199,7 @@ def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
 
 def _hand(said: Phrases, denied: Phrases, action: str) -> tuple[str | None, tuple[str, ...]]:
     """The hand of a gesture, and the words about hands that have no effect on this action."""
-    if action not in GESTURES:
+    if not ACTIONS[action].one_handed:
         return None, tuple(words for words, _ in said.hands)
     hand = _one("hand", said.hands, denied.hands)
     if hand is None and len({side for _, side in denied.hands}) == 1:
@@ -221,4 +222,4 @@ def _rest(said: Phrases) -> str:
 
 
 def _examples() -> str:
-    return ", ".join(ACTIONS.values())
+    return ", ".join(action.description for action in ACTIONS.values())

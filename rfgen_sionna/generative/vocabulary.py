@@ -8,34 +8,6 @@ The order of a table matters: what one pattern has read, later ones no longer se
 
 from __future__ import annotations
 
-ACTIONS: dict[str, str] = {
-    "walk": "walking back and forth",
-    "jump": "jumping",
-    "jumping_jacks": "doing jumping jacks",
-    "pick_up": "picking up an item from the ground",
-    "t_pose": "standing in a T pose",
-    "y_pose": "standing in a Y pose",
-    "left_arm_raised": "left arm raised",
-    "right_arm_raised": "right arm raised",
-    "left_leg_raised": "left leg raised",
-    "right_leg_raised": "right leg raised",
-    "swipe_left": "swiping to the left",
-    "swipe_right": "swiping to the right",
-    "push": "pushing",
-    "pull": "pulling",
-    "circle_clockwise": "drawing a circle clockwise",
-    "circle_counterclockwise": "drawing a circle counter-clockwise",
-    "click": "clicking",
-    "finger_swing": "swinging a finger",
-    "standing": "standing still",
-}
-"""Action -> an example of how to say it."""
-
-GESTURES = frozenset(
-    {"swipe_left", "swipe_right", "push", "pull", "circle_clockwise", "circle_counterclockwise", "click", "finger_swing"}
-)
-"""Actions of one hand, where "with the left hand" says something."""
-
 _STOP = (
     r"(?!(?:from|off|at|in|on|to|up|with|while|who|and|or|then|towards?|facing|slowly|quickly|fast|several|"
     r"once|twice|away|of)\b)"
@@ -61,8 +33,8 @@ _DIRECTION = (
 
 ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
     ("jumping_jacks", r"(?:jumping ?jacks?|star ?jumps?|side straddle hops?)"),
-    ("t_pose", r"(?:in )?<a>t ?(?:pose|posing|poses|shape|stance|position)"),
-    ("y_pose", r"(?:in )?<a>y ?(?:pose|posing|poses|shape|stance|position)"),
+    ("t_pose", r"(?:(?:in|<hold|held>|<strike|struck>|<make|made>) )?<a>t ?(?:pose|posing|poses|shape|stance|position)"),
+    ("y_pose", r"(?:(?:in|<hold|held>|<strike|struck>|<make|made>) )?<a>y ?(?:pose|posing|poses|shape|stance|position)"),
     ("t_pose", rf"(?:<spread>|<stretch>|<extend>) (?:out )?{_ARMS}(?: (?:out|wide|apart))*(?: {_SIDEWAYS})?"),
     ("t_pose", rf"{_ARMS} (?:are )?(?:(?:(?:held|stretched|spread|extended) )?(?:out|wide|apart)|outstretched|spread)"
                rf"(?: wide)?(?: {_SIDEWAYS})?"),
@@ -102,7 +74,7 @@ ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
     ("walk", rf"(?:<walk>|<stroll>|<pace>|<stride|strode>)(?: {_TO_AND_FRO}| around| about| towards? and away from {_RADAR})?"),
     ("walk", rf"(?:<go|went>|<move>) {_TO_AND_FRO}"),
     ("jump", r"(?:<jump>|<hop>|<leap|leapt>)(?! ?rop)"
-             r"(?: (?:up and down|up|in place|on the spot|(?:high )?(?:in|into) the air|high))?"),
+             r"(?: (?:up and down|up|in place|on the spot|(?:high )?(?:in|into) the air|high))*"),
     # Weakest last: everybody stands while doing something else.
     ("standing", r"(?:<stand|stood>|<stay>|<remain>|<keep|kept>|<wait>)(?! up)"
                  r"(?: (?:still|upright|motionless|straight|idle|there|quietly|calmly))*|still|motionless|idle|idling"),
