@@ -178,9 +178,9 @@ def window() -> None:
     add(
         "window reveal",
         "outer_wall",
-        quad([(x0, Y0 - depth, z0), (x0, Y0, z0), (x0, Y0, z1), (x0, Y0 - depth, z1)][::-1]),
-        quad([(x1, Y0 - depth, z0), (x1, Y0, z0), (x1, Y0, z1), (x1, Y0 - depth, z1)]),
-        quad([(x0, Y0 - depth, z1), (x0, Y0, z1), (x1, Y0, z1), (x1, Y0 - depth, z1)][::-1]),
+        quad([(x0, Y0 - depth, z0), (x0, Y0, z0), (x0, Y0, z1), (x0, Y0 - depth, z1)]),
+        quad([(x1, Y0 - depth, z0), (x1, Y0, z0), (x1, Y0, z1), (x1, Y0 - depth, z1)][::-1]),
+        quad([(x0, Y0 - depth, z1), (x0, Y0, z1), (x1, Y0, z1), (x1, Y0 - depth, z1)]),
     )
     sill = cushion((x1 - x0 + 0.12, 0.22, 0.03), 0.01, cells=3)
     add("window sill", "boards", place(sill, (xm, Y0 - 0.03, z0 - 0.005)))
