@@ -108,9 +108,24 @@ def swipe_right(score: Score, rng: np.random.Generator, hand: str, speed: float)
 def push(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The palm is thrust forwards quickly and comes back slowly."""
     reach = _ready(score, rng, hand)
-    near, far, level, side = rng.uniform(0.34, 0.44), rng.uniform(0.88, 0.95), rng.uniform(-0.25, 0.0), rng.uniform(-0.2, 0.1)
-    thrust, hold, back, wait = rng.uniform(0.3, 0.42), rng.uniform(0.15, 0.35), rng.uniform(0.7, 1.0), rng.uniform(0.1, 0.35)
-    values = [(far, side, level, 1.0), (far, side, level, 1.0), (near, side + 0.06, level - 0.06, 0.0), (near, side + 0.06, level - 0.06, 0.0)]
+    near, far, level, side = (
+        rng.uniform(0.34, 0.44),
+        rng.uniform(0.88, 0.95),
+        rng.uniform(-0.25, 0.0),
+        rng.uniform(-0.2, 0.1),
+    )
+    thrust, hold, back, wait = (
+        rng.uniform(0.3, 0.42),
+        rng.uniform(0.15, 0.35),
+        rng.uniform(0.7, 1.0),
+        rng.uniform(0.1, 0.35),
+    )
+    values = [
+        (far, side, level, 1.0),
+        (far, side, level, 1.0),
+        (near, side + 0.06, level - 0.06, 0.0),
+        (near, side + 0.06, level - 0.06, 0.0),
+    ]
     state = _repeat(score.t, rng, (thrust, hold, back, wait), values, speed)
     _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
     out, wrist = state[:, 3], score.hands[hand]
@@ -125,9 +140,24 @@ def push(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
 def pull(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand reaches out slowly, grasps, and is drawn to the body quickly."""
     reach = _ready(score, rng, hand)
-    near, far, level, side = rng.uniform(0.34, 0.45), rng.uniform(0.86, 0.94), rng.uniform(-0.35, -0.1), rng.uniform(-0.15, 0.1)
-    out, grasp, draw, hold = rng.uniform(0.75, 1.1), rng.uniform(0.18, 0.3), rng.uniform(0.32, 0.45), rng.uniform(0.15, 0.4)
-    values = [(far, side, level, 0.0), (far, side, level, 1.0), (near, side + 0.12, level - 0.15, 1.0), (near, side + 0.12, level - 0.15, 0.3)]
+    near, far, level, side = (
+        rng.uniform(0.34, 0.45),
+        rng.uniform(0.86, 0.94),
+        rng.uniform(-0.35, -0.1),
+        rng.uniform(-0.15, 0.1),
+    )
+    out, grasp, draw, hold = (
+        rng.uniform(0.75, 1.1),
+        rng.uniform(0.18, 0.3),
+        rng.uniform(0.32, 0.45),
+        rng.uniform(0.15, 0.4),
+    )
+    values = [
+        (far, side, level, 0.0),
+        (far, side, level, 1.0),
+        (near, side + 0.12, level - 0.15, 1.0),
+        (near, side + 0.12, level - 0.15, 0.3),
+    ]
     state = _repeat(score.t, rng, (out, grasp, draw, hold), values, speed)
     _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
     closed, wrist = np.clip(state[:, 3], 0.0, 1.0)[:, None, None], score.hands[hand]
@@ -181,7 +211,12 @@ def click(score: Score, rng: np.random.Generator, hand: str, speed: float) -> No
     state = _repeat(score.t, rng, (press, 0.06, lift, wait), [(1.0,), (1.0,), (0.0,), (0.0,)], speed)
     tap = state[:, 0]
     poke = rng.uniform(0.02, 0.06)
-    _wrist(score, hand, spot + np.stack([poke * tap, 0.0 * tap, -0.3 * poke * tap], axis=-1) + _drift(score, rng, 0.006), reach)
+    _wrist(
+        score,
+        hand,
+        spot + np.stack([poke * tap, 0.0 * tap, -0.3 * poke * tap], axis=-1) + _drift(score, rng, 0.006),
+        reach,
+    )
     wrist = score.hands[hand]
     wrist.pronation[:] = rng.uniform(1.0, 1.3)
     wrist.flexion = -0.3 + rng.uniform(0.08, 0.2) * tap

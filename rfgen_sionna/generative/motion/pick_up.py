@@ -56,9 +56,9 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
             arm.target_weight = amount
             arm.pole = arm.pole + amount[:, None] * (np.array([-0.8, 0.9, 0.3]) - arm.pole)
             grasp = score.hands[side]
-            grasp.curl = grasp.curl + closing[:, None, None] * (
-                np.tile([0.85, 0.75, 0.4], (5, 1)) - grasp.curl
-            ) * _thumb_less()
+            grasp.curl = (
+                grasp.curl + closing[:, None, None] * (np.tile([0.85, 0.75, 0.4], (5, 1)) - grasp.curl) * _thumb_less()
+            )
             grasp.flexion += 0.25 * amount
         else:
             # the free hand goes to the thigh

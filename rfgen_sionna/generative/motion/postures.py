@@ -121,7 +121,9 @@ def _arm_raised(score: Score, rng: np.random.Generator, side: str, speed: float)
     amount = held(score.t, rng, speed, (0.6, 1.1))
     out, high = np.radians(rng.uniform(15.0, 50.0)), np.radians(rng.uniform(50.0, 75.0))
     direction = np.array([np.cos(out) * np.cos(high), np.sin(out) * np.cos(high), np.sin(high)])
-    score.arms[side].pole = np.tile([-0.5, 1.0, -0.6], (score.n, 1)) * amount[:, None] + ARM_POLE * (1 - amount)[:, None]
+    score.arms[side].pole = (
+        np.tile([-0.5, 1.0, -0.6], (score.n, 1)) * amount[:, None] + ARM_POLE * (1 - amount)[:, None]
+    )
     lift_arm(score, side, direction, rng.uniform(0.1, 0.35), amount)
     score.arms[side].direction += 0.01 * np.stack([wander(score.t, rng, 1.0) for _ in range(3)], axis=-1)
     hand = score.hands[side]

@@ -106,7 +106,9 @@ class Score:
             s = side_sign(side)
             place = np.tile([rest[JOINT[f"{side}_ankle"], 0], s * stance * hip], (n, 1))
             zeros = np.zeros(n)
-            self.feet[side] = Foot(place, np.full(n, s * toe_out), zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
+            self.feet[side] = Foot(
+                place, np.full(n, s * toe_out), zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy()
+            )
             self.arms[side] = Arm(np.tile([0.03, 0.13, -1.0], (n, 1)), np.full(n, 0.25), np.tile(ARM_POLE, (n, 1)))
             curl = np.tile([0.3, 0.35, 0.2], (n, 5, 1))
             curl[:, FINGERS.index("thumb")] = [0.1, 0.15, 0.15]

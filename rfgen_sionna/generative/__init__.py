@@ -1,0 +1,33 @@
+"""From words to bodies in motion: prompts, motion, bodies, actors.
+
+Importing it is light; what is named here is loaded at first use, and anny (torch) only when a body is made.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rfgen_sionna.generative.actor import Actor
+    from rfgen_sionna.generative.bodies import Phenotype
+    from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
+    from rfgen_sionna.generative.prompts import parse_environment, parse_prompt
+
+_HOME = {
+    "ACTIONS": "motion",
+    "Actor": "actor",
+    "KinematicSource": "motion",
+    "MotionSource": "motion",
+    "Phenotype": "bodies",
+    "parse_environment": "prompts",
+    "parse_prompt": "prompts",
+}
+
+__all__ = ["ACTIONS", "Actor", "KinematicSource", "MotionSource", "Phenotype", "parse_environment", "parse_prompt"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

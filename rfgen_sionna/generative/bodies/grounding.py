@@ -1,0 +1,129 @@
+"""Put a foreign motion on the floor: the right height for this body, and planted feet that stay where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
+
+from rfgen_sionna.generative.bodies.rig import Rig
+from rfgen_sionna.generative.motion.curves import ease
+from rfgen_sionna.generative.motion.ik import from_rest, two_bone
+from rfgen_sionna.generative.motion.rotations import X, normalised
+from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics
+from rfgen_sionna.records import FloatArray
+
+CONTACT_HEIGHT = 0.035
+"""A foot whose sole is lower than this over the floor [m] ..."""
+CONTACT_SPEED = 0.35
+"""... and slower than this [m/s] counts as planted where a motion has no labels."""
+BLEND = 0.12
+"""Time over which a foot passes from moving freely to being held [s]."""
+
+
+def sole_points(rig: Rig, joints: FloatArray, positions: FloatArray, side: str) -> FloatArray:
+    """(frame, 3, 3) heel, ball and toe tip of a foot under the sole [m].
+
+    Args:
+        joints: (frame, 52, 3, 3) world rotations of the joints.
+        positions: (frame, 52, 3) joint positions [m].
+    """
+    sk, i = rig.skeleton, SIDES.index(side)
+    ankle, toe = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
+    ball = sk.offsets[toe] * [1.0, 1.0, 0.0] - [0.0, 0.0, sk.ankle_height]
+    tip = np.array([0.25 * np.linalg.norm(sk.offsets[toe]), 0.0, -sk.toe_height])
+    return np.stack(
+        [
+            positions[:, ankle] + joints[:, ankle] @ sk.heel[i],
+            positions[:, ankle] + joints[:, ankle] @ ball,
+            positions[:, toe] + joints[:, toe] @ tip,
+        ],
+        axis=1,
+    )
+
+
+def _positions(rig: Rig, joints: FloatArray, translation: FloatArray) -> FloatArray:
+    return forward_kinematics(joints, translation, rig.skeleton.offsets, rig.skeleton.parents)
+
+
+def find_contacts(soles: FloatArray, frame_rate: float) -> np.ndarray:
+    """(frame, 2) planted feet from (frame, 2, 3, 3) sole points: low and slow, gaps and blips of one frame closed."""
+    low = soles[..., 2].min(axis=2) < CONTACT_HEIGHT
+    speed = np.linalg.norm(np.gradient(soles, axis=0)[..., :2], axis=-1).min(axis=2) * frame_rate
+    planted = low & (speed < CONTACT_SPEED)
+    closed = planted.copy()
+    closed[1:-1] |= planted[:-2] & planted[2:]
+    alone = closed.copy()
+    alone[1:-1] &= closed[:-2] | closed[2:]
+    return alone
+
+
+def stand_on_floor(
+    rig: Rig, joints: FloatArray, translation: FloatArray, contacts: np.ndarray | None, frame_rate: float
+) -> tuple[FloatArray, FloatArray]:
+    """Joint rotations and root path with the feet on the floor and still while planted.
+
+    Args:
+        rig: the body.
+        joints: (frame, 52, 3, 3) world rotations of the joints.
+        translation: (frame, 3) root positions [m].
+        contacts: (frame, 2) planted left and right foot, None to find them from height and speed.
+        frame_rate: [Hz].
+
+    Returns:
+        (frame, 52, 3, 3) and (frame, 3); both feet reach the floor and no sole is under it.
+    """
+    joints, translation = joints.copy(), translation.copy()
+    positions = _positions(rig, joints, translation)
+    soles = np.stack([sole_points(rig, joints, positions, side) for side in SIDES], axis=1)
+    lowest = soles[..., 2].min(axis=(1, 2))
+    translation[:, 2] -= np.quantile(lowest, 0.15)
+    if len(translation) < 3:
+        return joints, translation
+    soles[..., 2] -= np.quantile(lowest, 0.15)
+    positions = _positions(rig, joints, translation)
+    planted = find_contacts(soles, frame_rate) if contacts is None else contacts
+    blend = max(1, round(BLEND * frame_rate))
+    for i, side in enumerate(SIDES):
+        shift = _held(soles[:, i], planted[:, i], blend)
+        # what is not planted must not go through the floor either
+        under = np.maximum(-(soles[:, i, :, 2].min(axis=1) + shift[:, 2]), 0.0)
+        lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
+        shift[:, 2] += lift
+        _move_foot(rig, joints, positions, side, shift)
+    return joints, translation
+
+
+def _held(sole: FloatArray, planted: np.ndarray, blend: int) -> FloatArray:
+    """(frame, 3) shift of a foot that keeps its stillest point in place and on the floor while planted."""
+    n = len(planted)
+    runs, count = label(planted)
+    total, weight = np.zeros((n, 3)), np.zeros(n)
+    t = np.arange(n)
+    for k in range(1, count + 1):
+        frames = np.flatnonzero(runs == k)
+        points = sole[frames]
+        still = (
+            int(np.argmin(np.linalg.norm(np.diff(points[..., :2], axis=0), axis=-1).sum(axis=0)))
+            if len(frames) > 1
+            else 1
+        )
+        goal = np.array([*np.mean(points[:, still, :2], axis=0), 0.0])
+        fade = ease((t - (frames[0] - blend)) / blend) * ease((frames[-1] + blend - t) / blend)
+        inside = np.clip(t, frames[0], frames[-1])
+        total += fade[:, None] * (goal - sole[inside, still])
+        weight += fade
+    return total / np.maximum(weight, 1.0)[:, None]
+
+
+def _move_foot(rig: Rig, joints: FloatArray, positions: FloatArray, side: str, shift: FloatArray) -> None:
+    """Bend hip and knee so that the ankle moves by `shift` (frame, 3) while the foot keeps its orientation."""
+    sk = rig.skeleton
+    hip, knee, ankle = (JOINT[f"{side}_{j}"] for j in ("hip", "knee", "ankle"))
+    target = positions[:, ankle] + shift
+    # the knee keeps facing the way it did
+    forward = joints[:, hip] @ X + joints[:, knee] @ X
+    _, thigh, shank = two_bone(
+        positions[:, hip], target, forward, sk.length(f"{side}_knee"), sk.length(f"{side}_ankle")
+    )
+    joints[:, hip] = from_rest(thigh, normalised(sk.offsets[knee]), X)
+    joints[:, knee] = from_rest(shank, normalised(sk.offsets[ankle]), X)

@@ -1,0 +1,171 @@
+"""Who the person is, in natural units, and anny's parameters for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfgen_sionna.generative.bodies.anny_rig import build_rig, rest_shape, stature_and_mass
+from rfgen_sionna.generative.bodies.rig import Rig
+
+# Years against anny's age parameter, and the Beta distribution of its height parameter while growing up (boys):
+# the calibration that anny ships (data/shape_calibration/boys.pth), matched there to the WHO's growth charts.
+_YEARS = (0.0, 1.0, 4.0, 11.0, 16.0, 18.0, 64.0, 110.0)
+_AGE_PARAMETER = (0.0, 0.05, 0.215, 0.415, 0.67, 0.77, 0.83, 1.0)
+_GROWTH_AGES = (0.0, 0.05, 0.215, 0.415, 0.67)
+_GROWTH_ALPHA = (21.596, 51.978, 22.147, 13.405, 16.496)
+_GROWTH_BETA = (58.601, 57.36, 45.859, 22.105, 25.656)
+
+# Stature of adults, mean and standard deviation [m]: ANSUR II (2012), men and women.
+_STATURE = ((1.756, 0.069), (1.628, 0.064))
+# Body mass index [kg/m^2] of adults: most of the WHO's normal and overweight bands.
+_MASS_INDEX = (24.5, 3.0, 19.0, 31.0)
+
+LIMITS = {"age": (2.0, 100.0), "height": (0.8, 2.3), "weight": (8.0, 250.0), "muscle": (0.0, 1.0)}
+GENDERS = {"male": 0.0, "female": 1.0}
+
+
+class PhenotypeError(ValueError):
+    """A body that cannot be had: a value out of range or out of anny's reach."""
+
+
+@dataclass(frozen=True)
+class Phenotype:
+    """Attributes of a person; None is drawn from the seed.
+
+    Raises:
+        PhenotypeError: a value out of range.
+    """
+
+    gender: str | float | None = None
+    """"male", "female", or a number from 0 (male) to 1 (female)."""
+    age: float | None = None
+    """[years]; drawn from 18 to 75."""
+    height: float | None = None
+    """Stature [m]; drawn for adults from the distribution of their gender, for minors from that of their age."""
+    weight: float | None = None
+    """Body mass [kg]; drawn for adults by way of the body mass index."""
+    muscle: float | None = None
+    """0 (weak) to 1 (very muscular)."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.gender, str):
+            if self.gender not in GENDERS:
+                raise PhenotypeError(f"gender: {self.gender!r}; allowed are male, female or a number from 0 to 1")
+        elif self.gender is not None and not 0.0 <= self.gender <= 1.0:
+            raise PhenotypeError(f"gender: {self.gender!r}; allowed are male, female or a number from 0 to 1")
+        for name, (low, high) in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise PhenotypeError(f"{name}: {value!r}; allowed is {low:g} to {high:g}")
+
+    def complete(self, seed: int) -> dict[str, float]:
+        """anny's parameters (each 0 .. 1), with what is None drawn from `seed`.
+
+        Each attribute has its own stream, so that giving one leaves the others as they were.
+
+        Raises:
+            PhenotypeError: height or weight out of what anny reaches for the other attributes.
+        """
+        gender_rng, age_rng, height_rng, weight_rng, muscle_rng, shape_rng = (
+            np.random.default_rng([seed, 7, i]) for i in range(6)
+        )
+        drawn_gender = float(gender_rng.integers(2))
+        gender = drawn_gender if self.gender is None else GENDERS.get(self.gender, self.gender)  # type: ignore[call-overload,arg-type]
+        age = float(age_rng.uniform(18.0, 75.0)) if self.age is None else float(self.age)
+        muscle = float(muscle_rng.uniform(0.35, 0.7)) if self.muscle is None else float(self.muscle)
+        parameters = {
+            "gender": float(gender),
+            "age": float(np.interp(age, _YEARS, _AGE_PARAMETER)),
+            "muscle": muscle,
+            "weight": float(weight_rng.uniform(0.2, 0.8)),
+            "height": 0.4,
+            "proportions": float(shape_rng.uniform(0.3, 0.7)),
+        }
+        height = self.height
+        if height is None:
+            z, share = np.clip(height_rng.standard_normal(), -2.2, 2.2), height_rng.uniform()
+            if age >= 18.0:
+                mean, spread = (float(np.interp(gender, (0.0, 1.0), column)) for column in zip(*_STATURE, strict=True))
+                height = mean + spread * z
+            else:
+                parameters["height"] = _growth(parameters["age"], share)
+        weight, insist = self.weight, True
+        if weight is None and age >= 18.0 and height is not None:
+            mean, spread, low, high = _MASS_INDEX
+            index = float(np.clip(mean + spread * weight_rng.standard_normal(), low, high))
+            weight, insist = index * height**2, False
+        for _ in range(1 if weight is None else 2):
+            if height is not None:
+                parameters["height"] = _solve(parameters, "height", height, lambda p: _measure(p)[0], "m")
+            if weight is not None:
+                self._fit_weight(parameters, weight, insist)
+        return parameters
+
+    def _fit_weight(self, parameters: dict[str, float], goal: float, insist: bool) -> None:
+        """Find the weight parameter; where it does not suffice, muscle gives way unless it was asked for.
+
+        A mass that was only drawn (`insist` is false) is met as far as possible.
+        """
+        if self.muscle is None and goal > _measure({**parameters, "weight": 1.0})[1]:
+            heavy = {**parameters, "weight": 1.0}
+            low, high = (_measure({**heavy, "muscle": m})[1] for m in (heavy["muscle"], 0.0))
+            if low <= goal <= high:
+                # at full weight the mass falls with muscle from 0 to the drawn value
+                less = _bisect(
+                    lambda x: _measure({**heavy, "muscle": heavy["muscle"] - x})[1], 0.0, heavy["muscle"], goal
+                )
+                parameters.update(weight=1.0, muscle=heavy["muscle"] - less)
+                return
+        if not insist:
+            low, high = (_measure({**parameters, "weight": w})[1] for w in (0.0, 1.0))
+            goal = min(max(goal, low), high)
+        parameters["weight"] = _solve(parameters, "weight", goal, lambda p: _measure(p)[1], "kg")
+
+
+def _growth(age_parameter: float, share: float) -> float:
+    from scipy.stats import beta
+
+    a = np.interp(age_parameter, _GROWTH_AGES, _GROWTH_ALPHA)
+    b = np.interp(age_parameter, _GROWTH_AGES, _GROWTH_BETA)
+    return float(beta.ppf(share, a, b))
+
+
+def _measure(parameters: dict[str, float]) -> tuple[float, float]:
+    return stature_and_mass(rest_shape(parameters)[0])
+
+
+def _bisect(f: Callable[[float], float], low: float, high: float, goal: float, steps: int = 14) -> float:
+    """Argument in [low, high] at which the increasing `f` reaches `goal`, or the nearer end."""
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if f(middle) < goal else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _solve(
+    parameters: dict[str, float], name: str, goal: float, measure: Callable[[dict[str, float]], float], unit: str
+) -> float:
+    low, high = (measure({**parameters, name: v}) for v in (0.0, 1.0))
+    if not low <= goal <= high:
+        raise PhenotypeError(
+            f"{name}: {goal:g} {unit} is out of reach for this body; allowed is {low:.2f} to {high:.2f} {unit} "
+            "(another gender, age, height or muscle shifts it)"
+        )
+    return _bisect(lambda v: measure({**parameters, name: v}), 0.0, 1.0, goal)
+
+
+def person(phenotype: Phenotype | None = None, *, seed: int = 0) -> Rig:
+    """The rigged body of a person.
+
+    Args:
+        phenotype: what is known of the person; None leaves everything to the seed.
+        seed: seed of what is not known.
+
+    Raises:
+        PhenotypeError: a value out of range or out of anny's reach.
+        ImportError: anny (or torch) is not installed.
+    """
+    return build_rig((phenotype or Phenotype()).complete(seed))

@@ -1,0 +1,121 @@
+"""A mesh sequence from sampled vertices: scans, simulations, exports of other programs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.records import FloatArray, IntArray
+
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSequence:
+    """Vertices given at a fixed rate, on C² splines between; a :class:`~rfgen_sionna.records.MeshSequence`."""
+
+    samples: FloatArray
+    """(frame, vertex, 3) positions [m]."""
+    faces: IntArray
+    """(face, 3) vertex indices, counter-clockwise seen from outside."""
+    frame_rate: float
+    """Frames per second [Hz]."""
+    part_names: tuple[str, ...] = ("mesh",)
+
+    @property
+    def face_parts(self) -> IntArray:
+        """(face,) zeros: one part."""
+        return np.zeros(len(self.faces), np.int32)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Empty: no skeleton."""
+        return ()
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last frame [s]; `inf` for a single one."""
+        return float("inf") if len(self.samples) < 2 else (len(self.samples) - 1) / self.frame_rate
+
+    @cached_property
+    def _curve(self) -> CubicSpline:
+        return CubicSpline(np.arange(len(self.samples)) / self.frame_rate, self.samples)
+
+    def vertices(self, t: float) -> FloatArray:
+        """(vertex, 3) positions at `t` [s] in metres."""
+        if len(self.samples) < 2:
+            return self.samples[0]
+        return np.asarray(self._curve(min(max(float(t), 0.0), self.duration)))
+
+    def joints(self, t: float) -> FloatArray:
+        """(0, 3): no skeleton."""
+        return np.empty((0, 3))
+
+
+def load_mesh_sequence(
+    source: str | PathLike[str] | Sequence[str | PathLike[str]], *, frame_rate: float, name: str = "mesh"
+) -> SampledSequence:
+    """Read a sequence of meshes of fixed connectivity, in metres.
+
+    Args:
+        source: a folder (its OBJ, PLY, STL, OFF and glTF files in the order of the numbers in their names), or the
+            files in order.
+        frame_rate: frames per second [Hz].
+        name: name of the mesh's one part.
+
+    Raises:
+        FileNotFoundError: a file or the folder does not exist.
+        ClipError: no meshes, a file without triangles or with values that are not finite, connectivity that changes,
+            or a frame rate that is not positive.
+    """
+    import trimesh
+
+    if not (np.isfinite(frame_rate) and frame_rate > 0.0):
+        raise ClipError(f"frame_rate: {frame_rate!r} Hz; allowed is more than 0")
+    files = _files(source)
+    samples: list[FloatArray] = []
+    faces: IntArray | None = None
+    for file in files:
+        mesh = trimesh.load(file, process=False, force="mesh")
+        vertices, triangles = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int32)
+        if len(triangles) == 0:
+            raise ClipError(f"{file.name}: has no triangles")
+        if not np.isfinite(vertices).all():
+            raise ClipError(f"{file.name}: has vertices that are not finite")
+        if faces is None:
+            faces = triangles
+        elif len(vertices) != len(samples[0]) or not np.array_equal(triangles, faces):
+            raise ClipError(
+                f"{file.name}: {len(vertices)} vertices and {len(triangles)} faces differ from {files[0].name} "
+                f"({len(samples[0])} and {len(faces)}, or in another order); the connectivity must be the same"
+            )
+        samples.append(vertices)
+    assert faces is not None
+    return SampledSequence(np.stack(samples), faces, float(frame_rate), (name,))
+
+
+def _files(source: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
+    if isinstance(source, (str, PathLike)):
+        folder = Path(source)
+        if not folder.exists():
+            raise FileNotFoundError(f"no mesh sequence {folder}")
+        found = [p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES] if folder.is_dir() else [folder]
+        files = sorted(found, key=lambda p: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", p.name)])
+        if not files:
+            raise ClipError(f"{folder.name}: holds no meshes; readable are {', '.join(MESH_SUFFIXES)}")
+        return files
+    files = [Path(p) for p in source]
+    if not files:
+        raise ClipError("source: no files given")
+    for file in files:
+        if not file.is_file():
+            raise FileNotFoundError(f"no mesh file {file}")
+    return files
