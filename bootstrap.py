@@ -202,15 +202,17 @@ class Step:
         return self
 
     def run(self, command, check=True):
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=str(ROOT))
         output = []
         shown = time.monotonic()
-        for line in process.stdout:
-            output.append(line.rstrip())
-            if time.monotonic() - shown > 15:
-                shown = time.monotonic()
-                print(f" {shown - self.start:.0f} s ...", end="", flush=True)
-        if process.wait() != 0 and check:
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=str(ROOT)
+        ) as process:
+            for line in process.stdout:
+                output.append(line.rstrip())
+                if time.monotonic() - shown > 15:
+                    shown = time.monotonic()
+                    print(f" {shown - self.start:.0f} s ...", end="", flush=True)
+        if process.returncode != 0 and check:
             raise SetupError(
                 "`{}` failed (exit status {}):\n{}".format(
                     " ".join(command), process.returncode, "\n".join("    " + line for line in output[-15:])

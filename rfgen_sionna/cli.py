@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -64,19 +66,20 @@ def generate(
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
+    from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.prompts import parse_prompt
 
     resolution = _resolution(pir_resolution)
     read = parse_prompt(prompt, negative, seed=seed)
     target = output if output is not None else Path(f"{read.action}.h5")
     _out.print(escape(read.report()), soft_wrap=True)
+    check_output(target, overwrite)
     if pictures:
-        _check_free([_sheet(target), _animation(target)], overwrite)
+        _check_pictures(target, overwrite)
 
     from rfgen_sionna.pipeline import generate as run
 
-    with _progress() as progress:
-        task = progress.add_task("frames", total=None)
+    with _progress("frames") as progress:
         run(
             prompt,
             negative=negative,
@@ -91,11 +94,11 @@ def generate(
             rtol=rtol,
             distance=distance,
             pir_resolution=resolution,
-            progress=lambda done, total: progress.update(task, completed=done, total=total),
+            progress=progress,
         )
-    _out.print(f"[green]wrote[/green] {escape(str(target))}")
+    _wrote(target)
     if pictures:
-        _draw(target)
+        _draw(target, overwrite)
 
 
 @app.command()
@@ -134,66 +137,39 @@ def show(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
 ) -> None:
     """Say what a file holds, and draw it."""
-    from rfgen_sionna.dataset import open_run
+    from rfgen_sionna.show import summary
 
+    text = summary(file)
     if pictures:
-        _check_free([_sheet(file), _animation(file)], overwrite)
-    with open_run(file) as run:
-        _out.print(_summary(run))
+        _check_pictures(file, overwrite)
+    _out.print(escape(text), soft_wrap=True)
     if pictures:
-        _draw(file)
+        _draw(file, overwrite)
 
 
-def _summary(run: Any) -> Table:
-    radar, labels = run.radar, run.labels
-    table = Table(show_header=False, title=escape(str(run.path)), title_justify="left")
-    table.add_column(style="bold")
-    table.add_column()
-    frames, chirps, tx, rx, samples = run.adc.shape
-    rows = {
-        "prompt": run.prompt,
-        "negative prompt": run.negative_prompt,
-        "environment": run.environment or "free space",
-        "radar": f"{radar.name}, preset {radar.preset}, at {_triple(radar.position)} m",
-        "samples": f"{frames} frames × {chirps} chirps × {tx} Tx × {rx} Rx × {samples} samples",
-        "frame rate": f"{1 / radar.waveform.frame_period:g} Hz",
-        "actors": ", ".join(f"{a.name} ({a.material}, {len(a.faces)} faces)" for a in run.actors.values()),
-        "labels": ", ".join(f"{name} [{label.units}]" if label.units else name for name, label in labels.items()),
-        "PIR": "yes" if run.has_pir else "no",
-        "seeds": ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()),
-        "software": ", ".join(f"{name} {version}" for name, version in run.software.items()),
-        "created": run.created,
-    }
-    for name, value in rows.items():
-        if value:
-            table.add_row(name, escape(value))
-    return table
+def _draw(file: Path, overwrite: bool) -> None:
+    from rfgen_sionna.show import animation, sheet
+
+    with _out.status("drawing"):
+        picture = sheet(file, file.with_suffix(".png"), overwrite=overwrite)
+    _wrote(picture)
+    with _progress("film") as progress:
+        film = animation(file, file.with_suffix(".gif"), overwrite=overwrite, progress=progress)
+    _wrote(film)
 
 
-def _triple(values: Any) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in values) + ")"
+def _check_pictures(file: Path, overwrite: bool) -> None:
+    """Fail before the work and not after it."""
+    from rfgen_sionna.dataset import check_output
+
+    for suffix in (".png", ".gif"):
+        if file.suffix == suffix:
+            raise ValueError(f"output '{file}' is a picture's name; the data go into an HDF5 file, such as 'run.h5'")
+        check_output(file.with_suffix(suffix), overwrite)
 
 
-def _draw(target: Path) -> None:
-    from rfgen_sionna.show import save_animation, save_sheet
-
-    for draw, path in ((save_sheet, _sheet(target)), (save_animation, _animation(target))):
-        draw(target, path)
-        _out.print(f"[green]wrote[/green] {escape(str(path))}")
-
-
-def _sheet(target: Path) -> Path:
-    return target.with_suffix(".png")
-
-
-def _animation(target: Path) -> Path:
-    return target.with_suffix(".gif")
-
-
-def _check_free(paths: list[Path], overwrite: bool) -> None:
-    for path in paths:
-        if path.exists() and not overwrite:
-            raise FileExistsError(f"{path} exists; choose another name, or pass --overwrite")
+def _wrote(path: Path | None) -> None:
+    _out.print(f"[green]wrote[/green] {escape(str(path))}", soft_wrap=True)
 
 
 def _resolution(text: str) -> tuple[int, int]:
@@ -203,16 +179,13 @@ def _resolution(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[-1])
 
 
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=_out,
-    )
+@contextmanager
+def _progress(description: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar; yields what to call with the number of steps done and in all."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left"), console=_out) as bar:
+        task = bar.add_task(description, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _warn(message: Warning | str, category: type[Warning], *_: object) -> None:
@@ -229,6 +202,3 @@ def main() -> None:
     except (ValueError, OSError, ImportError, BackendError) as error:
         _err.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        _err.print("interrupted")
-        sys.exit(130)

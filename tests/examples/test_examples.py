@@ -1,0 +1,38 @@
+"""Each example runs, says what it found, and draws its picture."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def run(name: str, picture: Path, *options: str) -> str:
+    command = [sys.executable, str(EXAMPLES / name), "--output", str(picture), *options]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=picture.parent)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+@pytest.mark.parametrize("options", [["--quick"], pytest.param([], marks=pytest.mark.slow)])
+def test_awr1843_finds_the_ball_where_it_is(tmp_path: Path, options: list[str]) -> None:
+    out = run("awr1843.py", tmp_path / "map.png", *options)
+    # The centre lies at (1.5, 0.5) m from the radar; what it returns comes from its front, 5 cm nearer. It moves
+    # along x, so that its radial velocity is 0.5 m/s times the cosine of its azimuth.
+    true_range, true_velocity = map(float, re.search(r"range ([\d.]+) m, velocity ([+-][\d.]+) m/s", out).groups())
+    distance = np.hypot(1.5, 0.5)
+    assert true_range == pytest.approx(distance - 0.05, abs=0.01)
+    assert true_velocity == pytest.approx(0.5 * 1.5 / distance, abs=0.01)
+    x, y, z, velocity = map(float, re.search(r"found at \((.+), (.+), (.+)\) m, ([+-][\d.]+) m/s", out).groups())
+    assert (x, y, z) == pytest.approx((1.5, 0.5, 1.0), abs=0.08)
+    assert velocity == pytest.approx(true_velocity, abs=0.07)  # one Doppler cell
+    with Image.open(tmp_path / "map.png") as picture:
+        assert picture.width > 500
+        assert len(picture.convert("RGB").getcolors(2**24)) > 100

@@ -1,0 +1,68 @@
+"""Importing the package is quick and brings no tracer and no learning framework along."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rfgen_sionna
+
+PACKAGE = Path(rfgen_sionna.__file__).parent
+HEAVY = {"torch", "anny", "diffusers", "transformers", "mitsuba", "drjit", "sionna", "matplotlib"}
+
+
+def modules_after(code: str) -> set[str]:
+    """Top-level names in `sys.modules` of a fresh interpreter after `code`."""
+    code += "\nimport json, sys; print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})))"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(json.loads(result.stdout.splitlines()[-1]))
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    assert not modules_after("import rfgen_sionna") & (HEAVY | {"numpy", "scipy", "h5py"})
+
+
+@pytest.mark.parametrize(
+    "subpackage",
+    [*sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py")), "records", "resources", "cli", "simulation"],
+)
+def test_importing_a_subpackage_imports_no_tracer_and_no_framework(subpackage: str) -> None:
+    assert not modules_after(f"import rfgen_sionna.{subpackage}") & (HEAVY - {"matplotlib"})
+
+
+def test_a_radar_needs_no_tracer() -> None:
+    assert not modules_after("import rfgen_sionna; rfgen_sionna.Radar.load('awr1843')") & HEAVY
+
+
+@pytest.mark.parametrize("name", rfgen_sionna.__all__)
+def test_every_public_name_is_there_and_says_what_it_is(name: str) -> None:
+    value = getattr(rfgen_sionna, name)
+    assert value if name == "__version__" else value.__doc__
+
+
+def test_public_names_are_listed_and_others_refused() -> None:
+    assert set(rfgen_sionna.__all__) <= set(dir(rfgen_sionna))
+    with pytest.raises(AttributeError, match="'rfgen_sionna' has no attribute 'Rader'"):
+        _ = rfgen_sionna.Rader
+
+
+def test_type_checkers_see_the_names_that_are_loaded_lazily() -> None:
+    tree = ast.parse((PACKAGE / "__init__.py").read_text())
+    seen = {alias.asname for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert set(rfgen_sionna.__all__) - {"__version__"} <= seen
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_no_module_imports_the_package_root(path: Path) -> None:
+    """It would tie every module to every other; import-linter doesn't see it, since the root holds them all."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            assert "rfgen_sionna" not in {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module == "rfgen_sionna":
+            modules = {p.stem for p in PACKAGE.glob("*.py")} | {p.parent.name for p in PACKAGE.glob("*/__init__.py")}
+            assert {alias.name for alias in node.names} <= modules

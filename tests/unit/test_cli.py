@@ -1,0 +1,195 @@
+"""The command line passes on what it is told, and turns what the user can mend into one line and exit code 2."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rfgen_sionna import cli
+from rfgen_sionna.dataset import RunInfo, RunWriter
+from rfgen_sionna.radar import Radar
+
+
+class Rfgen:
+    """Calls the entry point as the shell does, with a stand-in for the long work."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.monkeypatch, self.capsys = monkeypatch, capsys
+        self.calls: list[dict[str, Any]] = []
+        self.failure: BaseException | None = None
+        pipeline = ModuleType("rfgen_sionna.pipeline")
+        pipeline.generate = self.generate  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, "rfgen_sionna.pipeline", pipeline)
+
+    def generate(self, prompt: str, **options: Any) -> None:
+        self.calls.append({"prompt": prompt} | options)
+        if self.failure is not None:
+            raise self.failure
+        warnings.warn("a word was not understood", UserWarning, stacklevel=1)
+        options["progress"](1, 2)
+        write_run(options["output"], prompt)
+
+    def __call__(self, *arguments: str) -> tuple[int, str, str]:
+        self.monkeypatch.setattr(sys, "argv", ["rfgen", *arguments])
+        self.monkeypatch.setattr(warnings, "filters", [("always", None, Warning, None, 0)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = self.capsys.readouterr()
+        return int(ended.value.code or 0), out, err
+
+
+def write_run(path: Path, prompt: str) -> None:
+    """A short run without actors."""
+    radar = Radar.load("awr1843", "mmmesh")
+    radar = replace(radar, waveform=replace(radar.waveform, num_loops=8, num_samples=16))
+    rng = np.random.default_rng(0)
+    with RunWriter(path, RunInfo(radar, prompt=prompt, seeds={"noise": 0})) as writer:
+        for frame in range(2):
+            samples = rng.standard_normal((8, 3, 4, 16, 2)).view(np.complex128)[..., 0]
+            writer.append(1e-6 * samples, time=0.1 * frame)
+
+
+@pytest.fixture
+def rfgen(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Rfgen:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    return Rfgen(monkeypatch, capsys)
+
+
+def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
+    code, out, err = rfgen(
+        *("generate", "a person raises an arm", "--negative", "left arm", "--environment", "a living room"),
+        *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
+        *("--no-noise", "--rtol", "0.01", "--distance", "2", "--pir-resolution", "32x64", "--no-pictures"),
+    )
+    assert code == 0, err
+    call = rfgen.calls[0]
+    call.pop("progress")
+    assert call == {
+        "prompt": "a person raises an arm",
+        "negative": "left arm",
+        "environment": "a living room",
+        "radar": "awr1843",
+        "preset": "di_gesture",
+        "duration": 1.5,
+        "seed": 7,
+        "output": Path("arm.h5"),
+        "overwrite": False,
+        "noise": False,
+        "rtol": 0.01,
+        "distance": 2.0,
+        "pir_resolution": (32, 64),
+    }
+    assert "action left_arm_raised or right_arm_raised" in out
+    assert "wrote arm.h5" in out
+    assert "warning: a word was not understood" in err
+
+
+def test_generate_draws_what_it_made_and_names_it_after_the_action(rfgen: Rfgen, tmp_path: Path) -> None:
+    code, out, err = rfgen("generate", "a person doing jumping jacks")
+    assert code == 0, err
+    for suffix in ("h5", "png", "gif"):
+        assert f"wrote jumping_jacks.{suffix}" in out
+        assert (tmp_path / f"jumping_jacks.{suffix}").stat().st_size > 1000
+
+
+def test_show_says_what_a_file_holds_and_draws_it_once(rfgen: Rfgen, tmp_path: Path) -> None:
+    write_run(tmp_path / "run.h5", "a person walking")
+    code, out, err = rfgen("show", "run.h5", "--no-pictures")
+    assert code == 0, err
+    assert "a person walking" in out
+    assert "2 × 8 × 3 × 4 × 16" in out
+    assert list(tmp_path.glob("run.*")) == [tmp_path / "run.h5"]
+    (tmp_path / "run.png").write_text("mine")
+    code, _, err = rfgen("show", "run.h5")
+    assert code == 2
+    assert "run.png" in err
+    assert (tmp_path / "run.png").read_text() == "mine"
+    assert rfgen("show", "run.h5", "--overwrite")[0] == 0
+    assert (tmp_path / "run.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["a dog walking"], "'dog'"),
+        (["a person walking", "--output", "there.h5"], "there.h5"),
+        (["a person walking", "--output", "free.h5"], "free.png"),
+        (["a person walking", "--output", "walk.png"], "picture"),
+        (["a person walking", "--output", "nowhere/walk.h5"], "nowhere"),
+        (["a person walking", "--pir-resolution", "0x3"], "--pir-resolution"),
+        (["a person walking", "--pir-resolution", "many"], "--pir-resolution"),
+    ],
+)
+def test_mistakes_are_one_line_before_any_work(
+    rfgen: Rfgen, tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    (tmp_path / "there.h5").touch()
+    (tmp_path / "free.png").touch()
+    code, _, err = rfgen("generate", *arguments)
+    assert code == 2
+    assert err.startswith("error: ")
+    assert message in err
+    assert err.count("\n") == 1
+    assert rfgen.calls == []
+    assert (tmp_path / "there.h5").stat().st_size == 0
+
+
+def test_existing_files_are_replaced_where_that_is_asked_for(rfgen: Rfgen, tmp_path: Path) -> None:
+    (tmp_path / "free.png").touch()
+    code, _, err = rfgen("generate", "a person walking", "--output", "free.h5", "--overwrite", "--no-pictures")
+    assert code == 0, err
+    assert rfgen.calls[0]["overwrite"] is True
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "message"),
+    [
+        (ValueError("duration is -1 s"), 2, "error: duration is -1 s\n"),
+        (ImportError("anny is not installed"), 2, "error: anny is not installed\n"),
+        (PermissionError(13, "Permission denied"), 2, "error: [Errno 13] Permission denied\n"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_failures_of_the_work_keep_their_words(rfgen: Rfgen, failure: BaseException, code: int, message: str) -> None:
+    rfgen.failure = failure
+    ended, _, err = rfgen("generate", "a person walking", "--no-pictures")
+    assert ended == code
+    assert err.endswith(message)
+    assert "Traceback" not in err
+
+
+def test_a_bug_keeps_its_traceback(rfgen: Rfgen, monkeypatch: pytest.MonkeyPatch) -> None:
+    rfgen.failure = ZeroDivisionError()
+    monkeypatch.setattr(sys, "argv", ["rfgen", "generate", "a person walking", "--no-pictures"])
+    with pytest.raises(ZeroDivisionError):
+        cli.main()
+
+
+def test_radars_are_listed_with_what_follows_from_them(rfgen: Rfgen) -> None:
+    code, out, _ = rfgen("radars")
+    assert code == 0
+    radar = Radar.load("awr1843", "mmmesh")
+    line = next(line for line in out.splitlines() if "mmmesh" in line)
+    assert f"{radar.range_resolution:.3f} {radar.max_range:.1f}" in line
+    assert f"±{radar.max_velocity:.2f}" in line
+    assert "3×4" in line
+    assert "di_gesture" in out
+
+
+@pytest.mark.parametrize("command", [[], ["generate"], ["radars"], ["show"]])
+def test_help_teaches(rfgen: Rfgen, command: list[str]) -> None:
+    code, out, _ = rfgen(*command, "--help")
+    assert code == 0
+    assert "[/" not in out, "markup is rendered"
+    if command != ["radars"]:
+        assert "rfgen " + " ".join(command or ["generate"]) in out
+    if command == ["generate"]:
+        assert '--negative "left arm"' in out
