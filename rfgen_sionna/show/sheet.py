@@ -1,0 +1,123 @@
+"""One page of pictures about a run."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
+
+from rfgen_sionna.dataset import Run, check_output
+from rfgen_sionna.show.panels import (
+    draw_azimuth,
+    draw_doppler_time,
+    draw_pir,
+    draw_range_doppler,
+    draw_range_time,
+)
+from rfgen_sionna.show.space import Coarse, Stage, draw_space
+from rfgen_sionna.show.style import FAINT, INK
+from rfgen_sionna.show.summary import radar_line
+from rfgen_sionna.show.view import check_frame, opened, reach, view_frame, view_run
+
+
+def sheet(
+    run: Run | str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    frame: int | None = None,
+    overwrite: bool = False,
+    dpi: int = 110,
+) -> Path:
+    """Draw a run on one page.
+
+    PIR, range-Doppler and azimuth map, point cloud with the mesh of one frame, and the range-time and Doppler-time
+    spectrograms of all frames.
+
+    Parameters
+    ----------
+    run
+        An open run or the path of one.
+    output
+        Picture file; its suffix says the format (.png, .pdf, .jpg …).
+    frame
+        Frame to show, from 0; by default the one with the fastest motion.
+    overwrite
+        Whether an existing picture is replaced.
+    dpi
+        Pixels per inch of a page of 16 × 10.5 inches.
+
+    Raises
+    ------
+    OutputError
+        The picture cannot be written there.
+    ValueError
+        There is no such frame, or no such picture format.
+    """
+    target = check_output(output, overwrite)
+    allowed = Figure().canvas.get_supported_filetypes()
+    if target.suffix.lstrip(".").lower() not in allowed:
+        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .{', .'.join(sorted(allowed))}")
+    with opened(run) as source:
+        chosen = None if frame is None else check_frame(source, frame)
+        page = _draw(source, chosen)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
+        made = Path(folder) / target.name
+        page.savefig(made, dpi=dpi)
+        os.replace(made, target)
+    return target
+
+
+def _draw(run: Run, frame: int | None) -> Figure:
+    whole = view_run(run)
+    frame = whole.liveliest if frame is None else frame
+    view = view_frame(run, frame)
+    far = reach(run, frame)
+    page = Figure(figsize=(16, 10.5), facecolor="white")
+    engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02, rect=(0, 0, 1, 0.945))
+    page.set_layout_engine(engine)
+    rows = page.add_gridspec(3, 1, height_ratios=(1.0, 1.25, 1.0))
+    top = rows[0:2].subgridspec(2, 2, width_ratios=(1.75, 1.0), height_ratios=(1.0, 1.25))
+    # The scene stands beside both upper rows.
+    if run.has_pir:
+        images = top[0, 0].subgridspec(1, 3)
+        draw_pir(page, tuple(page.add_subplot(images[0, i]) for i in range(3)), run.pir(frame))  # type: ignore[arg-type]
+        maps = top[1, 0].subgridspec(1, 2)
+    else:
+        maps = top[:, 0].subgridspec(1, 2)
+    draw_range_doppler(page, page.add_subplot(maps[0, 0]), view, far)
+    draw_azimuth(page, page.add_subplot(maps[0, 1]), view, far)
+    space = cast(Axes3D, page.add_subplot(top[:, 1], projection="3d"))
+    draw_space(
+        page,
+        space,
+        run,
+        frame,
+        view.cloud,
+        stage=Stage.of(run),
+        meshes={name: Coarse.of(actor, 12000) for name, actor in run.actors.items()},
+        speed=colour_speed(view.cloud.velocity),
+    )
+    times = rows[2].subgridspec(1, 2)
+    draw_range_time(page, page.add_subplot(times[0, 0]), run, whole, far)
+    draw_doppler_time(page, page.add_subplot(times[0, 1]), run, whole)
+    page.text(0.008, 0.985, headline(run), fontsize=15, fontweight="bold", color=INK, va="top")
+    moment = f"frame {frame} of 0–{len(run) - 1}, {run.frame_times[frame]:.2f} s"
+    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=FAINT, ha="right", va="top")
+    return page
+
+
+def headline(run: Run) -> str:
+    """Prompt and environment, or what there is of them."""
+    text = run.prompt or ", ".join(run.actors) or "radar run"
+    return f"“{text}” — {run.environment}" if run.environment else f"“{text}”"
+
+
+def colour_speed(velocity: np.ndarray) -> float:
+    """Limit of the velocity colours [m/s]."""
+    return max(0.5, float(np.ceil(2 * np.abs(velocity).max(initial=0.0)) / 2))

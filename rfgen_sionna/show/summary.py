@@ -1,0 +1,75 @@
+"""A run in words."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from rfgen_sionna.dataset import Run
+from rfgen_sionna.show.view import opened
+
+
+def radar_line(run: Run) -> str:
+    """One line about the radar's configuration."""
+    radar = run.radar
+    wave = radar.waveform
+    low = wave.start_frequency + wave.slope * wave.adc_start_time
+    return (
+        f"{radar.name} · {radar.preset} · {low / 1e9:.2f}–{(low + wave.bandwidth) / 1e9:.2f} GHz · "
+        f"{wave.num_loops} loops × {len(radar.tx_positions)} Tx × {len(radar.rx_positions)} Rx × "
+        f"{wave.num_samples} samples · cell {radar.range_resolution * 100:.1f} cm × "
+        f"{radar.velocity_resolution * 100:.1f} cm/s"
+    )
+
+
+def summary(run: Run | str | os.PathLike[str]) -> str:
+    """What a run file holds, in a few lines of plain text."""
+    with opened(run) as source:
+        radar, times = source.radar, source.frame_times
+        seeds = ", ".join(f"{name} {'-' if seed is None else seed}" for name, seed in source.seeds.items())
+        step = f", one each {np.median(np.diff(times)) * 1e3:g} ms" if len(times) > 1 else ""
+        shape = " × ".join(map(str, source.adc.shape))
+        place = ", ".join(f"{x:g}" for x in radar.position)
+        angles = ", ".join(f"{x + 0:.1f}" for x in np.degrees(radar.orientation).round(1))
+        limits = f"reaches {radar.max_range:.2f} m and ±{radar.max_velocity:.2f} m/s"
+        rows = [
+            ("file", f"{source.path} ({source.path.stat().st_size / 1e6:.1f} MB), written {source.created}"),
+            ("prompt", source.prompt or "-"),
+            ("negative", source.negative_prompt or "-"),
+            ("environment", source.environment or "-"),
+            ("radar", radar_line(source)),
+            ("", f"at ({place}) m, yaw/pitch/roll ({angles})°, {limits}"),
+            ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) complex64, {len(source)} frames{step}"),
+            ("PIR", _pir_line(source)),
+        ]
+        for actor in source.actors.values():
+            counts = f"{len(actor.vertices(0))} vertices, {len(actor.faces)} faces, {len(actor.part_names)} parts"
+            skeleton = f", {len(actor.joint_names)} joints" if actor.joint_names else ""
+            rows.append(("actor", f"{actor.name}: {actor.material}, {counts}{skeleton}"))
+        for name, label in source.labels.items():
+            unit = f" [{label.units}]" if label.units not in ("", "1") else ""
+            rows.append(("label", f"{name} ({', '.join(label.dims)}){unit} {_span(label.values)}"))
+        rows += [
+            ("seeds", seeds or "-"),
+            ("software", ", ".join(f"{name} {version}" for name, version in source.software.items())),
+        ]
+    return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows)
+
+
+def _pir_line(run: Run) -> str:
+    if not run.has_pir:
+        return "none"
+    pir = run.pir(0)
+    rows, columns = pir.energy.shape
+    return (
+        f"{rows} × {columns} pixels, {pir.fov_deg[0]:g}° × {pir.fov_deg[1]:g}°, {pir.projection}; "
+        "energy, time of arrival, velocity"
+    )
+
+
+def _span(values: np.ndarray) -> str:
+    if values.dtype.kind == "O":
+        return ", ".join(sorted({str(value) for value in values.flat}))
+    finite = values[np.isfinite(values)]
+    return f"{finite.min():.3g} … {finite.max():.3g}" if finite.size else "unknown"
