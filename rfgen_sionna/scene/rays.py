@@ -83,9 +83,7 @@ class _Layer:
         self._parameters.update()
 
     def _shifted(self) -> Any:
-        import mitsuba as mi
-
-        return mi.Float((self.vertices - self._origin).astype(np.float32).ravel())
+        return _upload((self.vertices - self._origin).reshape(1, -1))[0]
 
 
 class RayScene:
@@ -245,11 +243,7 @@ class RayScene:
         import drjit as dr
         import mitsuba as mi
 
-        shifted = np.ascontiguousarray((origins - self.origin).T, np.float32)
-        ray = mi.Ray3f(
-            mi.Point3f(*(mi.Float(row) for row in shifted)),
-            mi.Vector3f(*(mi.Float(row) for row in np.ascontiguousarray(directions.T, np.float32))),
-        )
+        ray = mi.Ray3f(mi.Point3f(*_upload((origins - self.origin).T)), mi.Vector3f(*_upload(directions.T)))
         facet = dr.full(mi.UInt32, _NO_PRIMITIVE, len(origins))
         distance = dr.full(mi.Float, dr.inf, len(origins))
         weights = [dr.zeros(mi.Float, len(origins)), dr.zeros(mi.Float, len(origins))]
@@ -272,6 +266,23 @@ class RayScene:
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
     for start in range(0, len(arrays[0]), _CHUNK):
         yield tuple(a[start : start + _CHUNK] for a in arrays)
+
+
+def _upload(rows: FloatArray) -> list[Any]:
+    """Each row as a `mi.Float`.
+
+    On the CPU Dr.Jit takes over NumPy's memory as it is, and compiles one kernel per combination of aligned and
+    unaligned inputs: so each row starts at a multiple of 64 bytes.
+    """
+    import mitsuba as mi
+
+    count, length = rows.shape
+    stride = -(-length // 16) * 16
+    memory = np.empty(count * stride + 16, np.float32)
+    start = -memory.ctypes.data % 64 // 4
+    aligned = memory[start : start + count * stride].reshape(count, stride)[:, :length]
+    aligned[:] = rows
+    return [mi.Float(row) for row in aligned]
 
 
 def _position_key(parameters: Any) -> str:

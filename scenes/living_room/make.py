@@ -468,7 +468,8 @@ def write(folder: Path) -> None:
         file_end.write("\n")
 
 
-def main() -> None:
+def build() -> None:
+    """Fill `OBJECTS`."""
     OBJECTS.clear()
     shell()
     window()
@@ -481,8 +482,8 @@ def main() -> None:
     lamps()
     picture("landscape", (X1 - 0.002, -0.35, 1.55), 0.9, 0.6, 180)
     picture("portrait", (0.75, Y1 - 0.002, 1.5), 0.45, 0.6, -90)
-    write(Path(__file__).resolve().parent)
 
 
 if __name__ == "__main__":
-    main()
+    build()
+    write(Path(__file__).resolve().parent)

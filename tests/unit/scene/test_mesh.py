@@ -1,0 +1,136 @@
+"""Meshes are checked before they are used."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.records import MeshSequence
+from rfgen_sionna.scene import MeshError, RigidMesh, check_mesh
+
+TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def test_a_good_mesh_passes_unchanged():
+    vertices, faces = check_mesh(TETRAHEDRON, FACES)
+    np.testing.assert_array_equal(vertices, TETRAHEDRON)
+    np.testing.assert_array_equal(faces, FACES)
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int32)
+
+
+def test_an_open_plate_is_allowed():
+    _, faces = check_mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    assert len(faces) == 2
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.empty((0, 3)), np.empty((0, 3), int), "the mesh is empty, it has no vertices"),
+        (TETRAHEDRON, np.empty((0, 3), int), "the mesh is empty, it has no faces"),
+        (TETRAHEDRON[:, :2], FACES, r"vertices have shape \(4, 2\)"),
+        (TETRAHEDRON, [[0, 1, 2, 3]], r"faces have shape \(1, 4\), only triangles"),
+        (TETRAHEDRON, [[0, 1, 2], [0, 1]], "ragged"),
+        (TETRAHEDRON, [[0, 1, 4]], r"face 0 = \(0, 1, 4\); indices must lie in 0 … 3"),
+        (TETRAHEDRON, [[0, 1, -1]], "a vertex that does not exist"),
+        (TETRAHEDRON, [[0, 1, 1.5]], "not integers"),
+        (TETRAHEDRON, [["a", "b", "c"]], "numbers are needed"),
+        (
+            np.where(TETRAHEDRON == 1, np.nan, TETRAHEDRON),
+            FACES,
+            "3 of 4 vertices are NaN or infinite, the first is vertex 1",
+        ),
+        (np.where(TETRAHEDRON == 1, np.inf, TETRAHEDRON), FACES, "NaN or infinite"),
+        (TETRAHEDRON, [[0, 1, 1]], "all 1 faces have zero area"),
+        (TETRAHEDRON, [*FACES, [1, 0, 3]], "not manifold, 3 edges are shared by more than two faces"),
+        (
+            TETRAHEDRON,
+            [[0, 1, 2], [0, 1, 3]],
+            "oriented against each other at 1 edges; the first joins vertices 0 and 1",
+        ),
+    ],
+)
+def test_a_bad_mesh_is_named(vertices, faces, message):
+    with pytest.raises(MeshError, match=message) as error:
+        check_mesh(vertices, faces, "target")
+    assert str(error.value).startswith("target: ")
+    assert isinstance(error.value, ValueError)
+
+
+def test_faces_without_area_are_dropped_and_counted():
+    with pytest.warns(UserWarning, match="dropped 2 of 6 faces"):
+        _, faces = check_mesh(TETRAHEDRON, [*FACES, [0, 1, 1], [2, 2, 2]])
+    np.testing.assert_array_equal(faces, FACES)
+
+
+def test_area_is_judged_by_the_size_of_the_mesh():
+    """A millimetre mesh and a kilometre mesh keep all their faces, also 10 km away from the origin."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    for scale in (1e-3, 1e3):
+        _, faces = check_mesh(ball.vertices * scale, ball.faces)
+        assert len(faces) == len(ball.faces)
+    _, faces = check_mesh(ball.vertices * 0.05 + 1e4, ball.faces)
+    assert len(faces) == len(ball.faces)
+
+
+def test_a_mesh_inside_out_is_turned():
+    with pytest.warns(UserWarning, match="look inwards"):
+        _, faces = check_mesh(TETRAHEDRON, FACES[:, ::-1])
+    assert trimesh.Trimesh(TETRAHEDRON, faces).volume > 0
+
+
+def test_a_hollow_body_keeps_its_inner_surface():
+    outer, inner = trimesh.creation.icosphere(1), trimesh.creation.icosphere(1, 0.5)
+    inner.invert()
+    hollow = trimesh.util.concatenate(outer, inner)
+    _, faces = check_mesh(hollow.vertices, hollow.faces)
+    np.testing.assert_array_equal(faces, hollow.faces)
+
+
+def test_the_arrays_given_are_not_touched():
+    vertices, faces = TETRAHEDRON.copy(), FACES.copy()
+    mesh = RigidMesh(vertices, faces)
+    vertices[:] = 7
+    faces[:] = 0
+    np.testing.assert_array_equal(mesh.vertices(3.0), TETRAHEDRON)
+    np.testing.assert_array_equal(mesh.faces, FACES)
+    with pytest.raises(ValueError, match="read-only"):
+        mesh.vertices(0.0)[0] = 1.0
+
+
+def test_a_rigid_mesh_is_a_mesh_sequence():
+    mesh = RigidMesh.load((TETRAHEDRON, FACES), "tetra")
+    assert isinstance(mesh, MeshSequence)
+    assert mesh.part_names == ("tetra",)
+    assert mesh.face_parts.tolist() == [0] * 4
+    assert mesh.duration == np.inf
+    assert mesh.joints(0.0).shape == (0, 3)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".off"])
+def test_files_are_read(tmp_path: Path, suffix: str):
+    path = tmp_path / f"ball{suffix}"
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball.export(path)
+    mesh = RigidMesh.load(path)
+    assert mesh.name == "ball"
+    assert mesh.points.shape == ball.vertices.shape
+    assert len(mesh.faces) == len(ball.faces)
+
+
+def test_a_missing_or_broken_file_is_named(tmp_path: Path):
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.ply"):
+        RigidMesh.load(tmp_path / "nowhere.ply")
+    (tmp_path / "broken.ply").write_text("no mesh")
+    with pytest.raises(MeshError, match=r"broken.ply"):
+        RigidMesh.load(tmp_path / "broken.ply")
+    (tmp_path / "nan.obj").write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n")
+    with pytest.raises(MeshError, match="NaN"):
+        RigidMesh.load(tmp_path / "nan.obj")
+
+
+def test_something_else_is_a_type_error():
+    with pytest.raises(TypeError, match=r"mesh: int given, allowed are a trimesh.Trimesh"):
+        RigidMesh.load(3)
