@@ -10,7 +10,14 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.processing.angle import find_directions, unit_vectors
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
-from rfgen_sionna.processing.spectrum import check_cube, coupling, observation_time, range_doppler, remove_static
+from rfgen_sionna.processing.spectrum import (
+    Window,
+    check_cube,
+    coupling,
+    observation_time,
+    range_doppler,
+    remove_static,
+)
 from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
@@ -56,6 +63,7 @@ def point_cloud(
     range_limits: tuple[float, float] | None = None,
     max_points: int = 512,
     dynamic_range_db: float = 60.0,
+    window: Window = "hann",
     ambiguities: int = 0,
 ) -> PointCloud:
     """Detect, refine and locate the targets of one frame (chirp, tx, rx, sample).
@@ -75,6 +83,9 @@ def point_cloud(
         The strongest so many are kept.
     dynamic_range_db
         Points so far below the strongest are dropped: noise-free data have no floor but that of the windows.
+    window
+        For both transforms. Side lobes are detections where CFAR trains along range only and targets stand far out
+        of the noise: Hann's first lie 31 dB below the peak, Blackman's 58 dB.
     ambiguities
         See :func:`rfgen_sionna.processing.angle.find_directions`.
     """
@@ -90,7 +101,13 @@ def point_cloud(
     padding = 2
     chirps, _, _, samples = array.shape
     maps = range_doppler(
-        array, radar, range_bins=padding * samples, velocity_bins=padding * chirps, correct_migration=True
+        array,
+        radar,
+        range_window=window,
+        velocity_window=window,
+        range_bins=padding * samples,
+        velocity_bins=padding * chirps,
+        correct_migration=True,
     )
     power = maps.power
     # Neighbouring virtual elements share their noise-free signal, not their noise: every channel is a look.
@@ -105,9 +122,9 @@ def point_cloud(
     low, high = (2 * radar.max_range / samples, np.inf) if range_limits is None else range_limits
     if not 0 <= low < high:
         raise ValueError(f"range_limits is {range_limits!r} m: two ascending ranges of at least 0 are needed")
-    window = (maps.range >= low) & (maps.range <= high)
-    detected &= power >= power[window].max(initial=0.0) * 10 ** (-dynamic_range_db / 10)
-    cells = np.argwhere(detected & local_maxima(power) & window[:, None])
+    within = (maps.range >= low) & (maps.range <= high)
+    detected &= power >= power[within].max(initial=0.0) * 10 ** (-dynamic_range_db / 10)
+    cells = np.argwhere(detected & local_maxima(power) & within[:, None])
     order = np.argsort(power[cells[:, 0], cells[:, 1]], kind="stable")[::-1][:max_points]
     cells = cells[order]
     place, peak = refine_peaks(power, cells)

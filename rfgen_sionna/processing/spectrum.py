@@ -98,7 +98,9 @@ def taper(window: Window, length: int) -> FloatArray:
 
 
 def remove_static(cube: ArrayLike, *, over: str = "frame") -> NDArray[np.complexfloating[Any, Any]]:
-    """Subtract what does not change from chirp to chirp.
+    """Subtract what does not change from chirp to chirp: the mean over time, Hann-weighted within each frame.
+
+    The weights keep what moves out of the mean: a plain mean would leave its leakage behind as a ghost at rest.
 
     Parameters
     ----------
@@ -106,13 +108,13 @@ def remove_static(cube: ArrayLike, *, over: str = "frame") -> NDArray[np.complex
         (frame, chirp, tx, rx, sample), or (chirp, tx, rx, sample) with `over="frame"`.
     over
         "frame": the mean over the chirps of each frame, a notch at zero Doppler.
-        "run": the mean over all frames and chirps; keeps people who stand still for a part of the run.
+        "run": the mean of that over all frames; keeps people who stand still for a part of the run.
     """
     array = np.asarray(cube)
-    if over == "frame" and array.ndim >= 4:
-        return array - array.mean(axis=-4, keepdims=True)
-    if over == "run" and array.ndim == 5:
-        return array - array.mean(axis=(0, 1), keepdims=True)
+    if array.ndim >= 4 and (over == "frame" or (over == "run" and array.ndim == 5)):
+        weights = taper("hann", array.shape[-4]).astype(array.real.dtype)
+        mean = np.einsum("c,...ctrs->...trs", weights, array)[..., None, :, :, :]
+        return array - (mean if over == "frame" else mean.mean(axis=0))
     raise ValueError(
         f"over is {over!r} for a cube of shape {array.shape}: 'frame' needs (..., chirp, tx, rx, sample), "
         "'run' needs (frame, chirp, tx, rx, sample)"

@@ -119,7 +119,9 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
         velocity=maps.velocity,
         azimuth=range_azimuth(samples, radar, static=static),
         # A body fills many range cells but few at one speed: order statistics along range alone keep its parts apart.
-        cloud=point_cloud(samples, radar, method="os", guard=guard, train=train, dynamic_range_db=45.0),
+        cloud=point_cloud(
+            samples, radar, method="os", guard=guard, train=train, dynamic_range_db=45.0, window="blackman"
+        ),
     )
 
 

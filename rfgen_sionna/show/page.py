@@ -22,8 +22,8 @@ from rfgen_sionna.show.panels import (
 )
 from rfgen_sionna.show.space import Coarse, Stage, draw_space
 from rfgen_sionna.show.style import FAINT, INK
-from rfgen_sionna.show.summary import radar_line
 from rfgen_sionna.show.view import check_frame, opened, reach, view_frame, view_run
+from rfgen_sionna.show.words import radar_line
 
 
 def sheet(

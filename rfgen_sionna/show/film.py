@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from rfgen_sionna.dataset import Run, check_output
+from rfgen_sionna.show.page import colour_speed, headline
 from rfgen_sionna.show.panels import draw_range_doppler
-from rfgen_sionna.show.sheet import colour_speed, headline
 from rfgen_sionna.show.space import Coarse, Stage, draw_space
 from rfgen_sionna.show.style import INK
 from rfgen_sionna.show.view import opened, reach, view_frame
