@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.errors import BackendError
-
-MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
+from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, upload
 
 SELF_GAP = 1e-5
 """Relative distance within which a hit counts as the target point itself. float32 resolves 1.2e-7 of the coordinates,
@@ -44,46 +42,6 @@ class Hits:
     """(ray,) index of the face among all objects: `facet_offsets[object] + face`."""
     barycentric: FloatArray
     """(ray, 3) weights of the face's corners, in its own order; NaN where nothing is hit."""
-
-
-class _Layer:
-    """One Mitsuba scene with a single mesh made of several objects."""
-
-    def __init__(self, meshes: Sequence[MeshArrays], origin: FloatArray, moving: bool) -> None:
-        import mitsuba as mi
-
-        self.vertices = np.concatenate([np.asarray(v, np.float64) for v, _ in meshes])
-        starts = np.cumsum([0] + [len(v) for v, _ in meshes])
-        self.counts = [len(v) for v, _ in meshes]
-        self.faces = np.concatenate(
-            [np.asarray(f, np.int64) + s for (_, f), s in zip(meshes, starts, strict=False)]
-        ).astype(np.uint32)
-        self._origin = origin
-        mesh = mi.Mesh("layer", len(self.vertices), len(self.faces))
-        parameters = mi.traverse(mesh)
-        parameters["faces"] = mi.UInt32(self.faces.ravel())
-        key = _position_key(parameters)
-        parameters[key] = self._shifted()
-        parameters.update()
-        if moving:
-            description: dict[str, Any] = {
-                "type": "scene",
-                "group": {"type": "shapegroup", "mesh": mesh},
-                "instance": {"type": "instance", "group": {"type": "ref", "id": "group"}},
-            }
-        else:
-            description = {"type": "scene", "mesh": mesh}
-        self.scene = mi.load_dict(description)
-        self._parameters = mi.traverse(self.scene)
-        self._key = _position_key(self._parameters)
-
-    def move(self, vertices: FloatArray) -> None:
-        self.vertices = vertices
-        self._parameters[self._key] = self._shifted()
-        self._parameters.update()
-
-    def _shifted(self) -> Any:
-        return _upload((self.vertices - self._origin).reshape(1, -1))[0]
 
 
 class RayScene:
@@ -120,8 +78,8 @@ class RayScene:
             if origin is None
             else _check_points(np.asarray(origin, np.float64)[None], "origin")[0]
         )
-        self._static = _Layer(static, self.origin, moving=False) if static else None
-        self._moving = _Layer(moving, self.origin, moving=True) if moving else None
+        self._static = Layer(static, self.origin, moving=False) if static else None
+        self._moving = Layer(moving, self.origin, moving=True) if moving else None
         self._num_static = int(self.facet_offsets[len(static)])
 
     @property
@@ -194,7 +152,7 @@ class RayScene:
         facet, distance = self._trace_raw(o, direction)
         allowed = 1.0 - (BLIND_GAP if own is None else SELF_GAP)
         # Rounding of the shifted coordinates grows with the distance from the origin of the scene.
-        noise = 1e-6 * np.maximum(np.abs(p - self.origin).max(axis=1), np.abs(o - self.origin).max(axis=1))
+        noise = 1e-6 * np.maximum(_largest(p - self.origin), _largest(o - self.origin))
         blocked = (facet >= 0) & (distance + skip < np.minimum(allowed * reach, reach - noise))
         if own is not None:
             blocked &= facet != own
@@ -243,7 +201,7 @@ class RayScene:
         import drjit as dr
         import mitsuba as mi
 
-        ray = mi.Ray3f(mi.Point3f(*_upload((origins - self.origin).T)), mi.Vector3f(*_upload(directions.T)))
+        ray = mi.Ray3f(mi.Point3f(*upload((origins - self.origin).T)), mi.Vector3f(*upload(directions.T)))
         facet = dr.full(mi.UInt32, _NO_PRIMITIVE, len(origins))
         distance = dr.full(mi.Float, dr.inf, len(origins))
         weights = [dr.zeros(mi.Float, len(origins)), dr.zeros(mi.Float, len(origins))]
@@ -258,9 +216,9 @@ class RayScene:
         outputs = [facet, distance, *(weights if uv else [])]
         dr.eval(*outputs)
         # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
-        index = np.asarray(facet).astype(np.int64)
+        index = facet.numpy().astype(np.int64)
         index[index == _NO_PRIMITIVE] = -1
-        return (index, *(np.asarray(value).astype(np.float64) for value in outputs[1:]))
+        return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
 
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
@@ -268,29 +226,10 @@ def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
         yield tuple(a[start : start + _CHUNK] for a in arrays)
 
 
-def _upload(rows: FloatArray) -> list[Any]:
-    """Each row as a `mi.Float`.
-
-    On the CPU Dr.Jit takes over NumPy's memory as it is, and compiles one kernel per combination of aligned and
-    unaligned inputs: so each row starts at a multiple of 64 bytes.
-    """
-    import mitsuba as mi
-
-    count, length = rows.shape
-    stride = -(-length // 16) * 16
-    memory = np.empty(count * stride + 16, np.float32)
-    start = -memory.ctypes.data % 64 // 4
-    aligned = memory[start : start + count * stride].reshape(count, stride)[:, :length]
-    aligned[:] = rows
-    return [mi.Float(row) for row in aligned]
-
-
-def _position_key(parameters: Any) -> str:
-    # Mitsuba 3.9 says vertex_positions; later ones are expected to rename it.
-    for key in map(str, parameters.keys()):
-        if key.split(".")[-1] in ("vertex_positions", "positions"):
-            return key
-    raise BackendError(f"this Mitsuba names mesh vertices in an unknown way: {list(parameters.keys())}")
+def _largest(points: FloatArray) -> FloatArray:
+    """(point,) largest absolute coordinate; several times faster than `max(axis=1)`."""
+    x, y, z = np.abs(points).T
+    return np.asarray(np.maximum(np.maximum(x, y), z))
 
 
 def _choose_origin(static: Sequence[MeshArrays], moving: Sequence[MeshArrays]) -> FloatArray:

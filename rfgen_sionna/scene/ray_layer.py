@@ -1,0 +1,82 @@
+"""A Mitsuba scene of one mesh whose vertices can move.
+
+Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.errors import BackendError
+
+MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
+"""(vertex, 3) positions [m] and (face, 3) vertex indices."""
+
+
+class Layer:
+    """One Mitsuba scene with a single mesh made of several objects."""
+
+    def __init__(self, meshes: Sequence[MeshArrays], origin: FloatArray, moving: bool) -> None:
+        import mitsuba as mi
+
+        self.vertices = np.concatenate([np.asarray(v, np.float64) for v, _ in meshes])
+        starts = np.cumsum([0] + [len(v) for v, _ in meshes])
+        self.counts = [len(v) for v, _ in meshes]
+        self.faces = np.concatenate(
+            [np.asarray(f, np.int64) + s for (_, f), s in zip(meshes, starts, strict=False)]
+        ).astype(np.uint32)
+        self._origin = origin
+        mesh = mi.Mesh("layer", len(self.vertices), len(self.faces))
+        parameters = mi.traverse(mesh)
+        parameters["faces"] = mi.UInt32(self.faces.ravel())
+        key = _position_key(parameters)
+        parameters[key] = self._shifted()
+        parameters.update()
+        if moving:
+            description: dict[str, Any] = {
+                "type": "scene",
+                "group": {"type": "shapegroup", "mesh": mesh},
+                "instance": {"type": "instance", "group": {"type": "ref", "id": "group"}},
+            }
+        else:
+            description = {"type": "scene", "mesh": mesh}
+        self.scene = mi.load_dict(description)
+        self._parameters = mi.traverse(self.scene)
+        self._key = _position_key(self._parameters)
+
+    def move(self, vertices: FloatArray) -> None:
+        self.vertices = vertices
+        self._parameters[self._key] = self._shifted()
+        self._parameters.update()
+
+    def _shifted(self) -> Any:
+        return upload((self.vertices - self._origin).reshape(1, -1))[0]
+
+
+def upload(rows: FloatArray) -> list[Any]:
+    """Each row as a `mi.Float`.
+
+    On the CPU Dr.Jit takes over NumPy's memory as it is, and compiles one kernel per combination of aligned and
+    unaligned inputs: so each row starts at a multiple of 64 bytes.
+    """
+    import mitsuba as mi
+
+    count, length = rows.shape
+    stride = -(-length // 16) * 16
+    memory = np.empty(count * stride + 16, np.float32)
+    start = -memory.ctypes.data % 64 // 4
+    aligned = memory[start : start + count * stride].reshape(count, stride)[:, :length]
+    aligned[:] = rows
+    return [mi.Float(row) for row in aligned]
+
+
+def _position_key(parameters: Any) -> str:
+    # Mitsuba 3.9 says vertex_positions; later ones are expected to rename it.
+    for key in map(str, parameters.keys()):
+        if key.split(".")[-1] in ("vertex_positions", "positions"):
+            return key
+    raise BackendError(f"this Mitsuba names mesh vertices in an unknown way: {list(parameters.keys())}")
