@@ -213,10 +213,10 @@ class RayScene:
             facet = dr.select(nearer, found.prim_index + dr.opaque(mi.UInt32, offset), facet)
             distance = dr.select(nearer, found.t, distance)
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
-        outputs = [facet, distance, *(weights if uv else [])]
+        outputs: list[Any] = [facet, distance, *(weights if uv else [])]
         dr.eval(*outputs)
         # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
-        index = facet.numpy().astype(np.int64)
+        index = outputs[0].numpy().astype(np.int64)
         index[index == _NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
