@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 FIND = (
     "from rfgen_sionna.resources import available, resolve;"
-    "print(*available('radars'), *available('scenes'), resolve('scenes', 'living_room'))"
+    "print(*available('radars'), *available('scenes'), resolve('scenes', 'living_room'), sep='\\n')"
 )
 
 
@@ -81,7 +81,7 @@ def find_from(path: Path) -> list[str]:
     """What the resolver finds when the package is imported from `path` alone."""
     code = f"import sys; sys.path.insert(0, {str(path)!r}); {FIND}"
     result = subprocess.run([sys.executable, "-c", code], cwd=path.parent, capture_output=True, text=True, check=True)
-    return result.stdout.split()
+    return result.stdout.splitlines()
 
 
 def test_radars_and_scenes_are_found_in_an_unpacked_wheel(wheel: Path, tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_radars_and_scenes_are_found_in_a_bare_tree() -> None:
 def test_an_editable_installation_points_at_the_checkout(tmp_path: Path) -> None:
     with zipfile.ZipFile(editable_wheel(tmp_path)) as archive:
         links = [archive.read(name).decode() for name in archive.namelist() if name.endswith(".pth")]
-    assert [line for text in links for line in text.split()] == [str(ROOT)]
+    assert [line for text in links for line in text.splitlines()] == [str(ROOT)]
 
 
 def editable_wheel(target: Path) -> Path:
