@@ -13,7 +13,7 @@ from rfgen_sionna.generative.bodies.parts import PART_NAMES, label_faces
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.bodies.tpose import bone_joint, joint_bone, skeleton_in_t_pose, t_pose_rotations
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.records import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import torch
@@ -109,6 +109,6 @@ def build_rig(parameters: dict[str, float]) -> Rig:
     )
 
 
-def _foot_vertices(weights: sparse.csr_array, names: tuple[str, ...], suffix: str) -> np.ndarray:
+def _foot_vertices(weights: sparse.csr_array, names: tuple[str, ...], suffix: str) -> IntArray:
     columns = [k for k, n in enumerate(names) if n.endswith(suffix) and n.startswith(("foot", "toe"))]
-    return np.flatnonzero(np.asarray(weights[:, columns].sum(axis=1)).ravel() > 0.9)
+    return np.flatnonzero(np.asarray(weights[:, columns].sum(axis=1)).ravel() > 0.9).astype(np.int32)

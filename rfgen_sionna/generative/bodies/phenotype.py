@@ -73,7 +73,7 @@ class Phenotype:
             np.random.default_rng([seed, 7, i]) for i in range(6)
         )
         drawn_gender = float(gender_rng.integers(2))
-        gender = drawn_gender if self.gender is None else GENDERS.get(self.gender, self.gender)  # type: ignore[call-overload,arg-type]
+        gender = drawn_gender if self.gender is None else GENDERS.get(self.gender, self.gender)  # type: ignore[arg-type]
         age = float(age_rng.uniform(18.0, 75.0)) if self.age is None else float(self.age)
         muscle = float(muscle_rng.uniform(0.35, 0.7)) if self.muscle is None else float(self.muscle)
         parameters = {

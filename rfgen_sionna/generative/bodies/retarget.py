@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.rotations import about, normalised, to_matrices, transpose, twist_angle
-from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, SIDES, Skeleton, global_rotations
+from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, PARENTS, SIDES, Skeleton, global_rotations
 from rfgen_sionna.records import FloatArray, Motion
 
 RELAXED_CURL = 0.3
@@ -37,8 +37,6 @@ def joint_rotations(motion: Motion) -> FloatArray:
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     out = np.empty((len(world), len(JOINT_NAMES), 3, 3))
     have = {name: i for i, name in enumerate(motion.joint_names)}
-    from rfgen_sionna.generative.motion.skeleton import PARENTS
-
     for j, name in enumerate(JOINT_NAMES):
         if name in have:
             out[:, j] = world[:, have[name]]

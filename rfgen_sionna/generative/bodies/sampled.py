@@ -82,15 +82,15 @@ def load_mesh_sequence(
         raise ClipError(f"frame_rate: {frame_rate!r} Hz; allowed is more than 0")
     files = _files(source)
     samples: list[FloatArray] = []
-    faces: IntArray | None = None
+    faces = np.empty((0, 3), np.int32)
     for file in files:
-        mesh = trimesh.load(file, process=False, force="mesh")
-        vertices, triangles = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int32)
+        mesh = trimesh.load_mesh(file, process=False)
+        vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
         if len(triangles) == 0:
             raise ClipError(f"{file.name}: has no triangles")
         if not np.isfinite(vertices).all():
             raise ClipError(f"{file.name}: has vertices that are not finite")
-        if faces is None:
+        if not samples:
             faces = triangles
         elif len(vertices) != len(samples[0]) or not np.array_equal(triangles, faces):
             raise ClipError(
@@ -98,7 +98,6 @@ def load_mesh_sequence(
                 f"({len(samples[0])} and {len(faces)}, or in another order); the connectivity must be the same"
             )
         samples.append(vertices)
-    assert faces is not None
     return SampledSequence(np.stack(samples), faces, float(frame_rate), (name,))
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, basis, between, normalised, transpose
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, PARENTS, SIDES, Skeleton, side_sign
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.records import FloatArray, IntArray
 
 _FINGER = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}
 _CENTRAL = {
@@ -81,7 +83,9 @@ def bone_joint(bone: str) -> str:
     raise KeyError(bone)
 
 
-def t_pose_rotations(names: tuple[str, ...], heads: FloatArray, vertices: FloatArray, foot_vertices) -> FloatArray:  # type: ignore[no-untyped-def]
+def t_pose_rotations(
+    names: tuple[str, ...], heads: FloatArray, vertices: FloatArray, foot_vertices: Sequence[IntArray]
+) -> FloatArray:
     """(bone, 3, 3) rotation of each bone from the rest pose to the T-pose.
 
     Limbs are matched by direction and hinge; hands by the line of the knuckles; fingers are laid into the palm's plane;
@@ -149,7 +153,7 @@ def skeleton_in_t_pose(
     parents: tuple[int, ...],
     to_t_pose: FloatArray,
     vertices: FloatArray,
-    foot_vertices,  # type: ignore[no-untyped-def]
+    foot_vertices: Sequence[IntArray],
 ) -> Skeleton:
     """Bone lengths and soles of the body, measured in the T-pose; arguments as in :func:`t_pose_rotations`."""
     posed = np.zeros_like(heads)
@@ -158,7 +162,7 @@ def skeleton_in_t_pose(
             posed[b] = posed[p] + to_t_pose[p] @ (heads[b] - heads[p])
     index = {name: i for i, name in enumerate(names)}
     joints = np.stack([posed[index[joint_bone(j)]] for j in JOINT_NAMES])
-    for i, side in enumerate(SIDES):
+    for side in SIDES:
         d = {"left": ".L", "right": ".R"}[side]
         # the toe joint of the skeleton is the middle of the three inner ones, which carry the push-off
         joints[JOINT_NAMES.index(f"{side}_foot")] = np.mean([posed[index[f"toe{k}-1{d}"]] for k in (1, 2, 3)], axis=0)

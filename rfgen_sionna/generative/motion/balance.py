@@ -31,7 +31,7 @@ _SEGMENTS: tuple[tuple[str, str, float, float], ...] = (
 
 def centre_of_mass(joints: FloatArray) -> FloatArray:
     """(..., 3) centre of mass [m] of a body with joint positions (..., 52, 3) [m]."""
-    total = np.zeros(joints.shape[:-2] + (3,))
+    total = np.zeros((*joints.shape[:-2], 3))
     for upper, lower, share, at in _SEGMENTS:
         a, b = joints[..., JOINT[upper], :], joints[..., JOINT[lower], :]
         total += share * (a + at * (b - a))

@@ -11,18 +11,18 @@ from scipy.interpolate import BPoly
 from rfgen_sionna.records import FloatArray
 
 
-def ease(s: ArrayLike) -> FloatArray:
+def ease(s: FloatArray) -> FloatArray:
     """0 to 1 with vanishing first and second derivative at both ends, held outside.
 
     The minimum-jerk profile of human reaching (Flash and Hogan 1985).
     """
-    s = np.clip(np.asarray(s, float), 0.0, 1.0)
+    s = np.clip(s, 0.0, 1.0)
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
 
-def cruise(s: ArrayLike, ramp: float = 0.35) -> FloatArray:
+def cruise(s: FloatArray, ramp: float = 0.35) -> FloatArray:
     """0 to 1 like :func:`ease`, but at constant speed between two ramps of length `ramp` (at most 0.5)."""
-    s = np.clip(np.asarray(s, float), 0.0, 1.0)
+    s = np.clip(s, 0.0, 1.0)
 
     def half(x: FloatArray) -> FloatArray:
         r = np.minimum(x / ramp, 1.0)
@@ -31,9 +31,9 @@ def cruise(s: ArrayLike, ramp: float = 0.35) -> FloatArray:
     return np.where(s <= 0.5, half(s), 1.0 - half(1.0 - s))
 
 
-def bump(s: ArrayLike) -> FloatArray:
+def bump(s: FloatArray) -> FloatArray:
     """0 to 1 and back over s in [0, 1], C² at both ends, flat-topped enough to resemble a hop."""
-    s = np.clip(np.asarray(s, float), 0.0, 1.0)
+    s = np.clip(s, 0.0, 1.0)
     return 64.0 * (s * (1.0 - s)) ** 3
 
 
@@ -48,8 +48,8 @@ def keys(t: FloatArray, times: Sequence[float], values: ArrayLike) -> FloatArray
     Returns:
         (n,) or (n, d) values at `t`; the first and last key are held outside.
     """
-    v = np.asarray(values, float)
-    knots = np.asarray(times, float)
+    v = np.asarray(values, np.float64)
+    knots = np.asarray(times, np.float64)
     i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
     s = ease((t - knots[i]) / (knots[i + 1] - knots[i]))
     if v.ndim > 1:

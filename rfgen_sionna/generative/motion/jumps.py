@@ -31,6 +31,45 @@ def _airborne(score: Score, reach: float = 0.985) -> None:
         score.pelvis[:, 2] -= over
 
 
+def _leave_floor(
+    times: list[float],
+    states: list[list[float]],
+    off: float,
+    on: float,
+    take_off: float,
+    landing: float,
+    slack: float,
+    tuck: float,
+) -> None:
+    """Append knots of the feet's height in a flight.
+
+    The body leaves at full speed while the feet start from rest: the legs stretch by `slack` [m] while the feet catch
+    up, then fly along with the body, and the same backwards before the landing.
+
+    Args:
+        times, states: knots [s] and (height [m], speed, acceleration), extended in place.
+        off, on: instants of leaving and touching the floor [s].
+        take_off, landing: vertical speeds of the body then, both positive [m/s].
+        slack: [m].
+        tuck: how far the legs are drawn up in between [m].
+    """
+    rise, fall = (min(2.0 * slack / v, 0.4 * (on - off)) for v in (take_off, landing))
+    up = take_off * rise - 0.5 * GRAVITY * rise**2 - slack
+    down = landing * fall - 0.5 * GRAVITY * fall**2 - slack
+    times += [off, off + rise, on - fall, on]
+    states += [
+        [0.0, 0.0, 0.0],
+        [up, take_off - GRAVITY * rise, -GRAVITY],
+        [down, -landing + GRAVITY * fall, -GRAVITY],
+        [0.0, 0.0, 0.0],
+    ]
+    if tuck > 0.0:
+        middle = 0.5 * (off + on)
+        s = (middle - off) * take_off - 0.5 * GRAVITY * (middle - off) ** 2 - slack
+        times.insert(-2, middle)
+        states.insert(-2, [s + tuck, take_off - GRAVITY * (middle - off), -GRAVITY])
+
+
 def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Straight up, again and again: dip with the arms back, push off, fly, land soft, stand."""
     t, sk = score.t, score.skeleton
@@ -40,7 +79,10 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
     height = rng.uniform(0.10, 0.24) * leg / 0.82
     depth = rng.uniform(0.14, 0.24) * leg
     take_off = np.sqrt(2.0 * GRAVITY * height)
-    flight = 2.0 * take_off / GRAVITY
+    # height of the pelvis over standing when the toes leave the floor, on tiptoe with bent knees, and touch it again
+    leave, touch = 0.035 * leg / 0.82, 0.0
+    landing = np.sqrt(2.0 * GRAVITY * (height + leave - touch))
+    flight = (take_off + landing) / GRAVITY
     dip, push, land, rest = (
         rng.uniform(0.34, 0.5) / speed**0.5,
         np.clip(2.1 * depth / take_off, 0.2, 0.42),
@@ -48,10 +90,8 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
         rng.uniform(0.35, 0.6) / speed,
     )
     tucked = rng.uniform(0.0, 0.06) * leg
-    arms_up = rng.uniform(0.4, 2.4)
+    arms_up = rng.uniform(0.3, 1.5)
     clock = rng.uniform(0.05, 0.4)
-    # the toes leave the floor before the legs are straight: on tiptoe the pelvis is higher by `rise`
-    rise = 0.07 * leg / 0.82
     times, z = [min(0.0, clock - 0.1)], [[0.0, 0.0, 0.0]]
     pitch_t, pitch = [times[0]], [[0.0, 0.0, 0.0]]
     lift_t, lift = [times[0]], [[0.0, 0.0, 0.0]]
@@ -64,13 +104,13 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
         d = c + flight
         e = d + land
         f = e + rest * rng.uniform(0.8, 1.3)
-        times += [a, b, c, c + 0.5 * flight, d, e, f]
+        times += [a, b, c, c + take_off / GRAVITY, d, e, f]
         z += [
             [0.0, 0.0, 0.0],
             [-depth, 0.0, 0.6 * GRAVITY],
-            [rise, take_off, -GRAVITY],
-            [rise + height, 0.0, -GRAVITY],
-            [rise, -take_off, -GRAVITY],
+            [leave, take_off, -GRAVITY],
+            [leave + height, 0.0, -GRAVITY],
+            [touch, -landing, -GRAVITY],
             [-0.75 * depth, 0.0, 0.3 * GRAVITY],
             [0.0, 0.0, 0.0],
         ]
@@ -84,17 +124,9 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
             [-0.42 * point, 0.0, 0.0],
             [0.0, 0.0, 0.0],
         ]
-        lift_t += [c, c + 0.22 * flight, c + 0.5 * flight, d - 0.18 * flight, d]
-        top = height + tucked - 0.02
-        lift += [
-            [0.0, 0.0, 0.0],
-            [0.5 * top, 0.62 * take_off, 0.0],
-            [top, 0.0, -GRAVITY],
-            [0.42 * top, -0.75 * take_off, 0.0],
-            [0.0, 0.0, 0.0],
-        ]
-        arm_t += [a, b - 0.05, c + 0.3 * flight, e - 0.05, f]
-        arm += [0.0, -0.75, arms_up, 0.1, 0.0]
+        _leave_floor(lift_t, lift, c, d, take_off, landing, 0.045 * leg, tucked)
+        arm_t += [a + 0.06, b - 0.12, c + 0.35 * flight, e, f]
+        arm += [0.0, -0.6, arms_up, 0.1, 0.0]
         airborne |= (t > c) & (t < d)
         clock = f
     score.pelvis[:, 2] += hermite(t, times, z)
@@ -105,22 +137,20 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
         foot.loose = ease(feet_lift / (0.4 * height))
     score.contacts[:] = ~airborne[:, None]
     swing = keys(t, arm_t, arm)
-    bent = np.clip(-(hermite(t, times, z) - rise), 0.0, None) / depth
     low = keys(t, *_dips(times, z))
     score.pitch += 0.45 * low
     score.bend += 0.35 * low
     score.nod -= 0.5 * low
-    del bent
     for side in SIDES:
         arm_score = score.arms[side]
         out = rng.uniform(0.15, 0.3)
         arm_score.direction = np.stack([np.sin(swing), np.full_like(t, out), -np.cos(swing)], axis=-1)
         arm_score.pole = np.tile([-0.5, 0.8, -0.4], (score.n, 1))
-        arm_score.elbow = 0.35 + 0.35 * np.abs(np.sin(swing)) * rng.uniform(0.6, 1.4)
+        arm_score.elbow = 0.35 + rng.uniform(0.3, 0.7) * (1.0 - np.cos(swing))
     grounded = score.pelvis.copy()
     over_feet(score, ahead=0.07)
     score.pelvis[:, 2] = grounded[:, 2]
-    _airborne(score)
+    _airborne(score, 0.972)
 
 
 def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[float]]:
@@ -134,7 +164,7 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
     t, sk = score.t, score.skeleton
     leg = sk.leg_length()
     quiet(score, rng, 0.7)
-    half = rng.uniform(0.46, 0.62) / speed
+    half = rng.uniform(0.48, 0.64) / speed
     flight = rng.uniform(0.36, 0.44) * half
     take_off = 0.5 * GRAVITY * flight
     dip = rng.uniform(0.035, 0.06) * leg / 0.82
@@ -144,7 +174,14 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
     start = -rng.uniform(0.0, 2.0) * half
     ground = half - flight
     count = int(np.ceil((t[-1] - start) / half)) + 2
-    times, z, pitch_t, pitch, lift_t, lift, place_t, place, arm_t = [], [], [], [], [], [], [], [], []
+    times: list[float] = []
+    z: list[list[float]] = []
+    pitch_t: list[float] = []
+    pitch: list[list[float]] = []
+    lift_t: list[float] = []
+    lift: list[list[float]] = []
+    place_t: list[float] = []
+    place: list[int] = []
     airborne = np.zeros(score.n, bool)
     rise = 0.04 * leg / 0.82
     for k in range(count):
@@ -161,11 +198,9 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
         on_toes = -np.radians(24.0)
         pitch_t += [a, a + 0.4 * ground, a + 0.6 * ground, c]
         pitch += [[on_toes, 0.0, 0.0], [0.3 * on_toes, 0.0, 0.0], [0.3 * on_toes, 0.0, 0.0], [on_toes, 0.0, 0.0]]
-        lift_t += [a, c, c + 0.5 * flight]
-        lift += [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [top + 0.012, 0.0, -0.6 * GRAVITY]]
+        _leave_floor(lift_t, lift, c, c + flight, take_off, take_off, 0.03 * leg, 0.0)
         place_t += [a, c]
         place += [k % 2, k % 2]
-        arm_t.append(a)
         airborne |= (t > c) & (t < c + flight)
     score.pelvis[:, 2] += hermite(t, times, z)
     spread = keys(t, place_t, place)
@@ -189,4 +224,4 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
     heights: FloatArray = score.pelvis[:, 2].copy()
     over_feet(score, ahead=0.09)
     score.pelvis[:, 2] = heights
-    _airborne(score)
+    _airborne(score, 0.94)

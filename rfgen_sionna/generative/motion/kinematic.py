@@ -15,6 +15,7 @@ from rfgen_sionna.records import Motion
 
 SPEED_RANGE = (0.5, 2.0)
 MAX_DURATION = 600.0
+_DENSE_RATE = 240.0
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class KinematicSource:
     minimum-jerk paths; the centre of mass stays over the feet while standing.
     """
 
-    frame_rate: float = 60.0
+    frame_rate: float = 120.0
     """Poses per second [Hz]."""
 
     def __call__(
@@ -59,10 +60,12 @@ class KinematicSource:
         if hand is None:
             # nine people in ten prefer the right
             hand = "right" if rng.uniform() < 0.9 else "left"
-        t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) + 1) / self.frame_rate
+        # written more densely than it is kept, so that the motion does not depend on the frame rate
+        dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
+        t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
         score = Score(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
         ACTIONS[action].write(score, rng, hand, speed)
-        world, joints = score.solve()
+        world, joints = (a[::dense] for a in score.solve())
         local = world.copy()
         for j, p in enumerate(PARENTS):
             if p >= 0:
@@ -74,7 +77,7 @@ class KinematicSource:
             joint_names=JOINT_NAMES,
             parents=PARENTS,
             offsets=skeleton.offsets,
-            contacts=score.contacts,
+            contacts=score.contacts[::dense],
             action=action,
             seed=seed,
         )

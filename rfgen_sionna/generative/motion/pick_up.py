@@ -6,10 +6,11 @@ import numpy as np
 
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys
+from rfgen_sionna.generative.motion.limits import joint_angles
 from rfgen_sionna.generative.motion.postures import quiet, relaxed
-from rfgen_sionna.generative.motion.rotations import Y, about
 from rfgen_sionna.generative.motion.score import Score
-from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, side_sign
+from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
+from rfgen_sionna.records import FloatArray
 
 
 def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
@@ -19,8 +20,8 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
     relaxed(score, rng)
     quiet(score, rng, 0.7)
     both = rng.uniform() < 0.4
-    squat = rng.uniform(0.30, 0.46) * leg
-    stoop = rng.uniform(0.62, 0.85)
+    squat = rng.uniform(0.28, 0.42) * leg
+    stoop = rng.uniform(0.32, 0.5)
     down, hold, up = (rng.uniform(*r) / speed for r in ((0.9, 1.3), (0.25, 0.55), (0.9, 1.4)))
     clock = rng.uniform(0.1, 0.5) / speed
     times, low, grip = [0.0], [0.0], [(0.0, 0.0)]
@@ -40,7 +41,7 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
     closing = keys(t, [g[0] for g in grip], [g[1] for g in grip])
     score.pelvis[:, 2] -= squat * amount
     score.pitch += stoop * early
-    score.bend += rng.uniform(0.35, 0.65) * early
+    score.bend += rng.uniform(0.6, 0.85) * early
     score.nod += rng.uniform(-0.25, 0.15) * amount
     score.knee_out += (rng.uniform(0.05, 0.25) * amount)[:, None]
     aside = rng.uniform(0.0, 0.12) if both else rng.uniform(-0.02, 0.1)
@@ -54,7 +55,7 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
         if reaching:
             arm.target = np.tile([forward, s * aside + (s * 0.1 if both else 0.0), height], (score.n, 1))
             arm.target_weight = amount
-            arm.pole = arm.pole + amount[:, None] * (np.array([-0.8, 0.9, 0.3]) - arm.pole)
+            arm.pole = arm.pole + amount[:, None] * (np.array([-0.6, 0.9, -0.5]) - arm.pole)
             grasp = score.hands[side]
             grasp.curl = (
                 grasp.curl + closing[:, None, None] * (np.tile([0.85, 0.75, 0.4], (5, 1)) - grasp.curl) * _thumb_less()
@@ -62,12 +63,15 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
             grasp.flexion += 0.25 * amount
         else:
             # the free hand goes to the thigh
-            hanging = about(Y, np.array(-0.9 * rng.uniform(0.7, 1.0)))[:, 2] * -1.0
-            arm.direction += amount[:, None] * (hanging + [0.0, 0.15, 0.0] - arm.direction)
+            swing = rng.uniform(0.6, 0.9)
+            rest = np.array([np.sin(swing), 0.15, -np.cos(swing)])
+            arm.direction += amount[:, None] * (rest - arm.direction)
             arm.elbow += 0.5 * amount
     over_feet(score, ahead=0.075)
     fit_height(score)
-    _reach_down(score, JOINT)
+    _reach_down(score)
+    _spare_hips(score, amount)
+    _above_ground(score)
 
 
 def _thumb_less() -> np.ndarray:
@@ -75,7 +79,7 @@ def _thumb_less() -> np.ndarray:
     return np.array([1.0, 1.0, 1.0, 1.0, 0.45])[:, None]
 
 
-def _reach_down(score: Score, joints: dict[str, int]) -> None:
+def _reach_down(score: Score) -> None:
     """Bend the trunk a little more where the hand would not get down to its target."""
     for _ in range(3):
         _, p = score.solve()
@@ -84,7 +88,7 @@ def _reach_down(score: Score, joints: dict[str, int]) -> None:
             arm = score.arms[side]
             if arm.target is None or arm.target_weight is None:
                 continue
-            gap = np.linalg.norm(p[:, joints[f"{side}_wrist"]] - arm.target, axis=-1)
+            gap = np.linalg.norm(p[:, JOINT[f"{side}_wrist"]] - arm.target, axis=-1)
             short = max(short, float(np.max(gap[arm.target_weight > 0.999], initial=0.0)))
             weight = arm.target_weight
         if short < 0.01:
@@ -92,3 +96,30 @@ def _reach_down(score: Score, joints: dict[str, int]) -> None:
         score.bend += weight * min(0.9 * short, 0.12)
         score.pelvis[:, 2] -= weight * 0.5 * short
         over_feet(score, ahead=0.075)
+
+
+def _spare_hips(score: Score, amount: FloatArray, most: float = 115.0) -> None:
+    """Tip the pelvis less where the hips would fold more than `most` [degrees]."""
+    for _ in range(3):
+        rotations, _ = score.solve()
+        excess = float(np.max(joint_angles(rotations)["hip flexion"])) - most
+        if excess <= 0.0:
+            return
+        score.pitch -= amount * np.radians(excess)
+        over_feet(score, ahead=0.075)
+
+
+def _above_ground(score: Score, clearance: float = 0.02) -> None:
+    """Lift the wrists' targets until the fingertips stay over the ground."""
+    for _ in range(3):
+        _, p = score.solve()
+        for side in SIDES:
+            arm = score.arms[side]
+            if arm.target is None:
+                continue
+            lowest = np.inf
+            for finger in FINGERS:
+                middle, last = (p[:, JOINT[f"{side}_{finger}{k}"]] for k in (2, 3))
+                # the last bone is about as long as the one before it
+                lowest = min(lowest, float(np.min(np.minimum(last, 2.0 * last - middle)[:, 2])))
+            arm.target[:, 2] += max(clearance - lowest, 0.0)

@@ -159,7 +159,7 @@ def _leg_raised(score: Score, rng: np.random.Generator, side: str, speed: float)
     foot.place[:, 0] += forward
     foot.place[:, 1] *= 1.0 - 0.25 * amount
     foot.lift += up
-    foot.pitch += amount * np.radians(rng.uniform(-25.0, 10.0))
+    foot.pitch += 0.9 * (hip_angle - knee_angle) + amount * np.radians(rng.uniform(-22.0, 0.0))
     foot.loose[:] = 1.0
     score.contacts[:, SIDES.index(side)] = amount < 1e-6
     score.bend -= 0.06 * amount

@@ -1,7 +1,8 @@
-"""What an action writes down: pelvis, trunk, feet, arms and fingers over time. :meth:`Score.solve` makes joints of it."""
+"""What an action writes down (pelvis, trunk, feet, arms, fingers over time), and the joints that follow from it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,7 +113,7 @@ class Score:
             self.arms[side] = Arm(np.tile([0.03, 0.13, -1.0], (n, 1)), np.full(n, 0.25), np.tile(ARM_POLE, (n, 1)))
             curl = np.tile([0.3, 0.35, 0.2], (n, 5, 1))
             curl[:, FINGERS.index("thumb")] = [0.1, 0.15, 0.15]
-            self.hands[side] = Hand(np.full(n, 0.25), np.full(n, 0.05), zeros.copy(), curl, np.zeros((n, 5)))
+            self.hands[side] = Hand(np.full(n, 0.25), np.full(n, 0.05), np.zeros(n), curl, np.zeros((n, 5)))
 
     def pivot(self, side: str) -> FloatArray:
         """(2, 3) pivots of a foot, toe joint and heel, from the ankle in the flat foot's frame [m]."""
@@ -163,7 +164,7 @@ class Score:
             self._solve_hand(side, g, place)
         return g, p
 
-    def _solve_leg(self, side: str, g: FloatArray, p: FloatArray, place) -> None:  # type: ignore[no-untyped-def]
+    def _solve_leg(self, side: str, g: FloatArray, p: FloatArray, place: Callable[..., None]) -> None:
         sk, i = self.skeleton, SIDES.index(side)
         hip, knee, ankle, toe = (JOINT[f"{side}_{j}"] for j in ("hip", "knee", "ankle", "foot"))
         place(f"{side}_hip")
@@ -183,7 +184,7 @@ class Score:
         place(f"{side}_foot")
         g[:, toe] = toes
 
-    def _solve_arm(self, i: int, side: str, g: FloatArray, p: FloatArray, place) -> None:  # type: ignore[no-untyped-def]
+    def _solve_arm(self, i: int, side: str, g: FloatArray, p: FloatArray, place: Callable[..., None]) -> None:
         sk, s, arm = self.skeleton, side_sign(side), self.arms[side]
         collar, shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("collar", "shoulder", "elbow", "wrist"))
         mirror = np.array([1.0, s, 1.0])
@@ -210,7 +211,7 @@ class Score:
         p[:, elbow] = middle
         place(f"{side}_wrist")
 
-    def _solve_hand(self, side: str, g: FloatArray, place) -> None:  # type: ignore[no-untyped-def]
+    def _solve_hand(self, side: str, g: FloatArray, place: Callable[..., None]) -> None:
         sk, s, hand = self.skeleton, side_sign(side), self.hands[side]
         wrist = JOINT[f"{side}_wrist"]
         g[:, wrist] = (

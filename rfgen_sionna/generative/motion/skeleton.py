@@ -7,7 +7,6 @@ parallel. Only the order and the parents are SMPL-H's (Romero et al. 2017); the 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 

@@ -135,7 +135,7 @@ def _feet(
     count = int(np.ceil((t[-1] - contact) / period)) + 2 - first
     lands = contact + period * (first + np.arange(count + 1))
     # the body passes over the foot a quarter of a cycle after touch-down: half a step before, half a step after
-    x, y, heading = path.at(lands + 0.26 * period)
+    x, y, heading = path.at(np.asarray(lands + 0.26 * period, np.float64))
     places = np.stack(
         [
             x + ahead * np.cos(heading) - s * width * np.sin(heading),
@@ -150,6 +150,7 @@ def _feet(
     states: list[list[float]] = []
     for k, land in enumerate(lands):
         before = toe_up * (reach[k - 1] - 0.25) / 0.75 if k else 0.0
+        after = toe_up * (reach[k] - 0.25) / 0.75
         push = heel_up * reach[k]
         for share, state in (
             (0.0, [before, -6.0 * before / period, 0.0]),
@@ -157,6 +158,7 @@ def _feet(
             (0.30, [0.0, 0.0, 0.0]),
             (STANCE, [-0.92 * push, -3.0 * push / period, 0.0]),
             (STANCE + 0.07, [-push, 0.0, 0.0]),
+            (STANCE + 0.24, [0.0, 10.0 * after / period, 0.0]),
         ):
             times.append(land + share * period)
             states.append(state)
@@ -168,6 +170,6 @@ def _feet(
     foot.place = places[k] + moved * (places[k + 1] - places[k])
     foot.yaw = yaws[k] + ease(swing) * (yaws[k + 1] - yaws[k])
     foot.lift = clearance * bump(swing) * (0.7 + 0.3 * reach[k])
-    # the pivot passes to the heel in the air and back to the toes while the foot is flat
-    foot.heel = np.where(share < STANCE, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.1) / 0.75))
+    # the pivot passes to the heel in the air, where the foot is level, and back to the toes while it is flat
+    foot.heel = np.where(share < STANCE, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.45) / 0.35))
     score.contacts[:, i] = share <= STANCE
