@@ -9,8 +9,10 @@ the Stratton-Chu integrand of the tangential fields (incident plus Fresnel-refle
 direction. For a metal plate at normal incidence F = -1, so that an infinite mirror at distance d
 gives the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
 
-The mean of a linear phase over a triangle is -2 f[p0, p1, p2], the second divided difference of f(x) = exp(-j x)
-at the corner phases (Hermite-Genocchi).
+The mean of a linear phase over a triangle has a closed form (:mod:`rfgen_sionna.tracing.simplex`). The phase of a
+facet is not quite linear, nor is its return equally strong all over. Both are small on a facet, but neighbouring facets
+repeat the same residue: a grating, whose lobes add up in first order. So the quadratic part of the phase and the
+linear part of the strength are kept to first order, which leaves an error of second order.
 """
 
 from __future__ import annotations
@@ -22,10 +24,8 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.tracing.arrays import drjit_types
-
-_SERIES_SPREAD = 1.0  # rad; below it the divided difference cancels and its Taylor series takes over
-_SERIES_TERMS = 12  # remainder below 1e-13 for spreads up to 1 rad
-
+from rfgen_sionna.tracing.simplex import Complex as ComplexPair
+from rfgen_sionna.tracing.simplex import moments
 
 @dataclass(frozen=True)
 class FacetGains:
@@ -39,43 +39,20 @@ class FacetGains:
     """(facet,) phase at the centroid that a linear phase through the corners misses, first element pair [rad]."""
 
 
-def _mean_phasor(dr: Any, p0: Any, p1: Any, p2: Any) -> tuple[Any, Any]:
-    """Real and imaginary part of the mean of exp(-j phi) over a triangle with corner phases p0, p1, p2 [rad]."""
-    low = dr.minimum(dr.minimum(p0, p1), p2)
-    high = dr.maximum(dr.maximum(p0, p1), p2)
-    mid = p0 + p1 + p2 - low - high
+def _mean_phasor(dr: Any, wavenumber: Any, lengths: list[Any], sags: list[Any], swings: list[Any]) -> ComplexPair:
+    """Mean of (1 + w) exp(-j psi) over a facet, to first order in the sags and in the swings w.
 
-    def first_difference(x: Any, y: Any) -> tuple[Any, Any]:  # f[x, y] = -j exp(-j (x+y)/2) sinc((y-x)/2)
-        half = 0.5 * (y - x)
-        sinc = dr.select(half > 1e-4, dr.sin(half) / half, 1 - half * half / 6)
-        sin, cos = dr.sincos(0.5 * (x + y))
-        return -sinc * sin, -sinc * cos
-
-    lower, upper = first_difference(low, mid), first_difference(mid, high)
-    spread = high - low
-    scale = -2.0 / dr.maximum(spread, _SERIES_SPREAD)
-    real, imag = scale * (upper[0] - lower[0]), scale * (upper[1] - lower[1])
-
-    # Around the mean m: <exp(-j phi)> = exp(-j m) sum_n 2 (-j)^n h_n / (n+2)!, h_n complete homogeneous symmetric
-    # polynomials of the deviations (whose sum is zero): h_n = -e2 h_{n-2} + e3 h_{n-3}.
-    mean = (p0 + p1 + p2) / 3.0
-    d0, d1, d2 = p0 - mean, p1 - mean, p2 - mean
-    e2, e3 = d0 * d1 + d1 * d2 + d2 * d0, d0 * d1 * d2
-    h = [1.0 + 0.0 * mean, 0.0 * mean, -e2]
-    for n in range(3, _SERIES_TERMS + 1):
-        h.append(e3 * h[n - 3] - e2 * h[n - 2])
-    series = [0.0 * mean, 0.0 * mean]
-    factor = 1.0  # 2 / (n+2)!
-    for n, term in enumerate(h):
-        sign = (1.0, -1.0, -1.0, 1.0)[n % 4]
-        series[n % 2] = series[n % 2] + sign * factor * term
-        factor /= n + 3
-    sin, cos = dr.sincos(mean)
-    small = spread < _SERIES_SPREAD
-    return (
-        dr.select(small, series[0] * cos + series[1] * sin, real),
-        dr.select(small, series[1] * cos - series[0] * sin, imag),
-    )
+    psi is quadratic, linear between the corners less 4 sum_edges sag l_i l_k; w is linear between its corner values.
+    """
+    found = moments(dr, (wavenumber * lengths[0], wavenumber * lengths[1], wavenumber * lengths[2]))
+    sag = [wavenumber * each for each in sags]
+    mean_sag = (sag[0] + sag[1] + sag[2]) / 3.0  # <4 l_i l_k> = 1/3
+    quadratic = found.edge[0].scaled(4 * sag[0]) + found.edge[1].scaled(4 * sag[1]) + found.edge[2].scaled(4 * sag[2])
+    total = found.mean + (quadratic - found.mean.scaled(mean_sag)).turned()
+    for moment, swing in zip(found.corner, swings, strict=True):
+        total = total + moment.scaled(swing)
+    sin, cos = dr.sincos(mean_sag)
+    return total.times(ComplexPair(cos, sin))
 
 
 def facet_gains(
@@ -137,19 +114,27 @@ def facet_gains(
     normal = cross / dr.select(twice_area > 0, twice_area, 1.0)
     normal = dr.select(dr.dot(normal, k_in) > 0, -normal, normal)
 
-    # Path length at the corners less that at the centroid, without cancellation: |x|-|y| = (x-y).(x+y)/(|x|+|y|).
-    def excess(corner: Any) -> Any:
-        from_t, from_r = corner - t, corner - r
-        offset = corner - centre
-        return dr.dot(offset, from_t + from_tx) / (dr.norm(from_t) + distance_tx) + dr.dot(
-            offset, from_r - to_rx
-        ) / (dr.norm(from_r) + distance_rx)
+    # Path length at a point less that at the centroid, without cancellation: |x|-|y| = (x-y).(x+y)/(|x|+|y|); and
+    # the spreading times the cosine of incidence, relative to the centroid's: on a plane cos/R goes as 1/R^2.
+    def path(point: Any) -> tuple[Any, Any]:
+        from_t, from_r = point - t, point - r
+        offset = point - centre
+        size_t, size_r = dr.norm(from_t), dr.norm(from_r)
+        excess = dr.dot(offset, from_t + from_tx) / (size_t + distance_tx) + dr.dot(offset, from_r - to_rx) / (
+            size_r + distance_rx
+        )
+        shrink = distance_tx * distance_rx / dr.maximum(size_t * size_r, 1e-30)
+        return excess, shrink * dr.sqrt(shrink)
 
-    lengths = [excess(corner) for corner in p]
-    # A linear phase through the corners lies above the true one by `bulge` at the centroid and, for a quadratic
-    # phase, by 3/4 of it in the mean: take that off.
+    corner_paths = [path(corner) for corner in p]
+    lengths = [excess for excess, _ in corner_paths]
+    swings = [dr.clip(strength - 1.0, -1.0, 1.0) for _, strength in corner_paths]
+    # By how much a linear phase through the corners lies above the true one in the middle of each edge.
+    sags = [
+        0.5 * (lengths[(i + 1) % 3] + lengths[(i + 2) % 3]) - path(0.5 * (p[(i + 1) % 3] + p[(i + 2) % 3]))[0]
+        for i in range(3)
+    ]
     bulge = (lengths[0] + lengths[1] + lengths[2]) / 3.0
-    lengths = [length - 0.75 * bulge for length in lengths]
 
     def transverse(field: FloatArray, direction: Any) -> Any:
         v = Array3(*(dr.opaque(Float, float(component)) for component in field))
@@ -180,7 +165,7 @@ def facet_gains(
     outputs = [distance_tx + distance_rx, bulge]
     for index, frequency in enumerate(np.asarray(frequencies, dtype=np.float64)):
         wavenumber = dr.opaque(Float, float(2 * np.pi * frequency / SPEED_OF_LIGHT))
-        mean_re, mean_im = _mean_phasor(dr, *(wavenumber * length for length in lengths))
+        mean_re, mean_im = _mean_phasor(dr, wavenumber, lengths, sags, swings)
         eps, mu = permittivity[index], permeability[index]
         conductor = ~np.isfinite(eps)
         eps, mu = np.where(conductor, 1.0, eps), np.where(conductor, 1.0, mu)

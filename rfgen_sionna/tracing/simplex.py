@@ -1,0 +1,173 @@
+"""Means of exp(-j phi) and its moments over a triangle on which the phase phi is linear.
+
+With barycentric coordinates l_i and corner phases p_i these are divided differences of f(x) = exp(-j x)
+(Hermite-Genocchi): with G[x_0 ... x_n] = j^n f[x_0 ... x_n],
+
+    <exp(-j phi)>         = 2 G[p_0, p_1, p_2]
+    <l_i exp(-j phi)>     = 2 G[p_0, p_1, p_2, p_i]
+    <l_i l_k exp(-j phi)> = 2 G[p_0, p_1, p_2, p_i, p_k]
+
+For sorted phases a <= b <= c every one of them reduces to integrals along the edges ab and bc, spherical Bessel
+functions of half the phase difference, by dividing by c - a only. Where c - a is small a power series takes over.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+SERIES_SPREAD = 1.0  # rad; below it the differences cancel
+SERIES_TERMS = 12  # remainder below 1e-13 of the mean for spreads up to 1 rad
+_BESSEL_SERIES = 0.3
+
+
+class Complex(NamedTuple):
+    """A complex number as two real arrays: real factors and quarter turns stay cheap."""
+
+    re: Any
+    im: Any
+
+    def __add__(self, other: Any) -> Complex:
+        return Complex(self.re + other.re, self.im + other.im)
+
+    def __sub__(self, other: Complex) -> Complex:
+        return Complex(self.re - other.re, self.im - other.im)
+
+    def scaled(self, factor: Any) -> Complex:
+        """Times a real factor."""
+        return Complex(self.re * factor, self.im * factor)
+
+    def turned(self) -> Complex:
+        """Times j."""
+        return Complex(-self.im, self.re)
+
+    def times(self, other: Complex) -> Complex:
+        return Complex(self.re * other.re - self.im * other.im, self.re * other.im + self.im * other.re)
+
+
+class Moments(NamedTuple):
+    """Moments of the unit phasor over a triangle."""
+
+    mean: Complex
+    """<exp(-j phi)>"""
+    corner: tuple[Complex, Complex, Complex]
+    """<l_i exp(-j phi)> for corners 0, 1, 2"""
+    edge: tuple[Complex, Complex, Complex]
+    """<l_i l_k exp(-j phi)> for the edges opposite to corners 0, 1, 2"""
+
+
+def moments(dr: Any, p: tuple[Any, Any, Any]) -> Moments:
+    """Moments for corner phases `p` [rad], arrays of any one Dr.Jit real type."""
+    low = dr.minimum(dr.minimum(p[0], p[1]), p[2])
+    high = dr.maximum(dr.maximum(p[0], p[1]), p[2])
+    middle = p[0] + p[1] + p[2] - low - high
+    spread = high - low
+    far = _by_differences(dr, low, middle, high)
+    near = _by_series(dr, low, middle, high)
+    small = spread < SERIES_SPREAD
+
+    def choose(one: Complex, other: Complex) -> Complex:
+        return Complex(dr.select(small, one.re, other.re), dr.select(small, one.im, other.im))
+
+    corner = [choose(x, y) for x, y in zip(near.corner, far.corner, strict=True)]
+    edge = [choose(x, y) for x, y in zip(near.edge, far.edge, strict=True)]
+
+    # Back from sorted order: corner i is the low, the middle or the high one. Equal phases have equal moments.
+    def unsorted(values: list[Complex], index: int) -> Complex:
+        is_low, is_high = p[index] == low, p[index] == high
+        re = dr.select(is_low, values[0].re, dr.select(is_high, values[2].re, values[1].re))
+        im = dr.select(is_low, values[0].im, dr.select(is_high, values[2].im, values[1].im))
+        return Complex(re, im)
+
+    return Moments(
+        choose(near.mean, far.mean),
+        (unsorted(corner, 0), unsorted(corner, 1), unsorted(corner, 2)),
+        (unsorted(edge, 0), unsorted(edge, 1), unsorted(edge, 2)),
+    )
+
+
+class _Edge(NamedTuple):
+    """G over the corners x <= y of an edge, each as often as its name says."""
+
+    xy: Complex
+    xxy: Complex
+    xyy: Complex
+    xxyy: Complex
+
+
+def _edge(dr: Any, x: Any, y: Any) -> _Edge:
+    h = 0.5 * (y - x)
+    small = h < _BESSEL_SERIES
+    safe = dr.select(small, 1.0, h)
+    sin, cos = dr.sincos(safe)
+    h2 = h * h
+    j0 = dr.select(small, 1 - h2 / 6 * (1 - h2 / 20 * (1 - h2 / 42 * (1 - h2 / 72))), sin / safe)
+    j1_over_h = dr.select(
+        small, (1 - h2 / 10 * (1 - h2 / 28 * (1 - h2 / 54 * (1 - h2 / 88)))) / 3, (sin / safe - cos) / (safe * safe)
+    )
+    sin, cos = dr.sincos(0.5 * (x + y))
+    half = 0.5 * h * j1_over_h
+    even = Complex(0.5 * j0 * cos, -0.5 * j0 * sin)
+    odd = Complex(-half * sin, -half * cos)  # -j j1/2 exp(-j m)
+    last = 0.5 * j1_over_h
+    return _Edge(even + even, even - odd, even + odd, Complex(last * cos, -last * sin))
+
+
+def _by_differences(dr: Any, a: Any, b: Any, c: Any) -> Moments:
+    inverse = 1.0 / dr.maximum(c - a, SERIES_SPREAD)
+
+    def divided(upper: Complex, lower: Complex) -> Complex:
+        return (upper - lower).turned().scaled(inverse)
+
+    ab, bc = _edge(dr, a, b), _edge(dr, b, c)
+    abc = divided(bc.xy, ab.xy)
+    aabc, abbc, abcc = divided(abc, ab.xxy), divided(bc.xxy, ab.xyy), divided(bc.xyy, abc)
+    return Moments(
+        abc.scaled(2.0),
+        (aabc.scaled(2.0), abbc.scaled(2.0), abcc.scaled(2.0)),
+        (
+            divided(bc.xxyy, abbc).scaled(2.0),
+            divided(abcc, aabc).scaled(2.0),
+            divided(abbc, ab.xxyy).scaled(2.0),
+        ),
+    )
+
+
+def _by_series(dr: Any, a: Any, b: Any, c: Any) -> Moments:
+    """G[x_0 ... x_n] = exp(-j m) sum_k (-j)^k h_k / (k+n)! with h_k the complete homogeneous symmetric polynomials."""
+    mean = (a + b + c) / 3.0
+    x = (a - mean, b - mean, c - mean)
+    e2, e3 = x[0] * x[1] + x[1] * x[2] + x[2] * x[0], x[0] * x[1] * x[2]
+    h = [1.0 + 0.0 * mean, 0.0 * mean, -e2]
+    for k in range(3, SERIES_TERMS + 1):
+        h.append(e3 * h[k - 3] - e2 * h[k - 2])
+
+    def with_another(polynomials: list[Any], value: Any) -> list[Any]:
+        out = [polynomials[0]]
+        for k in range(1, len(polynomials)):
+            out.append(polynomials[k] + value * out[k - 1])
+        return out
+
+    sin, cos = dr.sincos(mean)
+    carrier = Complex(cos, -sin)
+
+    def total(polynomials: list[Any], order: int) -> Complex:
+        factor = 2.0
+        for n in range(2, order + 1):
+            factor /= n
+        sums = [0.0 * mean, 0.0 * mean]
+        for k, term in enumerate(polynomials):
+            sign = (1.0, -1.0, -1.0, 1.0)[k % 4]
+            sums[k % 2] = sums[k % 2] + sign * factor * term
+            factor /= order + k + 1
+        return carrier.times(Complex(sums[0], sums[1]))
+
+    four = [with_another(h, value) for value in x]
+    return Moments(
+        total(h, 2),
+        (total(four[0], 3), total(four[1], 3), total(four[2], 3)),
+        (
+            total(with_another(four[1], x[2]), 4),
+            total(with_another(four[0], x[2]), 4),
+            total(with_another(four[0], x[1]), 4),
+        ),
+    )

@@ -1,0 +1,81 @@
+"""Slow, readable oracles for the facet integral: dense quadrature in float64, straight from the definition."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+
+
+def fresnel(permittivity: complex, permeability: complex, cos_in: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """r_s and r_p of a half-space; an infinite permittivity is a perfect conductor."""
+    if not np.isfinite(permittivity):
+        return -np.ones_like(cos_in, dtype=complex), np.ones_like(cos_in, dtype=complex)
+    root = np.sqrt(permittivity * permeability - (1 - cos_in**2) + 0j)
+    root = np.where(root.imag > 0, -root, root)
+    return (
+        (permeability * cos_in - root) / (permeability * cos_in + root),
+        (permittivity * cos_in - root) / (permittivity * cos_in + root),
+    )
+
+
+def triangle_points(corners: FloatArray, n: int) -> FloatArray:
+    """(facet, n^2, 3) centroids of the n^2 equal triangles that each facet splits into."""
+    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    up, down = i + j < n, i + j < n - 1
+    u = np.concatenate([i[up] + 1 / 3, i[down] + 2 / 3]) / n
+    v = np.concatenate([j[up] + 1 / 3, j[down] + 2 / 3]) / n
+    weights = np.stack([1 - u - v, u, v], axis=1)
+    return np.einsum("qc,fci->fqi", weights, corners)
+
+
+def po_gain(
+    corners: FloatArray,
+    tx: FloatArray,
+    rx: FloatArray,
+    tx_field: FloatArray,
+    rx_field: FloatArray,
+    frequency: float,
+    permittivity: complex = complex(np.inf),
+    permeability: complex = 1.0,
+    n: int = 64,
+) -> complex:
+    """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), sampled n^2 times a facet.
+
+    Every factor is evaluated at every sample: no linear phase, no constant obliquity.
+    """
+    k = 2 * np.pi * frequency / SPEED_OF_LIGHT
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice_area = np.linalg.norm(cross, axis=1)
+    points = triangle_points(corners, n)
+    normal = np.broadcast_to((cross / twice_area[:, None])[:, None], points.shape)
+
+    def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+        return (a * b).sum(axis=-1, keepdims=True)
+
+    to_point, to_rx = points - tx, rx - points
+    r_t, r_r = np.linalg.norm(to_point, axis=-1, keepdims=True), np.linalg.norm(to_rx, axis=-1, keepdims=True)
+    k_in, k_out = to_point / r_t, to_rx / r_r
+    normal = np.where(dot(normal, k_in) > 0, -normal, normal)
+
+    def transverse(field: FloatArray, direction: FloatArray) -> FloatArray:
+        across = field - dot(field, direction) * direction
+        return across / np.linalg.norm(across, axis=-1, keepdims=True)
+
+    e_in, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
+    cos_in = -dot(k_in, normal)
+    s = np.cross(k_in, normal)
+    size = np.linalg.norm(s, axis=-1, keepdims=True)
+    spare = np.cross(normal, np.where(np.abs(normal[..., :1]) < 0.5, [1.0, 0, 0], [0, 1.0, 0]))
+    s = np.where(size > 1e-12, s / np.maximum(size, 1e-12), spare / np.linalg.norm(spare, axis=-1, keepdims=True))
+    k_refl = k_in + 2 * cos_in * normal
+    r_s, r_p = fresnel(permittivity, permeability, cos_in)
+    e_refl = r_s * dot(e_in, s) * s + r_p * dot(e_in, np.cross(s, k_in)) * np.cross(s, k_refl)
+    h_total = np.cross(k_in, e_in) + np.cross(k_refl, e_refl)  # times eta
+    e_total = e_in + e_refl
+    current_j, current_m = np.cross(normal, h_total), -np.cross(normal, e_total)
+    radiated = np.cross(k_out, current_m) + np.cross(k_out, np.cross(k_out, current_j))
+    f = 0.5 * dot(e_rx, radiated)
+    area = 0.5 * twice_area / points.shape[1]
+    integrand = (f * np.exp(-1j * k * (r_t + r_r)) / (r_t * r_r))[..., 0]
+    return complex(1j / (4 * np.pi) * (integrand.sum(axis=1) * area).sum())

@@ -1,0 +1,175 @@
+"""The synthesiser against the direct sum, and the noise against its formula."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rfgen_sionna.radar import ElementPattern, Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, RadarPaths
+from rfgen_sionna.signal import add_thermal_noise, noise_power, synthesize
+from tests.reference.direct_sum import direct_sum
+
+ISOTROPIC = ElementPattern(0.0)
+
+
+def small_radar(loops=6, **changes):
+    """The mmMesh chirp in a short frame, isotropic, 0 dBm = 1 mW turned to 1 W."""
+    radar = Radar.load("awr1843", "mmmesh")
+    waveform = replace(radar.waveform, num_loops=loops, **changes)
+    return replace(radar, waveform=waveform, pattern=ISOTROPIC, tx_power_dbm=30.0)
+
+
+def make_paths(radar, gain, delay, knots, dispersion=None):
+    """Paths with constant gains (tx, rx, path) and `delay(times, tx, rx) -> (path, n)` sampled at `knots`."""
+    tx, rx, count = gain.shape
+    tau = np.stack([[delay(knots, i, j) for j in range(rx)] for i in range(tx)])
+    step = 1e-6
+    rate = np.stack(
+        [[(delay(knots + step, i, j) - delay(knots - step, i, j)) / (2 * step) for j in range(rx)] for i in range(tx)]
+    )
+    direction = np.broadcast_to([1.0, 0, 0], (count, len(knots), 3))
+    return RadarPaths(
+        a=np.repeat(gain[..., None], len(knots), axis=3).astype(complex),
+        tau=tau,
+        tau_rate=rate,
+        times=knots,
+        frequency=radar.center_frequency,
+        direction=direction,
+        arrival=direction,
+        object_id=np.zeros(count, np.int32),
+        part_id=np.zeros(count, np.int32),
+        kind=np.full(count, PathKind.FACET, np.uint8),
+        bounces=np.ones(count, np.uint8),
+        object_names=("thing",),
+        part_names=("thing",),
+        facet=np.arange(count, dtype=np.int32),
+        dispersion=dispersion,
+        half_band=0.0 if dispersion is None else 0.5 * radar.waveform.bandwidth,
+    )
+
+
+def relative(found, truth):
+    return np.linalg.norm(found - truth) / np.linalg.norm(truth)
+
+
+def random_gains(rng, radar, count):
+    shape = (len(radar.tx_names), len(radar.rx_names), count)
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), speed=st.sampled_from([0.0, 1.0, 50.0]), samples=st.sampled_from([256, 255, 64, 1]))
+def test_agrees_with_the_direct_sum(seed, speed, samples):
+    """Random paths, 0.05 … 200 m at up to `speed` m/s, one knot: relative error at most 1e-6."""
+    rng = np.random.default_rng(seed)
+    radar = small_radar(num_samples=samples)
+    gain = random_gains(rng, radar, 12)
+    tau0 = 2 * rng.uniform(0.05, 200, (3, 4, 12)) / SPEED_OF_LIGHT
+    rate = 2 * rng.uniform(-speed, speed, (3, 4, 12)) / SPEED_OF_LIGHT
+
+    def delay(t, tx, rx):
+        return tau0[tx, rx][:, None] + rate[tx, rx][:, None] * (t - 0.3)
+
+    paths = make_paths(radar, gain, delay, np.array([0.3]))
+    paths = replace(paths, tau_rate=rate[..., None])
+    found = synthesize(radar, paths, 0.3, eps=1e-7)
+    assert relative(found, direct_sum(radar, delay, gain, 0.3)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("motion", "limit"),
+    [
+        (lambda t: 0.5 * 50.0 * t**2, 1e-6),  # 50 m/s^2
+        (lambda t: 1e-4 * np.sin(2 * np.pi * 20.0 * t), 1e-5),  # a vibration of 0.1 mm at 20 Hz
+        (lambda t: 0.3 * np.sin(2 * np.pi * 0.5 * t), 1e-5),  # a pendulum
+    ],
+)
+def test_delay_follows_its_knots_through_the_frame(motion, limit):
+    """Acceleration, vibration and swing over a whole frame of 128 loops, with knots 2 ms apart."""
+    rng = np.random.default_rng(3)
+    radar = small_radar(loops=128, num_samples=16)
+    gain = random_gains(rng, radar, 4)
+    start_range = rng.uniform(1, 8, 4)
+
+    def delay(t, tx, rx):
+        return 2 * (start_range[:, None] + 0.01 * (tx + rx) + motion(np.asarray(t))[None]) / SPEED_OF_LIGHT
+
+    knots = np.linspace(0, radar.waveform.frame_length, 15)
+    found = synthesize(radar, make_paths(radar, gain, delay, knots), 0.0, eps=1e-8)
+    assert relative(found, direct_sum(radar, delay, gain)) < limit
+
+
+def test_gain_changes_over_the_band_as_the_paths_say():
+    """Dispersion is a polynomial in the instantaneous frequency, conjugated by the mixer."""
+    rng = np.random.default_rng(5)
+    radar = small_radar(loops=2)
+    gain, slope = random_gains(rng, radar, 5), random_gains(rng, radar, 5)
+    tau0 = 2 * rng.uniform(1, 9, 5) / SPEED_OF_LIGHT
+
+    def delay(t, tx, rx):
+        return np.repeat(tau0[:, None], len(np.atleast_1d(t)), axis=1)
+
+    paths = make_paths(radar, gain, delay, np.array([0.0]), dispersion=slope[None, ..., None].copy())
+    waveform = radar.waveform
+    frequency = waveform.start_frequency + waveform.slope * waveform.sample_times
+    y = (frequency - paths.frequency) / paths.half_band
+    truth = direct_sum(radar, delay, gain) + y * direct_sum(radar, delay, slope)
+    assert relative(synthesize(radar, paths, 0.0, eps=1e-8), truth) < 1e-6
+
+
+@pytest.mark.parametrize("eps", [1e-3, 1e-4, 1e-6])
+def test_accuracy_is_what_was_asked_for(eps):
+    rng = np.random.default_rng(7)
+    radar = small_radar(loops=4)
+    gain = random_gains(rng, radar, 200)
+    tau0 = 2 * rng.uniform(0.05, 11, 200) / SPEED_OF_LIGHT
+    rate = 2 * rng.uniform(-5, 5, 200) / SPEED_OF_LIGHT
+
+    def delay(t, tx, rx):
+        return tau0[:, None] + rate[:, None] * t
+
+    found = synthesize(radar, make_paths(radar, gain, delay, np.array([0.0])), 0.0, eps=eps)
+    assert relative(found, direct_sum(radar, delay, gain)) < 3 * eps
+
+
+def test_still_paths_repeat_in_every_chirp():
+    radar = small_radar()
+    gain = random_gains(np.random.default_rng(0), radar, 3)
+    paths = make_paths(radar, gain, lambda t, tx, rx: np.full((3, len(t)), 2e-8), np.array([0.0]))
+    samples = synthesize(radar, paths, 5.0)
+    np.testing.assert_array_equal(samples, np.broadcast_to(samples[:1], samples.shape))
+
+
+def test_knots_must_cover_the_frame():
+    radar = small_radar()
+    gain = random_gains(np.random.default_rng(0), radar, 1)
+    paths = make_paths(radar, gain, lambda t, tx, rx: np.full((1, len(t)), 2e-8), np.array([0.0, 1e-4]))
+    with pytest.raises(ValueError, match=r"paths\.times cover"):
+        synthesize(radar, paths, 0.0)
+
+
+def test_no_paths_no_signal():
+    radar = small_radar()
+    paths = make_paths(radar, np.zeros((3, 4, 0)), lambda t, tx, rx: np.zeros((0, len(t))), np.array([0.0]))
+    assert not synthesize(radar, paths, 0.0).any()
+
+
+def test_noise_floor_is_ktbf():
+    """-174 dBm/Hz + NF + 10 log10(B) within 0.05 dB, flat, I and Q independent, the same for the same seed and frame."""
+    radar = Radar.load("awr1843")
+    noise = np.zeros((400, 3, 4, 256), complex)
+    add_thermal_noise(noise, radar, seed=1, frame=0)
+    floor = -173.975 + radar.noise_figure_db + 10 * np.log10(radar.waveform.sample_rate)
+    assert 10 * np.log10(np.mean(np.abs(noise) ** 2)) + 30 == pytest.approx(floor, abs=0.05)
+    assert 10 * np.log10(noise_power(radar)) + 30 == pytest.approx(floor, abs=0.01)
+    spectrum = np.mean(np.abs(np.fft.fft(noise, axis=-1)) ** 2, axis=(0, 1, 2))
+    assert np.ptp(10 * np.log10(spectrum)) < 1.0  # 4,800 averages: 0.06 dB standard deviation
+    assert abs(np.mean(noise.real * noise.imag)) < 4e-3 * np.mean(np.abs(noise) ** 2)
+    again, other = np.zeros_like(noise), np.zeros_like(noise)
+    add_thermal_noise(again, radar, seed=1, frame=0)
+    add_thermal_noise(other, radar, seed=1, frame=1)
+    np.testing.assert_array_equal(noise, again)
+    assert not np.array_equal(noise, other)
