@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -95,7 +96,7 @@ def generate(
             distance=distance,
             pir_resolution=resolution,
             progress=progress,
-        )
+        ).close()
     _wrote(target)
     if pictures:
         _draw(target, overwrite)
@@ -192,11 +193,19 @@ def _warn(message: Warning | str, category: type[Warning], *_: object) -> None:
     _err.print(f"[yellow]warning:[/yellow] {escape(str(message))}", soft_wrap=True)
 
 
+class _LogLines(logging.Handler):
+    """What the package logs, as warnings are shown."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _err.print(f"[yellow]{record.levelname.lower()}:[/yellow] {escape(record.getMessage())}", soft_wrap=True)
+
+
 def main() -> None:
     """Entry point: what the user can mend is one line and exit code 2, anything else is a bug and a traceback."""
     from rfgen_sionna.scene.errors import BackendError
 
     warnings.showwarning = _warn  # type: ignore[assignment]
+    logging.getLogger("rfgen_sionna").addHandler(_LogLines(logging.WARNING))
     try:
         app()
     except (ValueError, OSError, ImportError, BackendError) as error:

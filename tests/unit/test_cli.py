@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
 from rfgen_sionna import cli
-from rfgen_sionna.dataset import RunInfo, RunWriter
+from rfgen_sionna.dataset import Run, RunInfo, RunWriter, open_run
 from rfgen_sionna.radar import Radar
 
 
@@ -24,17 +24,18 @@ class Rfgen:
         self.monkeypatch, self.capsys = monkeypatch, capsys
         self.calls: list[dict[str, Any]] = []
         self.failure: BaseException | None = None
-        pipeline = ModuleType("rfgen_sionna.pipeline")
-        pipeline.generate = self.generate  # type: ignore[attr-defined]
-        monkeypatch.setitem(sys.modules, "rfgen_sionna.pipeline", pipeline)
+        monkeypatch.setattr("rfgen_sionna.pipeline.generate", self.generate)
+        monkeypatch.setattr(logging.getLogger("rfgen_sionna"), "handlers", [])
 
-    def generate(self, prompt: str, **options: Any) -> None:
+    def generate(self, prompt: str, **options: Any) -> Run:
         self.calls.append({"prompt": prompt} | options)
         if self.failure is not None:
             raise self.failure
         warnings.warn("a word was not understood", UserWarning, stacklevel=1)
+        logging.getLogger("rfgen_sionna.generative").warning("another one neither")
         options["progress"](1, 2)
         write_run(options["output"], prompt)
+        return open_run(options["output"])
 
     def __call__(self, *arguments: str) -> tuple[int, str, str]:
         self.monkeypatch.setattr(sys, "argv", ["rfgen", *arguments])
@@ -90,6 +91,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
     assert "action left_arm_raised or right_arm_raised" in out
     assert "wrote arm.h5" in out
     assert "warning: a word was not understood" in err
+    assert "warning: another one neither" in err
 
 
 def test_generate_draws_what_it_made_and_names_it_after_the_action(rfgen: Rfgen, tmp_path: Path) -> None:
@@ -171,6 +173,16 @@ def test_a_bug_keeps_its_traceback(rfgen: Rfgen, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(sys, "argv", ["rfgen", "generate", "a person walking", "--no-pictures"])
     with pytest.raises(ZeroDivisionError):
         cli.main()
+
+
+def test_every_option_is_one_of_the_pipeline() -> None:
+    """The stand-in takes anything, the real one does not."""
+    from inspect import signature
+
+    from rfgen_sionna.pipeline import generate
+
+    shown = set(signature(cli.generate).parameters) - {"pictures"}
+    assert shown <= set(signature(generate).parameters)
 
 
 def test_radars_are_listed_with_what_follows_from_them(rfgen: Rfgen) -> None:
