@@ -148,7 +148,7 @@ class Simulator:
         return self._frames(times, noise, int(seed))
 
     def _frames(self, times: NDArray[np.float64], noise: bool, seed: int) -> Iterator[Frame]:
-        eps = min(max(0.1 * self.rtol, 1e-10), 1e-3)
+        eps = max(0.3 * self.rtol, 1e-9)
         for index, begin in enumerate(times):
             traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length)
             if index == 0:

@@ -6,9 +6,10 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.radar.radar import POLARIZATIONS, Vector, rotation_matrix
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
 from rfgen_sionna.tracing.footprints import trace_footprints
 
 if TYPE_CHECKING:
@@ -31,8 +32,9 @@ def render_pir(
     """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
 
     Each pixel is split into patches a few wavelengths wide; the return of each is integrated in closed form,
-    and a pixel's energy is |sum of its patches' gains|^2, isotropic and vertically polarised. Time of arrival and
-    velocity are weighted with the patches' energies.
+    and a pixel's energy is |sum of its patches' gains|^2, isotropic and vertically polarised. Pixels overlap by linear
+    weights that add up to 1: a hard rim would itself return a cross of side lobes from every smooth wall. Time of
+    arrival and velocity are weighted with the energies of the pixel's own patches.
 
     Parameters
     ----------
@@ -69,13 +71,12 @@ def render_pir(
         corners,
     )
     row, column = np.divmod(found.ray, columns * split)
-    index = (row // split) * columns + column // split
     size = rows * columns
+    own = (row // split) * columns + column // split
 
     def total(weights: FloatArray) -> FloatArray:
-        return np.bincount(index, weights=weights, minlength=size)
+        return np.bincount(own, weights=weights, minlength=size)
 
-    energy = total(found.a.real) ** 2 + total(found.a.imag) ** 2
     # A patch may return nothing at all (edge on): its geometry counts a little all the same.
     power = np.abs(found.a) ** 2
     power = power + 1e-12 * power.max(initial=1e-300)
@@ -84,6 +85,8 @@ def render_pir(
     arrival, velocity = np.full(size, np.nan), np.zeros(size)
     arrival[hit] = (2 / SPEED_OF_LIGHT) * total(power * found.distance)[hit] / weight[hit]
     velocity[hit] = total(power * found.velocity)[hit] / weight[hit]
+    field = _blend(found.a, (row + 0.5) / split - 0.5, (column + 0.5) / split - 0.5, own, hit.reshape(rows, columns))
+    energy = np.abs(field) ** 2
     return Pir(
         energy=energy.reshape(rows, columns),
         time_of_arrival=arrival.reshape(rows, columns),
@@ -93,6 +96,28 @@ def render_pir(
         orientation=orientation,
         time=float(t),
     )
+
+
+def _blend(
+    a: ComplexArray, row: FloatArray, column: FloatArray, own: NDArray[np.intp], hit: NDArray[np.bool_]
+) -> ComplexArray:
+    """(pixel,) sum of patch gains, each shared among the four nearest pixel centres by bilinear weights.
+
+    `row`, `column` are in pixels from the first centre. Shares of pixels without a hit of their own, or outside, stay
+    with the patch's own pixel.
+    """
+    rows, columns = hit.shape
+    out = np.zeros(rows * columns, dtype=np.complex128)
+    top, left = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
+    for r, by_row in ((top, top + 1 - row), (top + 1, row - top)):
+        for c, by_column in ((left, left + 1 - column), (left + 1, column - left)):
+            inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+            there = np.where(inside, r, 0) * columns + np.where(inside, c, 0)
+            target = np.where(inside & hit.ravel()[there], there, own)
+            share = by_row * by_column * a
+            out += np.bincount(target, weights=share.real, minlength=out.size)
+            out += 1j * np.bincount(target, weights=share.imag, minlength=out.size)
+    return out
 
 
 def check_view(

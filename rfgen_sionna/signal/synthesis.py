@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
         raise ValueError(f"paths.a is for {paths.a.shape[:2]} (tx, rx) elements; radar '{radar.name}' has {shape[1:3]}")
     if not 1e-14 <= eps <= 0.1:
         raise ValueError(f"eps is {eps!r}: a value in 1e-14 … 0.1 is needed")
-    still = len(paths.times) == 1 and not np.any(paths.tau_rate)
+    still = not np.any(paths.tau_rate) and bool(np.all(paths.tau == paths.tau[..., :1]))
     if len(paths.times) > 1:
         slack = 1e-9 + 1e-3 * waveform.frame_length
         if paths.times[0] > start + slack or paths.times[-1] < start + waveform.frame_length - slack:
@@ -71,8 +72,11 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
 
     def channel(pair: tuple[int, int]) -> None:
         tx, rx = pair
-        chirp_times = start + waveform.chirp_times[: 1 if still else None, tx]
-        samples[:, tx, rx] = _channel(radar, paths, amplitude, chirp_times, tx, rx, eps)
+        chirp_times = start + waveform.chirp_times[:, tx]
+        if still:
+            samples[:, tx, rx] = _still_channel(radar, paths, amplitude, chirp_times, tx, rx, eps)
+        else:
+            samples[:, tx, rx] = _channel(radar, paths, amplitude, chirp_times, tx, rx, eps)
 
     pairs = [(tx, rx) for tx in range(shape[1]) for rx in range(shape[2])]
     with ThreadPoolExecutor(min(len(pairs), os.cpu_count() or 1)) as pool:
@@ -89,23 +93,93 @@ def _element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
     return departing * radar.pattern.amplitude(paths.arrival @ to_device)
 
 
+@dataclass(frozen=True)
+class _Window:
+    """The ADC window: its samples count from -1 to 1 in u about the transform's mode 0."""
+
+    count: int
+    step: float
+    """[s]"""
+    middle: float
+    """After the start of the ramp [s]."""
+    half: float
+    """[s]"""
+    u: FloatArray
+
+    @classmethod
+    def of(cls, radar: Radar) -> _Window:
+        waveform = radar.waveform
+        count, step = waveform.num_samples, 1.0 / waveform.sample_rate
+        half = max(count // 2, 1) * step
+        modes = np.arange(count) - count // 2
+        return cls(count, step, waveform.adc_start_time + (count // 2) * step, half, modes * step / half)
+
+
+def _precision(eps: float) -> tuple[type, type]:
+    # Single precision moves a point by 2e-7 rad, the outermost mode by 3e-5 rad.
+    return (np.float32, np.complex64) if eps >= 1e-4 else (np.float64, np.complex128)
+
+
+def _phasor(cycles: FloatArray, number: type) -> NDArray[Any]:
+    """exp(j 2 pi cycles); float64 down to the fraction of a cycle."""
+    phase = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
+    phasor = np.empty(phase.shape, dtype=number)
+    phasor.real, phasor.imag = np.cos(phase), np.sin(phase)
+    return phasor
+
+
+def _points(beat: FloatArray, step: float, real: type) -> NDArray[Any]:
+    """Beat frequencies [Hz] as radians per sample in -pi … pi."""
+    turns = beat * step
+    turns -= np.rint(turns)
+    return (2 * np.pi * turns).astype(real)
+
+
+def _plan(count: int, transforms: int, eps: float, number: type) -> Any:
+    import finufft
+
+    # Sorting the points pays only on grids that don't fit the cache.
+    return finufft.Plan(
+        1, (count,), n_trans=transforms, eps=eps, isign=1, nthreads=1, dtype=np.dtype(number).name, spread_sort=0
+    )
+
+
+def _gains(radar: Radar, paths: RadarPaths, amplitude: FloatArray, window: _Window, tx: int, rx: int) -> ComplexArray:
+    """(order, path, time) conjugate gains, element patterns and power included, as coefficients of u^order."""
+    gains = [paths.a[tx, rx]] + ([] if paths.dispersion is None else list(paths.dispersion[:, tx, rx]))
+    scaled = [np.conj(gain) * amplitude for gain in gains]
+    return np.stack(_about_window_middle(scaled, radar, paths, window.middle, window.half))
+
+
+def _still_channel(
+    radar: Radar, paths: RadarPaths, amplitude: FloatArray, chirp_times: FloatArray, tx: int, rx: int, eps: float
+) -> ComplexArray:
+    """(chirp, sample) of one element pair where delays stay: one transform per knot, blended from chirp to chirp."""
+    window = _Window.of(radar)
+    real, number = _precision(eps)
+    gains = _gains(radar, paths, amplitude, window, tx, rx)
+    delay = paths.tau[tx, rx, :, 0]
+    cycles, beat, _ = _phase_terms(radar, delay, np.zeros_like(delay), None, window.middle, window.half)
+    orders, knots = len(gains), len(paths.times)
+    strengths = (gains.transpose(0, 2, 1) * _phasor(cycles, np.complex128)).astype(number).reshape(-1, len(delay))
+    plan = _plan(window.count, orders * knots, eps, number)
+    plan.setpts(_points(beat, window.step, real))
+    modes = plan.execute(strengths if len(strengths) > 1 else strengths[0]).reshape(orders, knots, window.count)
+    at_knots = np.einsum("okn,on->kn", modes, window.u ** np.arange(orders)[:, None])
+    if knots == 1:
+        return np.broadcast_to(at_knots, (len(chirp_times), window.count))
+    return np.asarray(paths.weights(chirp_times + window.middle) @ at_knots, dtype=np.complex128)
+
+
 def _channel(
     radar: Radar, paths: RadarPaths, amplitude: FloatArray, chirp_times: FloatArray, tx: int, rx: int, eps: float
 ) -> ComplexArray:
     """(chirp, sample) of one element pair."""
-    import finufft
-
-    waveform = radar.waveform
-    count, step = waveform.num_samples, 1.0 / waveform.sample_rate
-    middle = waveform.adc_start_time + (count // 2) * step  # the transform's mode 0
-    half = max(count // 2, 1) * step
-    u = (np.arange(count) - count // 2) * step / half
-
-    gains = [paths.a[tx, rx]] + ([] if paths.dispersion is None else list(paths.dispersion[:, tx, rx]))
-    gains = _about_window_middle([np.conj(gain) * amplitude for gain in gains], radar, paths, middle, half)
-    # Single precision moves a point by 2e-7 rad, the outermost mode by 3e-5 rad.
-    real, number = (np.float32, np.complex64) if eps >= 1e-4 else (np.float64, np.complex128)
-    stacked_gains = np.stack(gains).transpose(0, 2, 1).astype(number)  # (term, time, path)
+    window = _Window.of(radar)
+    count, middle, half, u = window.count, window.middle, window.half, window.u
+    real, number = _precision(eps)
+    gains = _gains(radar, paths, amplitude, window, tx, rx)
+    stacked_gains = gains.transpose(0, 2, 1).astype(number)  # (order, time, path)
     loudness = np.abs(gains[0]).max(axis=1) ** 2
     tau, rate = paths.tau[tx, rx], paths.tau_rate[tx, rx]
     single = len(paths.times) == 1
@@ -124,10 +198,7 @@ def _channel(
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand.
         quadratic *= 0.5
         cycles += quadratic
-        cycles -= np.rint(cycles)
-        phase = (2 * np.pi * cycles).astype(np.float32)
-        phasor = np.empty(phase.shape, dtype=number)
-        phasor.real, phasor.imag = np.cos(phase), np.sin(phase)
+        phasor = _phasor(cycles, number)
         powers = _quadratic_powers(2 * np.pi * _weighted_size(quadratic, loudness), eps)
         orders = len(stacked_gains)
         terms = np.empty((len(times), orders * (powers + 1), paths.num_paths), dtype=number)
@@ -141,14 +212,9 @@ def _channel(
                 now = power * orders + order
                 np.multiply(terms[:, now - orders], factor, out=terms[:, now])
                 shapes.append(shapes[now - orders] * (2 * u * u - 1))
-        beat *= step
-        beat -= np.rint(beat)
-        points = (2 * np.pi * beat).astype(real)
+        points = _points(beat, window.step, real)
         if len(shapes) not in plans:
-            # Sorting the points pays only on grids that don't fit the cache.
-            plans[len(shapes)] = finufft.Plan(
-                1, (count,), n_trans=len(shapes), eps=eps, isign=1, nthreads=1, dtype=np.dtype(number).name, spread_sort=0
-            )
+            plans[len(shapes)] = _plan(count, len(shapes), eps, number)
         shape = np.stack(shapes)
         for row in range(len(times)):
             plans[len(shapes)].setpts(points[row])

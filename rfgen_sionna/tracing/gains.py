@@ -1,4 +1,4 @@
-"""Facet gains over the sampled band: value at its centre and how it changes towards its edges."""
+"""Facet gains over the sampled band: value at its centre and how it changes towards its probes."""
 
 from __future__ import annotations
 
@@ -36,6 +36,12 @@ class BandTracer:
         self._rx = radar.rx_world - self._origin
         self._field = radar.field_direction
         self._rtol = rtol
+        self._pattern, self._rotation = radar.pattern, radar.rotation
+
+    def importance(self, direction: FloatArray) -> FloatArray:
+        """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
+        level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
+        return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
 
     def _gains(
         self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, u: FloatArray, single: bool
@@ -67,26 +73,30 @@ class BandTracer:
         return BandGains(np.tensordot(inverse, gains.a, axes=1), gains.tau)
 
     def order_for(self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, weight: FloatArray) -> int:
-        """Smallest number of coefficients whose coherent sum at the band's edges is right to `rtol`.
+        """Smallest number of coefficients whose coherent sum is right to `rtol` over the band.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
         that cancel at the centre frequency don't elsewhere. Only the sum tells by how much that matters, so it is
-        measured, for one element pair, on both edges.
+        measured, for one element pair, in its middle and at both ends.
         """
-        edges = np.array([-1.0, 1.0])
-        exact = self._gains(corners, materials, index, edges, single=True)
-        frequencies = self.centre + self.half_band * edges
+        probes = np.array([-1.0, 0.0, 1.0])
+        exact = self._gains(corners, materials, index, probes, single=True)
+        frequencies = self.centre + self.half_band * probes
         phasor = np.exp(-2j * np.pi * frequencies[:, None] * exact.tau[0, 0]) * weight
         truth = (exact.a[:, 0, 0] * phasor).sum(axis=1)
         # Where everything cancels by chance the single returns set the scale.
-        scale = max(float(np.abs(truth).max(initial=0.0)), float(np.abs(exact.a[:, 0, 0] * weight).max(initial=0.0)))
+        scale = max(_rms(truth), float(np.abs(exact.a[:, 0, 0] * weight).max(initial=0.0)))
         for order in range(1, MAX_ORDER + 1):
             nodes = chebyshev_nodes(order)
             a = self._gains(corners, materials, index, nodes, single=True).a[:, 0, 0]
-            fitted = np.vander(edges, order, increasing=True) @ np.linalg.solve(np.vander(nodes, order, increasing=True), a)
-            if np.abs((fitted * phasor).sum(axis=1) - truth).max(initial=0.0) <= self._rtol * scale:
+            fitted = np.vander(probes, order, increasing=True) @ np.linalg.solve(np.vander(nodes, order, increasing=True), a)
+            if _rms((fitted * phasor).sum(axis=1) - truth) <= self._rtol * scale:
                 return order
         return MAX_ORDER
+
+
+def _rms(values: ComplexArray) -> float:
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
 def chebyshev_nodes(order: int) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import tessellate
-from rfgen_sionna.tracing.visibility import visible_fraction
+from rfgen_sionna.tracing.visibility import changed_fraction, visible_fraction
 
 
 @dataclass(frozen=True)
@@ -26,33 +27,37 @@ class StaticTrace:
     facets: Facets
     fraction: FloatArray
     """(facet,) visible share without actors, above 0."""
-    fine: NDArray[np.bool_]
-    """(facet,) whether the lattice of sample points decided about the share."""
+    guides: NDArray[np.bool_]
+    """(facet, 3) which guiding rays got through without actors."""
     viewpoint: FloatArray
     rays: int
     """Rays sent."""
+
+    @cached_property
+    def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Direction, distance and radius [m] of a sphere around each facet, from the viewpoint."""
+        centroids = self.facets.centroids
+        distance = np.linalg.norm(centroids - self.viewpoint, axis=1)
+        radius = np.linalg.norm(self.facets.corners - centroids[:, None], axis=2).max(axis=1, initial=0.0)
+        return self.facets.directions(self.viewpoint), distance, radius
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
         """Visible share of each facet with the actors where `rays` has them, and the number of rays sent.
 
         `actors` are the (vertex, 3) positions [m] of each actor. A facet that no actor touches keeps its share to the
-        bit, as the same sample points decide about it.
+        bit.
         """
         index = np.flatnonzero(self._behind(actors))
         fraction = self.fraction.copy()
-        if len(index) == 0:
-            return fraction, 0
         facets = self.facets.take(index)
-        seen = visible_fraction(rays, self.viewpoint, facets.corners, facets.number, self.fine[index])
-        fraction[index] = seen.fraction
-        return fraction, seen.rays
+        fraction[index], count = changed_fraction(
+            rays, self.viewpoint, facets.corners, facets.number, self.fraction[index], self.guides[index]
+        )
+        return fraction, count
 
     def _behind(self, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
         """(facet,) facets that reach into the cone around an actor, seen from the viewpoint, and not before it."""
-        direction = self.facets.directions(self.viewpoint)
-        centroids = self.facets.centroids
-        distance = np.linalg.norm(centroids - self.viewpoint, axis=1)
-        size = np.linalg.norm(self.facets.corners - centroids[:, None], axis=2).max(axis=1, initial=0.0)
+        direction, distance, radius = self._spheres
         behind = np.zeros(len(distance), dtype=np.bool_)
         for points in actors:
             offset = points - self.viewpoint
@@ -64,13 +69,14 @@ class StaticTrace:
                 return np.ones(len(distance), dtype=np.bool_)
             axis /= length
             opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
-            off_axis = np.arccos(np.clip(direction @ axis, -1.0, 1.0))
-            margin = np.arctan2(size, distance) + 1e-3
-            behind |= (off_axis <= opening + margin) & (distance + size > reach.min())
+            index = np.flatnonzero(distance + radius > reach.min())
+            off_axis = np.arccos(np.clip(direction[index] @ axis, -1.0, 1.0))
+            margin = np.arctan2(radius[index], distance[index]) + 1e-3
+            behind[index[off_axis <= opening + margin]] = True
         return behind
 
     def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
-        """What is missing of the static paths when the facets' visible shares at the knots are `fraction` (facet, time).
+        """What is missing of the static paths when the visible shares at the knots are `fraction` (facet, time).
 
         Returns the paths, weighted with the share less the unobstructed one, and which static path each belongs to.
         """
@@ -106,18 +112,18 @@ def trace_static(
     `rays` holds the static scene alone; None where there is no static surface.
     """
     pieces = [
-        tessellate(points, surface.faces, viewpoint, band.highest, rtol)
+        tessellate(points, surface.faces, viewpoint, band.highest, rtol, band.importance)
         for points, surface in zip(surfaces.static_vertices, surfaces.static, strict=True)
     ]
     facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
     near = np.linalg.norm(facets.centroids - viewpoint, axis=1) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
-    fraction, fine, count = np.zeros(len(facets)), np.zeros(len(facets), np.bool_), 0
-    if rays is not None and len(facets):
+    fraction, guides, count = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_), 0
+    if rays is not None:
         seen = visible_fraction(rays, viewpoint, facets.corners, facets.number)
-        fraction, fine, count = seen.fraction, seen.fine, seen.rays
+        fraction, guides, count = seen.fraction, seen.guides, seen.rays
     kept = np.flatnonzero(fraction > 0)
-    facets, fraction, fine = facets.take(kept), fraction[kept], fine[kept]
+    facets, fraction, guides = facets.take(kept), fraction[kept], guides[kept]
     materials = tuple(surface.material for surface in surfaces.static)
     order = band.order_for(facets.corners, materials, facets.surface, fraction)
     gains = band(facets.corners, materials, facets.surface, order)
@@ -133,4 +139,4 @@ def trace_static(
         band.half_band,
         (surfaces.object_names, surfaces.part_names),
     )
-    return StaticTrace(paths, facets, fraction, fine, viewpoint, count)
+    return StaticTrace(paths, facets, fraction, guides, viewpoint, count)

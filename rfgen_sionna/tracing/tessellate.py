@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 
 _MAX_SPLITS = 64
+MAX_BULGE = 1.0
+"""Phase bulge [rad] up to which an expansion to first order means anything."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +50,21 @@ def allowed_bulge(rtol: float) -> float:
     on, the same again in each grating lobe that a plate of facets alike adds up to, and more on the right triangles
     that bisection makes. Plates a hundred wavelengths wide err by up to 0.1 b^2, hence b = sqrt(10 rtol).
     """
-    return float(np.sqrt(10.0 * rtol))
+    return float(min(np.sqrt(10.0 * rtol), MAX_BULGE))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
 
 
 def tessellate(
-    vertices: FloatArray, faces: IntArray, viewpoint: FloatArray, frequency: float, rtol: float, limit: int = 5_000_000
+    vertices: FloatArray,
+    faces: IntArray,
+    viewpoint: FloatArray,
+    frequency: float,
+    rtol: float,
+    importance: Callable[[FloatArray], FloatArray] | None = None,
+    limit: int = 5_000_000,
 ) -> Tessellation:
     """Bisect the longest edges until every facet's quadratic phase is allowed at `rtol`.
 
@@ -64,7 +77,10 @@ def tessellate(
     frequency
         Highest frequency of the band [Hz].
     rtol
-        Allowed relative error of a facet's gain.
+        Allowed error relative to what the surface would return in the most important direction.
+    importance
+        Unit vectors (facet, 3) from the viewpoint to the weight in 0 … 1 that the radar gives to what comes from there:
+        where it hardly listens, coarser facets will do. None is 1 all around.
     limit
         Largest number of facets.
 
@@ -73,7 +89,6 @@ def tessellate(
     ValueError
         If the tolerance would take more than `limit` facets.
     """
-    bound = allowed_bulge(rtol)
     face = np.arange(len(faces), dtype=np.int32)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []
@@ -81,6 +96,13 @@ def tessellate(
     count = 0
     for _ in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
+        if importance is None:
+            bound: FloatArray | float = allowed_bulge(rtol)
+        else:
+            # A facet counts as much as its most important corner: large ones reach into the beam.
+            weight = importance(_unit(corners - viewpoint)).max(axis=1)
+            weight = np.maximum(weight, importance(_unit(corners.mean(axis=1) - viewpoint)))
+            bound = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
         coarse = phase_bulge(corners, viewpoint, frequency) > bound
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
@@ -90,8 +112,8 @@ def tessellate(
             break
         if count + 2 * len(face) > limit:
             raise ValueError(
-                f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, near "
-                "surfaces that the radar does not need to see"
+                f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
+                "near surfaces that the radar does not need to see"
             )
         edge = np.linalg.norm(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]], axis=2).argmax(axis=1)  # opposite corner
         row = np.arange(len(face))

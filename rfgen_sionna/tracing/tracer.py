@@ -179,7 +179,11 @@ class Tracer:
         for index, surface in enumerate(self.surfaces.moving):
             poses = [self._vertices(float(t))[index] for t in knots]
             nearest = min(poses, key=lambda points: float(np.linalg.norm(points - self._viewpoint, axis=1).min()))
-            pieces.append(tessellate(nearest, surface.faces, self._viewpoint, self._band.highest, self.rtol))
+            pieces.append(
+                tessellate(
+                    nearest, surface.faces, self._viewpoint, self._band.highest, self.rtol, self._band.importance
+                )
+            )
         return pieces
 
     def _moving_paths(

@@ -29,23 +29,18 @@ class Visibility:
 
     fraction: FloatArray
     """(facet,) share of the area that nothing hides, 0 … 1."""
-    fine: NDArray[np.bool_]
-    """(facet,) whether the dense lattice of sample points decided."""
+    guides: NDArray[np.bool_]
+    """(facet, 3) which of the guiding rays got through."""
     rays: int
     """Rays sent."""
 
 
-def visible_fraction(
-    rays: RayScene,
-    viewpoint: FloatArray,
-    corners: FloatArray,
-    facet: IntArray,
-    fine: NDArray[np.bool_] | None = None,
-) -> Visibility:
+def visible_fraction(rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray) -> Visibility:
     """Share of each facet's area that nothing hides from the viewpoint.
 
-    Three guiding rays go to every facet; where they disagree, 16 on a lattice decide. The sample points are fixed in
-    the facet, so that the share changes gradually while it moves.
+    Three guiding rays go to every facet. Where they disagree, or where the neighbour in the list (most often one in the
+    mesh too) is seen differently, so that a shadow's edge can pass between guiding rays, 16 rays on a lattice decide.
+    The sample points are fixed in the facet: the share changes gradually while it moves.
 
     Parameters
     ----------
@@ -57,27 +52,47 @@ def visible_fraction(
         (facet, 3, 3) [m].
     facet
         (facet,) number of the ray scene's face that each facet is a piece of; it does not hide itself.
-    fine
-        (facet,) facets that get the lattice in any case. Without it those get it whose neighbour in the list, most
-        often a neighbour in the mesh, is seen differently: a shadow's edge can pass between guiding rays.
     """
-    if len(corners) == 0:
-        return Visibility(np.zeros(0), np.zeros(0, dtype=np.bool_), 0)
-
-    def seen(index: NDArray[np.intp], weights: FloatArray) -> FloatArray:
-        targets = np.einsum("sc,fci->fsi", weights, corners[index]).reshape(-1, 3)
-        hidden = rays.occluded(viewpoint, targets, np.repeat(facet[index], len(weights)))
-        return np.asarray(1.0 - hidden.reshape(len(index), len(weights)).mean(axis=1), dtype=np.float64)
-
-    fraction = seen(np.arange(len(corners)), _GUIDE)
+    guides = _through(rays, viewpoint, corners, facet, _GUIDE)
+    fraction = guides.mean(axis=1)
     mixed = (fraction > 0) & (fraction < 1)
-    if fine is not None:
-        mixed |= fine
-    else:
-        step = fraction[1:] != fraction[:-1]
-        mixed[1:] |= step
-        mixed[:-1] |= step
+    step = fraction[1:] != fraction[:-1]
+    mixed[1:] |= step
+    mixed[:-1] |= step
     index = np.flatnonzero(mixed)
-    if len(index):
-        fraction[index] = seen(index, _FINE)
-    return Visibility(fraction, mixed, len(_GUIDE) * len(corners) + len(_FINE) * len(index))
+    fraction[index] = _through(rays, viewpoint, corners[index], facet[index], _FINE).mean(axis=1)
+    return Visibility(fraction, guides, len(_GUIDE) * len(corners) + len(_FINE) * len(index))
+
+
+def changed_fraction(
+    rays: RayScene,
+    viewpoint: FloatArray,
+    corners: FloatArray,
+    facet: IntArray,
+    fraction: FloatArray,
+    guides: NDArray[np.bool_],
+) -> tuple[FloatArray, int]:
+    """Visible share of facets after something moved, and the number of rays sent.
+
+    `fraction` and `guides` are as :func:`visible_fraction` found them before. A facet whose guiding rays fare as before
+    keeps its share to the bit; the lattice decides about the others.
+    """
+    now = _through(rays, viewpoint, corners, facet, _GUIDE)
+    index = np.flatnonzero((now != guides).any(axis=1))
+    share = fraction.copy()
+    lost = ~now[index].any(axis=1) & (fraction[index] == 1.0)
+    share[index[lost]] = 0.0
+    index = index[~lost]
+    share[index] = _through(rays, viewpoint, corners[index], facet[index], _FINE).mean(axis=1)
+    return share, len(_GUIDE) * len(corners) + len(_FINE) * len(index)
+
+
+def _through(
+    rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, weights: FloatArray
+) -> NDArray[np.bool_]:
+    """(facet, sample) whether the ray to each sample point of each facet gets through."""
+    if len(corners) == 0:
+        return np.zeros((0, len(weights)), dtype=np.bool_)
+    targets = np.tensordot(weights, corners, axes=(1, 1)).reshape(-1, 3)  # sample by sample
+    hidden = rays.occluded(viewpoint, targets, np.tile(facet, len(weights)))
+    return ~hidden.reshape(len(weights), len(corners)).T
