@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.prompts import ScenePrompt, parse_environment, parse_prompt
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube, FloatArray
+from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.load import load_scene
 from rfgen_sionna.simulation import Simulator
 
@@ -33,10 +33,6 @@ LABEL_STEP = 1e-3
 _LOG = logging.getLogger(__name__)
 
 
-@overload
-def generate(prompt: str, *, output: None = None, **options: Any) -> AdcCube: ...
-@overload
-def generate(prompt: str, *, output: str | PathLike[str], **options: Any) -> Run: ...
 def generate(
     prompt: str,
     *,
@@ -54,7 +50,7 @@ def generate(
     pir_resolution: tuple[int, int] = (128, 128),
     fov_deg: float | tuple[float, float] = 60.0,
     progress: Callable[[int, int], None] | None = None,
-) -> AdcCube | Run:
+) -> Run:
     """Radar data of what a prompt describes.
 
     Parameters
@@ -73,7 +69,7 @@ def generate(
     seed
         Seed of body, motion and noise.
     output
-        HDF5 file to write (see :mod:`rfgen_sionna.dataset.schema`); None writes nothing and keeps the samples in memory.
+        HDF5 file to write (see :mod:`rfgen_sionna.dataset.schema`); None is the action's name, here.
     overwrite
         Whether an existing file is replaced.
     noise
@@ -89,17 +85,16 @@ def generate(
 
     Returns
     -------
-    The written run, open for reading, or the samples where `output` is None.
+    The written run, open for reading; `cube()` has the samples.
 
     Raises
     ------
     ValueError, TypeError
         Before any long work, naming the argument, its value and what is allowed.
     """
-    if output is not None:
-        check_output(output, overwrite)
     check_view(pir_resolution, fov_deg)
     said = _read(prompt, negative, seed, distance)
+    target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     surroundings = parse_environment(said.surroundings if environment is None else environment)
     if surroundings is not None:
         for sentence in surroundings.warnings:
@@ -114,8 +109,6 @@ def generate(
 
     person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar)
     simulator = Simulator(scene, radar, [person], rtol=rtol)
-    if output is None:
-        return simulator.adc(duration, noise=noise, seed=seed, progress=progress)
 
     info = RunInfo(
         radar=radar,
@@ -129,7 +122,7 @@ def generate(
     count = len(simulator.frame_times(duration))
     middle = 0.5 * radar.waveform.frame_length
     frames = simulator.frames(duration, noise=noise, seed=seed)
-    with RunWriter(output, info, overwrite=overwrite) as writer:
+    with RunWriter(target, info, overwrite=overwrite) as writer:
         for frame in frames:
             t = frame.time + middle
             writer.append(
@@ -143,7 +136,7 @@ def generate(
             )
             if progress is not None:
                 progress(frame.index + 1, count)
-    return open_run(output)
+    return open_run(target)
 
 
 def _read(prompt: str, negative: str, seed: int, distance: float | None) -> ScenePrompt:

@@ -242,7 +242,10 @@ class RadarPaths:
         return replace(
             first,
             **{name: join(name, 2) for name in ("a", "tau", "tau_rate")},
-            **{name: join(name, 0) for name in ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")},
+            **{
+                name: join(name, 0)
+                for name in ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")
+            },
             dispersion=np.concatenate([dispersion(part) for part in parts], axis=3) if order else None,
             half_band=max(bands, default=0.0),
         )

@@ -18,7 +18,7 @@ from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.clearance import check_radar_clear
 from rfgen_sionna.scene.load import RadarScene, load_scene
 from rfgen_sionna.signal import add_thermal_noise, synthesize
-from rfgen_sionna.tracing.tracer import TraceReport, Tracer
+from rfgen_sionna.tracing.tracer import Tracer, TraceReport
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
@@ -99,7 +99,7 @@ class Simulator:
         position: Vector | None = None,
         orientation: Vector | None = None,
     ) -> Pir:
-        """Image of energy, time of arrival and velocity at instant `t` [s]; see :func:`~rfgen_sionna.pir.render_pir`."""
+        """Energy, time of arrival and velocity per pixel at instant `t` [s]: :func:`~rfgen_sionna.pir.render_pir`."""
         check_view(resolution, fov_deg)
         return render_pir(self.tracer, _time("t", t), resolution, fov_deg, position, orientation)
 
@@ -137,9 +137,7 @@ class Simulator:
                 progress(frame.index + 1, len(times))
         return AdcCube(data, radar, times, seed if noise else None)
 
-    def frames(
-        self, duration: float, *, start: float = 0.0, noise: bool = True, seed: int = 0
-    ) -> Iterator[Frame]:
+    def frames(self, duration: float, *, start: float = 0.0, noise: bool = True, seed: int = 0) -> Iterator[Frame]:
         """The frames of :meth:`adc` one by one; memory does not grow with their number."""
         if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
             raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
@@ -172,7 +170,7 @@ class Simulator:
                 f"takes {waveform.frame_length:.6g} s: give at least that"
             )
         count = max(1, int(np.floor(duration / waveform.frame_period + 1e-9)))
-        return _time("start", start) + np.arange(count) * waveform.frame_period
+        return np.asarray(_time("start", start) + np.arange(count) * waveform.frame_period, dtype=np.float64)
 
     def _check_places(self, start: float, stop: float) -> None:
         """Every actor within the range window, and none of them around the radar, all along."""
@@ -185,9 +183,9 @@ class Simulator:
                     raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
                 if distance.max() > self.radar.max_range:
                     raise ValueError(
-                        f"actor '{actor.name}' reaches {distance.max():.2f} m from the radar at t = {t:.3f} s; the ADC's "
-                        f"range window ends at {self.radar.max_range:.2f} m: move it closer, or take a preset with a "
-                        "lower slope or a higher sample rate"
+                        f"actor '{actor.name}' reaches {distance.max():.2f} m from the radar at t = {t:.3f} s; the "
+                        f"ADC's range window ends at {self.radar.max_range:.2f} m: move it closer, or take a preset "
+                        "with a lower slope or a higher sample rate"
                     )
                 if distance.min() < 0.5:
                     check_radar_clear(self.radar.position, None, [actor], float(t))

@@ -75,7 +75,7 @@ def render_pir(
     own = (row // split) * columns + column // split
 
     def total(weights: FloatArray) -> FloatArray:
-        return np.bincount(own, weights=weights, minlength=size)
+        return np.bincount(own, weights=weights, minlength=size).astype(np.float64, copy=False)
 
     # A patch may return nothing at all (edge on): its geometry counts a little all the same.
     power = np.abs(found.a) ** 2

@@ -6,6 +6,12 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from rfgen_sionna.radar.pattern import ElementPattern
+from rfgen_sionna.radar.waveform import Waveform
+from rfgen_sionna.records import SPEED_OF_LIGHT
+
 _NUMBER = (int, float)
 
 _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
@@ -108,7 +114,98 @@ def check_config(table: dict[str, Any], where: str) -> None:
             if key.endswith(("_names", "_deg")):
                 continue
             if f"{section}.{key}" not in sourced and section not in sourced:
-                raise RadarConfigError(f"{where}: [source] has no entry for '{section}.{key}' (write 'assumption' if so)")
+                raise RadarConfigError(
+                    f"{where}: [source] has no entry for '{section}.{key}' (write 'assumption' if it is one)"
+                )
     for name in table["preset"]:
         if f"preset.{name}" not in sourced:
             raise RadarConfigError(f"{where}: [source] has no entry for 'preset.{name}'")
+
+
+_WAVEFORM_UNITS = {
+    "start_frequency": "hz",
+    "slope": "hz_per_s",
+    "sample_rate": "hz",
+    "idle_time": "s",
+    "adc_start_time": "s",
+    "ramp_end_time": "s",
+    "frame_period": "s",
+}
+_PLAUSIBLE = {
+    "sample_rate_hz": (1e3, 1e10),
+    "slope_hz_per_s": (1e8, 1e16),
+    "ramp_end_time_s": (1e-7, 1.0),
+    "frame_period_s": (1e-6, 100.0),
+}
+"""Ranges that every FMCW radar keeps to; a prefix forgotten falls out of them."""
+
+
+def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict[str, Any]:
+    """Arguments of :class:`~rfgen_sionna.radar.radar.Radar` from a checked file, its pose left out.
+
+    Raises
+    ------
+    RadarConfigError, ValueError
+        If the preset does not exist, or says what the device cannot do.
+    """
+    preset = preset or config["default_preset"]
+    if preset not in config["preset"]:
+        raise RadarConfigError(f"{where}: preset is '{preset}'; presets: {', '.join(sorted(config['preset']))}")
+    array, chirp = config["array"], config["preset"][preset]
+    _check_device(config, chirp, f"{where}: preset.{preset}")
+    design = array["design_frequency_hz"]
+    if not 1e9 <= design <= 1e12:
+        raise RadarConfigError(f"{where}: array.design_frequency_hz is {design:g}; 1e9 … 1e12 Hz is allowed")
+    for label in ("tx", "rx"):
+        known, positions = array[f"{label}_names"], array[f"{label}_positions_half_wavelengths"]
+        if len(known) != len(positions) or len(set(known)) != len(known):
+            raise RadarConfigError(f"{where}: array.{label}_names must name each {label} position once, got {known}")
+    names = list(array["tx_names"])
+    fired = [tx for tx in names if tx in chirp["tx_order"]]
+    half = SPEED_OF_LIGHT / design / 2
+    positions = [array["tx_positions_half_wavelengths"][names.index(tx)] for tx in fired]
+    cuts = {
+        key: tuple(float(value) for value in config["pattern"][key])
+        for key in ("azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
+    }
+    return {
+        "name": config["name"],
+        "preset": preset,
+        "waveform": Waveform(
+            **{key: float(chirp[f"{key}_{unit}"]) for key, unit in _WAVEFORM_UNITS.items()},
+            num_samples=chirp["num_samples"],
+            num_loops=chirp["num_loops"],
+            tx_order=tuple(fired.index(tx) for tx in chirp["tx_order"]),
+        ),
+        "tx_names": tuple(fired),
+        "rx_names": tuple(array["rx_names"]),
+        "tx_positions": half * np.array(positions, dtype=np.float64),
+        "rx_positions": half * np.array(array["rx_positions_half_wavelengths"], dtype=np.float64),
+        "pattern": ElementPattern(float(config["pattern"]["peak_gain_dbi"]), **cuts),
+        "polarization": array["polarization"],
+        "tx_power_dbm": float(config["transmitter"]["power_dbm"]),
+        "noise_figure_db": float(config["receiver"]["noise_figure_db"]),
+        "temperature": float(config["receiver"]["temperature_k"]),
+    }
+
+
+def _check_device(config: dict[str, Any], chirp: dict[str, Any], where: str) -> None:
+    """Band, plausible units and Tx names of one preset."""
+    for key, (lowest, highest) in _PLAUSIBLE.items():
+        if not lowest <= chirp[key] <= highest:
+            raise RadarConfigError(
+                f"{where}.{key} is {chirp[key]:g}; {lowest:g} … {highest:g} is allowed (is it off by a prefix?)"
+            )
+    low, high = config["transmitter"]["frequency_range_hz"]
+    end = chirp["start_frequency_hz"] + chirp["slope_hz_per_s"] * chirp["ramp_end_time_s"]
+    if not (low <= chirp["start_frequency_hz"] and end <= high):
+        raise RadarConfigError(
+            f"{where} sweeps {chirp['start_frequency_hz'] / 1e9:g} … {end / 1e9:.3f} GHz; "
+            f"the device reaches {low / 1e9:g} … {high / 1e9:g} GHz"
+        )
+    names, order = config["array"]["tx_names"], chirp["tx_order"]
+    unknown = [tx for tx in order if tx not in names]
+    if unknown:
+        raise RadarConfigError(f"{where}.tx_order names '{unknown[0]}'; elements: {', '.join(names)}")
+    if len(set(order)) != len(order):
+        raise RadarConfigError(f"{where}.tx_order fires an element twice: {order}")

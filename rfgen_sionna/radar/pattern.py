@@ -34,7 +34,9 @@ class ElementPattern:
                     "two lists of the same length, at least 2, are needed"
                 )
             if not np.all(np.diff(angle) > 0) or np.abs(angle).max() > limit:
-                raise ValueError(f"pattern.{cut}_deg must ascend strictly within ±{limit:g} degrees, got {angle.tolist()}")
+                raise ValueError(
+                    f"pattern.{cut}_deg is {angle.tolist()}: it must ascend strictly within ±{limit:g} degrees"
+                )
             if not np.all(np.isfinite(level)) or level.max() > 1e-9:
                 raise ValueError(f"pattern.{cut}_db is relative to the peak: finite values of at most 0 dB are needed")
         if not (np.isfinite(self.peak_gain_dbi) and -30 <= self.peak_gain_dbi <= 60):

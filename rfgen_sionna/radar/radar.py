@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.radar.config import RadarConfigError, check_config, read_config
+from rfgen_sionna.radar.config import RadarConfigError, radar_fields, read_config
 from rfgen_sionna.radar.pattern import ElementPattern
 from rfgen_sionna.radar.waveform import Waveform
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.records import FloatArray
 from rfgen_sionna.resources import available, resolve
 
 Vector = tuple[float, float, float]
@@ -78,7 +78,9 @@ class Radar:
             if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):
                 raise ValueError(f"radar.{name} has shape {array.shape}: finite (element, 3) positions [m] are needed")
             if np.abs(array).max() > 10.0:
-                raise ValueError(f"radar.{name} reaches {np.abs(array).max():g} m: elements lie within 10 m of the centre")
+                raise ValueError(
+                    f"radar.{name} reaches {np.abs(array).max():g} m: elements lie within 10 m of the centre"
+                )
             gaps = np.linalg.norm(array[:, None] - array[None], axis=-1) + np.eye(len(array))
             if gaps.min() < 1e-6:
                 i, j = np.argwhere(gaps < 1e-6)[0]
@@ -87,7 +89,7 @@ class Radar:
             object.__setattr__(self, name, array)
         if len(self.waveform.tx_order) != len(self.tx_positions):
             raise ValueError(
-                f"radar has {len(self.tx_positions)} Tx elements but waveform.tx_order fires {len(self.waveform.tx_order)}"
+                f"radar has {len(self.tx_positions)} Tx elements; waveform.tx_order fires {len(self.waveform.tx_order)}"
             )
         if self.polarization not in POLARIZATIONS:
             raise ValueError(f"radar.polarization is {self.polarization!r}; allowed: {', '.join(POLARIZATIONS)}")
@@ -138,80 +140,16 @@ class Radar:
         path = Path(radar)
         path = path if path.suffix == ".toml" else resolve("radars", str(radar))
         if not path.is_file():
-            raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {', '.join(available('radars'))}")
-        made = cls._from_config(read_config(path), preset, str(path))
-        return made.placed(position=position, orientation=orientation, look_at=look_at)
-
-    @classmethod
-    def _from_config(cls, config: dict[str, Any], preset: str | None, where: str) -> Radar:
-        check_config(config, where)
-        preset = preset or config["default_preset"]
-        if preset not in config["preset"]:
-            raise RadarConfigError(f"{where}: preset is '{preset}'; presets: {', '.join(sorted(config['preset']))}")
-        array, chirp = config["array"], config["preset"][preset]
-        design = array["design_frequency_hz"]
-        if not 1e9 <= design <= 1e12:
-            raise RadarConfigError(f"{where}: array.design_frequency_hz is {design:g}; 1e9 … 1e12 Hz is allowed")
-        low, high = config["transmitter"]["frequency_range_hz"]
-        end = chirp["start_frequency_hz"] + chirp["slope_hz_per_s"] * chirp["ramp_end_time_s"]
-        if not (low <= chirp["start_frequency_hz"] and end <= high):
-            raise RadarConfigError(
-                f"{where}: preset.{preset} sweeps {chirp['start_frequency_hz'] / 1e9:g} … {end / 1e9:.3f} GHz; "
-                f"the device reaches {low / 1e9:g} … {high / 1e9:g} GHz"
-            )
-        for key, lowest, highest in (
-            ("sample_rate_hz", 1e3, 1e10),
-            ("slope_hz_per_s", 1e8, 1e16),
-            ("ramp_end_time_s", 1e-7, 1.0),
-            ("frame_period_s", 1e-6, 100.0),
-        ):
-            if not lowest <= chirp[key] <= highest:
-                raise RadarConfigError(
-                    f"{where}: preset.{preset}.{key} is {chirp[key]:g}; {lowest:g} … {highest:g} is allowed "
-                    "(SI units: is it off by a prefix?)"
-                )
-        names = list(array["tx_names"])
-        for label, known in (("tx", names), ("rx", list(array["rx_names"]))):
-            if len(known) != len(array[f"{label}_positions_half_wavelengths"]) or len(set(known)) != len(known):
-                raise RadarConfigError(f"{where}: array.{label}_names must name each {label} position once, got {known}")
-        unknown = [tx for tx in chirp["tx_order"] if tx not in names]
-        if unknown:
-            raise RadarConfigError(f"{where}: preset.{preset}.tx_order names '{unknown[0]}'; elements: {', '.join(names)}")
-        if len(set(chirp["tx_order"])) != len(chirp["tx_order"]):
-            raise RadarConfigError(f"{where}: preset.{preset}.tx_order fires an element twice: {chirp['tx_order']}")
-        fired = [tx for tx in names if tx in chirp["tx_order"]]
-        half = SPEED_OF_LIGHT / design / 2
+            shipped = ", ".join(available("radars"))
+            raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {shipped}")
+        config = read_config(path)
         try:
-            waveform = Waveform(
-                **{key: float(chirp[f"{key}_{unit}"]) for key, unit in _WAVEFORM_UNITS.items()},
-                num_samples=chirp["num_samples"],
-                num_loops=chirp["num_loops"],
-                tx_order=tuple(fired.index(tx) for tx in chirp["tx_order"]),
-            )
-            return cls(
-                name=config["name"],
-                preset=preset,
-                waveform=waveform,
-                tx_names=tuple(fired),
-                rx_names=tuple(array["rx_names"]),
-                tx_positions=half * np.array(
-                    [array["tx_positions_half_wavelengths"][names.index(tx)] for tx in fired], dtype=np.float64
-                ),
-                rx_positions=half * np.array(array["rx_positions_half_wavelengths"], dtype=np.float64),
-                pattern=ElementPattern(
-                    peak_gain_dbi=float(config["pattern"]["peak_gain_dbi"]),
-                    **{
-                        key: tuple(float(value) for value in config["pattern"][key])
-                        for key in ("azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
-                    },
-                ),
-                polarization=array["polarization"],
-                tx_power_dbm=float(config["transmitter"]["power_dbm"]),
-                noise_figure_db=float(config["receiver"]["noise_figure_db"]),
-                temperature=float(config["receiver"]["temperature_k"]),
-            )
+            made = cls(**radar_fields(config, preset, str(path)))
+        except RadarConfigError:
+            raise
         except ValueError as error:
-            raise RadarConfigError(f"{where}: preset '{preset}': {error}") from error
+            raise RadarConfigError(f"{path}: preset '{preset or config['default_preset']}': {error}") from error
+        return made.placed(position=position, orientation=orientation, look_at=look_at)
 
     def placed(
         self,
@@ -318,32 +256,14 @@ class Radar:
         """Inverse of :meth:`to_dict`."""
         unknown = set(record) - set(cls.__dataclass_fields__)
         if unknown:
-            raise ValueError(f"radar record has the unknown key '{min(unknown)}'; known: {', '.join(cls.__dataclass_fields__)}")
+            known = ", ".join(cls.__dataclass_fields__)
+            raise ValueError(f"radar record has the unknown key '{min(unknown)}'; known: {known}")
         waveform = dict(record["waveform"])
-        pattern = dict(record["pattern"])
-        return cls(
-            **record
-            | {
-                "waveform": Waveform(**waveform | {"tx_order": tuple(waveform["tx_order"])}),
-                "pattern": ElementPattern(
-                    **{key: tuple(v) if isinstance(v, list) else v for key, v in pattern.items()}
-                ),
-                "tx_names": tuple(record["tx_names"]),
-                "rx_names": tuple(record["rx_names"]),
-                "tx_positions": np.array(record["tx_positions"]),
-                "rx_positions": np.array(record["rx_positions"]),
-                "position": tuple(record["position"]),
-                "orientation": tuple(record["orientation"]),
-            }
-        )
-
-
-_WAVEFORM_UNITS = {
-    "start_frequency": "hz",
-    "slope": "hz_per_s",
-    "sample_rate": "hz",
-    "idle_time": "s",
-    "adc_start_time": "s",
-    "ramp_end_time": "s",
-    "frame_period": "s",
-}
+        pattern: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in record["pattern"].items()}
+        fields: dict[str, Any] = record | {
+            "waveform": Waveform(**waveform | {"tx_order": tuple(waveform["tx_order"])}),
+            "pattern": ElementPattern(**pattern),
+            "tx_positions": np.array(record["tx_positions"]),
+            "rx_positions": np.array(record["rx_positions"]),
+        }
+        return cls(**fields | {key: tuple(record[key]) for key in ("tx_names", "rx_names", "position", "orientation")})

@@ -62,8 +62,8 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
         slack = 1e-9 + 1e-3 * waveform.frame_length
         if paths.times[0] > start + slack or paths.times[-1] < start + waveform.frame_length - slack:
             raise ValueError(
-                f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from {start:.6f} to "
-                f"{start + waveform.frame_length:.6f} s"
+                f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from "
+                f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
     samples = np.zeros(shape, dtype=np.complex128)
     if paths.num_paths == 0:
@@ -112,7 +112,7 @@ class _Window:
         count, step = waveform.num_samples, 1.0 / waveform.sample_rate
         half = max(count // 2, 1) * step
         modes = np.arange(count) - count // 2
-        return cls(count, step, waveform.adc_start_time + (count // 2) * step, half, modes * step / half)
+        return cls(count, step, waveform.adc_start_time + (count // 2) * step, half, np.asarray(modes * step / half))
 
 
 def _precision(eps: float) -> tuple[type, type]:
@@ -123,7 +123,7 @@ def _precision(eps: float) -> tuple[type, type]:
 def _phasor(cycles: FloatArray, number: type) -> NDArray[Any]:
     """exp(j 2 pi cycles); float64 down to the fraction of a cycle."""
     phase = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
-    phasor = np.empty(phase.shape, dtype=number)
+    phasor: NDArray[Any] = np.empty(phase.shape, dtype=number)
     phasor.real, phasor.imag = np.cos(phase), np.sin(phase)
     return phasor
 
@@ -179,7 +179,7 @@ def _channel(
     count, middle, half, u = window.count, window.middle, window.half, window.u
     real, number = _precision(eps)
     gains = _gains(radar, paths, amplitude, window, tx, rx)
-    stacked_gains = gains.transpose(0, 2, 1).astype(number)  # (order, time, path)
+    stacked_gains: NDArray[Any] = gains.transpose(0, 2, 1).astype(number)  # (order, time, path)
     loudness = np.abs(gains[0]).max(axis=1) ** 2
     tau, rate = paths.tau[tx, rx], paths.tau_rate[tx, rx]
     single = len(paths.times) == 1
@@ -201,13 +201,13 @@ def _channel(
         phasor = _phasor(cycles, number)
         powers = _quadratic_powers(2 * np.pi * _weighted_size(quadratic, loudness), eps)
         orders = len(stacked_gains)
-        terms = np.empty((len(times), orders * (powers + 1), paths.num_paths), dtype=number)
-        weights = np.ones((len(times), 1), dtype=real) if single else paths.weights(times).astype(real)
+        terms: NDArray[Any] = np.empty((len(times), orders * (powers + 1), paths.num_paths), dtype=number)
+        weights: NDArray[Any] = np.ones((len(times), 1), dtype=real) if single else paths.weights(times).astype(real)
         for order in range(orders):
             np.multiply(weights @ stacked_gains[order], phasor, out=terms[:, order])
         shapes = [u**order for order in range(orders)]  # row n is the function of u that term n carries
         for power in range(1, powers + 1):
-            factor = ((2j * np.pi / power) * quadratic).astype(number)
+            factor: NDArray[Any] = ((2j * np.pi / power) * quadratic).astype(number)
             for order in range(orders):
                 now = power * orders + order
                 np.multiply(terms[:, now - orders], factor, out=terms[:, now])
@@ -263,6 +263,7 @@ def _about_window_middle(
     shift = (waveform.start_frequency + waveform.slope * middle - paths.frequency) / paths.half_band
     scale = waveform.slope * half / paths.half_band
     return [
-        sum((math.comb(m, n) * shift ** (m - n) * gains[m] for m in range(n, len(gains))), np.zeros_like(gains[0])) * scale**n
+        sum((math.comb(m, n) * shift ** (m - n) * gains[m] for m in range(n, len(gains))), np.zeros_like(gains[0]))
+        * scale**n
         for n in range(len(gains))
     ]

@@ -27,6 +27,7 @@ from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments
 
+
 @dataclass(frozen=True)
 class FacetGains:
     """Gains and delays of facets for every element pair."""

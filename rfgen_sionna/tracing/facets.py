@@ -64,7 +64,13 @@ def stack_facets(
         face.append(piece.face)
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
-    return Facets(*(np.concatenate(parts) for parts in (corners, number, face, index, facing)))
+    return Facets(
+        corners=np.concatenate(corners),
+        number=np.concatenate(number),
+        face=np.concatenate(face),
+        surface=np.concatenate(index),
+        facing=np.concatenate(facing),
+    )
 
 
 def facet_paths(

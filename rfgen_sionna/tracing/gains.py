@@ -58,9 +58,7 @@ class BandTracer:
             corners - self._origin, tx, rx, self._field, self._field, permittivity, permeability, frequencies
         )
 
-    def __call__(
-        self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, order: int
-    ) -> BandGains:
+    def __call__(self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, order: int) -> BandGains:
         """Gains of `corners` (facet, 3, 3) [m, world]; facet i is of `materials[index[i]]`.
 
         `order` coefficients are fitted through as many Chebyshev nodes of the band.
@@ -72,7 +70,9 @@ class BandTracer:
         inverse = np.linalg.inv(np.vander(nodes, order, increasing=True))
         return BandGains(np.tensordot(inverse, gains.a, axes=1), gains.tau)
 
-    def order_for(self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, weight: FloatArray) -> int:
+    def order_for(
+        self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, weight: FloatArray
+    ) -> int:
         """Smallest number of coefficients whose coherent sum is right to `rtol` over the band.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
@@ -89,7 +89,9 @@ class BandTracer:
         for order in range(1, MAX_ORDER + 1):
             nodes = chebyshev_nodes(order)
             a = self._gains(corners, materials, index, nodes, single=True).a[:, 0, 0]
-            fitted = np.vander(probes, order, increasing=True) @ np.linalg.solve(np.vander(nodes, order, increasing=True), a)
+            fitted = np.vander(probes, order, increasing=True) @ np.linalg.solve(
+                np.vander(nodes, order, increasing=True), a
+            )
             if _rms((fitted * phasor).sum(axis=1) - truth) <= self._rtol * scale:
                 return order
         return MAX_ORDER
@@ -102,4 +104,3 @@ def _rms(values: ComplexArray) -> float:
 def chebyshev_nodes(order: int) -> FloatArray:
     """(order,) Chebyshev nodes on (-1, 1)."""
     return np.cos(np.pi * (np.arange(order) + 0.5) / order)
-

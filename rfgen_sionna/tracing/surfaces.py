@@ -58,7 +58,10 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor]) -> Surfa
     def part(name: str) -> int:
         return part_names.setdefault(name, len(part_names))
 
-    static, vertices, moving, names = [], [], [], []
+    static: list[Surface] = []
+    vertices: list[FloatArray] = []
+    moving: list[Surface] = []
+    names: list[str] = []
     facets = 0
     for thing in scene.objects if scene is not None else ():
         label = part(thing.name)

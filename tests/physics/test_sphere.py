@@ -53,9 +53,7 @@ def test_level_agrees_with_mie(radius, tolerance_db):
     levels = []
     for turn in range(6):
         rotated = mesh.copy()
-        rotated.apply_transform(
-            trimesh.transformations.random_rotation_matrix(np.random.default_rng(turn).random(3))
-        )
+        rotated.apply_transform(trimesh.transformations.random_rotation_matrix(np.random.default_rng(turn).random(3)))
         ball = Actor.from_mesh(rotated, material="pec", position=(3.0, 0, 0), name="ball")
         a = channel(Simulator(None, radar, [ball]).paths())
         levels.append(abs(a) ** 2 * (4 * np.pi) ** 3 * (3.0 * (3.0 - radius)) ** 2 / wavelength**2)

@@ -40,7 +40,7 @@ def po_gain(
     permeability: complex = 1.0,
     n: int = 64,
 ) -> complex:
-    """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), sampled n^2 times a facet.
+    """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), n^2 samples a facet.
 
     Every factor is evaluated at every sample: no linear phase, no constant obliquity.
     """

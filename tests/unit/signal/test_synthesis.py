@@ -61,7 +61,9 @@ def random_gains(rng, radar, count):
 
 
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), speed=st.sampled_from([0.0, 1.0, 50.0]), samples=st.sampled_from([256, 255, 64, 1]))
+@given(
+    seed=st.integers(0, 2**32 - 1), speed=st.sampled_from([0.0, 1.0, 50.0]), samples=st.sampled_from([256, 255, 64, 1])
+)
 def test_agrees_with_the_direct_sum(seed, speed, samples):
     """Random paths, 0.05 … 200 m at up to `speed` m/s, one knot: relative error at most 1e-6."""
     rng = np.random.default_rng(seed)
@@ -158,7 +160,7 @@ def test_no_paths_no_signal():
 
 
 def test_noise_floor_is_ktbf():
-    """-174 dBm/Hz + NF + 10 log10(B) within 0.05 dB, flat, I and Q independent, the same for the same seed and frame."""
+    """-174 dBm/Hz + NF + 10 log10(B) within 0.05 dB, flat, I and Q independent, repeatable from seed and frame."""
     radar = Radar.load("awr1843")
     noise = np.zeros((400, 3, 4, 256), complex)
     add_thermal_noise(noise, radar, seed=1, frame=0)
