@@ -45,9 +45,10 @@ def test_level_agrees_with_mie(radius, tolerance_db):
     miepython = pytest.importorskip("miepython")
     radar = Radar.load("awr1843")
     wavelength = SPEED_OF_LIGHT / radar.center_frequency
-    # Facets of half a wavelength have a sagitta of (lambda/2)^2 / 8a, below 0.1 rad two-way from a = 2 cm on.
-    subdivisions = int(np.ceil(np.log2(1.1 * radius / (0.5 * wavelength)))) + 1
-    mesh = trimesh.creation.icosphere(subdivisions=max(subdivisions, 3), radius=radius)
+    # Two-way phase of the sagitta L^2 / 8a at 0.025 rad; an icosphere's edges are 1.1 a / 2^subdivisions.
+    edge = 0.5 * np.sqrt(0.2 * radius * wavelength / np.pi)
+    subdivisions = int(np.ceil(np.log2(1.1 * radius / edge)))
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
     # Vertices on the sphere make a polyhedron that is too small: same area on the average instead.
     mesh.apply_scale(np.sqrt(4 * np.pi * radius**2 / mesh.area))
     levels = []
