@@ -100,6 +100,9 @@ def build_rig(parameters: dict[str, float]) -> Rig:
         heads=heads,
         to_t_pose=to_t_pose,
         joint_bones=np.array([names.index(joint_bone(j)) for j in JOINT_NAMES], np.int32),
+        turn_bones=np.array(
+            [names.index(joint_bone(j).replace("upperarm01", "upperarm02")) for j in JOINT_NAMES], np.int32
+        ),
         bone_joints=np.array([JOINT[bone_joint(b)] for b in names], np.int32),
         skeleton=skeleton,
         part_names=PART_NAMES,

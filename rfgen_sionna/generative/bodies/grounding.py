@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 
+from rfgen_sionna.generative.bodies.retarget import bone_rotations
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
-from rfgen_sionna.generative.motion.rotations import X, normalised
+from rfgen_sionna.generative.motion.rotations import X, Z, normalised
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics
 from rfgen_sionna.records import FloatArray
 
-CONTACT_HEIGHT = 0.035
+CONTACT_HEIGHT = 0.04
 """A foot whose sole is lower than this over the floor [m] ..."""
-CONTACT_SPEED = 0.35
+CONTACT_SPEED = 0.5
 """... and slower than this [m/s] counts as planted where a motion has no labels."""
+GRAVITY = 9.81
 BLEND = 0.12
 """Time over which a foot passes from moving freely to being held [s]."""
 
@@ -80,6 +82,9 @@ def stand_on_floor(
     if len(translation) < 3:
         return joints, translation
     soles[..., 2] -= np.quantile(lowest, 0.15)
+    drop = _float(soles[..., 2].min(axis=(1, 2)), translation[:, 2], frame_rate)
+    translation[:, 2] -= drop
+    soles[..., 2] -= drop[:, None, None]
     positions = _positions(rig, joints, translation)
     planted = find_contacts(soles, frame_rate) if contacts is None else contacts
     blend = max(1, round(BLEND * frame_rate))
@@ -90,7 +95,38 @@ def stand_on_floor(
         lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
         shift[:, 2] += lift
         _move_foot(rig, joints, positions, side, shift)
+        # what the three points did not see: the rest of the sole
+        under = np.maximum(-_lowest_vertex(rig, joints, translation, side) - 0.002, 0.0)
+        if under.max() > 0.0:
+            positions = _positions(rig, joints, translation)
+            lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
+            _move_foot(rig, joints, positions, side, lift[:, None] * Z)
     return joints, translation
+
+
+def _lowest_vertex(rig: Rig, joints: FloatArray, translation: FloatArray, side: str) -> FloatArray:
+    """(frame,) height of the lowest vertex of a foot [m]."""
+    bones = bone_rotations(rig, joints)
+    rows = np.unique(rig.faces[rig.face_parts == rig.part_names.index(f"{side}_foot")])
+    return np.array([rig.skin(r, p, rows)[:, 2].min() for r, p in zip(bones, translation, strict=True)])
+
+
+def _float(lowest: FloatArray, height: FloatArray, frame_rate: float) -> FloatArray:
+    """(frame,) by how much a body hovers over the floor or sinks into it while it is not flying [m].
+
+    Args:
+        lowest: (frame,) lowest point of the soles [m].
+        height: (frame,) height of the root [m]; in flight it falls freely.
+        frame_rate: [Hz].
+    """
+    smooth = gaussian_filter1d(height, 0.03 * frame_rate, mode="nearest")
+    falling = np.gradient(np.gradient(smooth)) * frame_rate**2 < -0.45 * GRAVITY
+    flying = maximum_filter1d(((lowest > 0.02) & falling) | (lowest > 0.08), 3)
+    if flying.all():
+        return np.zeros_like(lowest)
+    frames = np.arange(len(lowest))
+    hover = np.interp(frames, frames[~flying], np.clip(lowest[~flying], -0.06, 0.06))
+    return gaussian_filter1d(hover, 0.05 * frame_rate, mode="nearest")
 
 
 def _held(sole: FloatArray, planted: np.ndarray, blend: int) -> FloatArray:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from rfgen_sionna.generative.bodies.anny_rig import build_rig, rest_shape, stature_and_mass
 from rfgen_sionna.generative.bodies.rig import Rig
@@ -113,11 +114,9 @@ class Phenotype:
             heavy = {**parameters, "weight": 1.0}
             low, high = (_measure({**heavy, "muscle": m})[1] for m in (heavy["muscle"], 0.0))
             if low <= goal <= high:
-                # at full weight the mass falls with muscle from 0 to the drawn value
-                less = _bisect(
-                    lambda x: _measure({**heavy, "muscle": heavy["muscle"] - x})[1], 0.0, heavy["muscle"], goal
-                )
-                parameters.update(weight=1.0, muscle=heavy["muscle"] - less)
+                # at full weight the mass falls as muscle grows from 0 to the drawn value
+                muscle = brentq(lambda m: _measure({**heavy, "muscle": m})[1] - goal, 0.0, heavy["muscle"], xtol=1e-4)
+                parameters.update(weight=1.0, muscle=float(muscle))
                 return
         if not insist:
             low, high = (_measure({**parameters, "weight": w})[1] for w in (0.0, 1.0))
@@ -137,14 +136,6 @@ def _measure(parameters: dict[str, float]) -> tuple[float, float]:
     return stature_and_mass(rest_shape(parameters)[0])
 
 
-def _bisect(f: Callable[[float], float], low: float, high: float, goal: float, steps: int = 14) -> float:
-    """Argument in [low, high] at which the increasing `f` reaches `goal`, or the nearer end."""
-    for _ in range(steps):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if f(middle) < goal else (low, middle)
-    return 0.5 * (low + high)
-
-
 def _solve(
     parameters: dict[str, float], name: str, goal: float, measure: Callable[[dict[str, float]], float], unit: str
 ) -> float:
@@ -154,7 +145,7 @@ def _solve(
             f"{name}: {goal:g} {unit} is out of reach for this body; allowed is {low:.2f} to {high:.2f} {unit} "
             "(another gender, age, height or muscle shifts it)"
         )
-    return _bisect(lambda v: measure({**parameters, name: v}), 0.0, 1.0, goal)
+    return float(brentq(lambda v: measure({**parameters, name: v}) - goal, 0.0, 1.0, xtol=1e-4))
 
 
 def person(phenotype: Phenotype | None = None, *, seed: int = 0) -> Rig:

@@ -35,6 +35,8 @@ class Rig:
     """(bone, 3, 3) rotation from the mesh's rest pose to the T-pose."""
     joint_bones: IntArray
     """(52,) bone whose head is each joint of the skeleton."""
+    turn_bones: IntArray
+    """(52,) bone that turns as each joint does; where a limb twists along its length, the end of the twist."""
     bone_joints: IntArray
     """(bone,) joint that each bone follows."""
     skeleton: Skeleton

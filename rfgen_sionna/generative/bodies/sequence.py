@@ -82,5 +82,5 @@ class BodySequence:
     def joint_rotations(self, t: float) -> FloatArray:
         """(52, 3, 3) world rotations of the joints relative to the T-pose at `t` [s]."""
         rotations, _ = self.pose(t)
-        bones = self.rig.joint_bones
+        bones = self.rig.turn_bones
         return rotations[bones] @ np.swapaxes(self.rig.to_t_pose[bones], -1, -2)

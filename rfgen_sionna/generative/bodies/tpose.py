@@ -173,8 +173,22 @@ def skeleton_in_t_pose(
         ankle = index["foot" + d]
         sole = (vertices[foot_vertices[i]] - heads[ankle]) @ to_t_pose[ankle].T
         floor = sole[:, 2].min()
-        # the point that carries the heel when the foot comes down with its toes up by 12 degrees
-        heels.append(sole[np.argmin((sole @ about(-Y, np.radians(12.0)).T)[:, 2])] * [1.0, 0.0, 0.0] + [0, 0, floor])
+        heels.append([_heel_pivot(sole, floor), 0.0, floor])
         ankle_heights.append(-floor)
         toe_heights.append(offsets[JOINT_NAMES.index(f"{side}_foot"), 2] - floor)
     return Skeleton(offsets, float(np.mean(ankle_heights)), np.array(heels), float(np.mean(toe_heights)))
+
+
+def _heel_pivot(sole: FloatArray, floor: float) -> float:
+    """Place under the heel (x from the ankle [m]) on which the foot rolls with its toes up.
+
+    A heel is round: no one point keeps it exactly on the floor at every angle. The one is taken that leaves the smallest
+    gap or dent from 0 to 20 degrees.
+    """
+    candidates = np.linspace(sole[:, 0].min(), 0.0, 41)
+    worst = np.zeros_like(candidates)
+    for angle in np.radians(np.arange(2.0, 21.0, 3.0)):
+        # height of a point (x, z) over a pivot (p, floor), toes up by the angle
+        lowest = float(np.min(sole[:, 0] * np.sin(angle) + (sole[:, 2] - floor) * np.cos(angle)))
+        worst = np.maximum(worst, np.abs(lowest - candidates * np.sin(angle)))
+    return float(candidates[np.argmin(worst)])

@@ -44,12 +44,14 @@ def over_feet(score: Score, weight: FloatArray | float = 0.5, ahead: float = 0.0
     Args:
         score: changed in place; its centre of mass sways by `score.sway`.
         weight: share of the weight on the left foot, (n,) or constant.
-        ahead: how far in front of the ankles the weight rests [m].
+        ahead: how far in front of the ankles the weight rests [m], for legs of 0.82 m.
     """
     left, right = (score.feet[s] for s in SIDES)
     w = np.broadcast_to(np.asarray(weight, float), (score.n,))[:, None]
     support = w * left.place + (1.0 - w) * right.place
-    support = support + ahead * np.stack([np.cos(score.yaw), np.sin(score.yaw)], axis=-1)
+    support = support + ahead * score.skeleton.leg_length() / 0.82 * np.stack(
+        [np.cos(score.yaw), np.sin(score.yaw)], axis=-1
+    )
     for _ in range(3):
         _, joints = score.solve()
         score.pelvis[:, :2] += support + score.sway - centre_of_mass(joints)[:, :2]

@@ -233,7 +233,9 @@ def finger_swing(score: Score, rng: np.random.Generator, hand: str, speed: float
     """The raised index finger swings from side to side, from the wrist and the knuckle."""
     reach = _ready(score, rng, hand)
     t = score.t
-    spot = np.array([rng.uniform(0.42, 0.55), rng.uniform(-0.15, 0.1), rng.uniform(0.02, 0.18)])
+    # elbow tucked in, so that the forearm stands upright and the finger wags sideways
+    score.arms[hand].pole = np.tile([-0.35, 0.15, -1.0], (score.n, 1))
+    spot = np.array([rng.uniform(0.45, 0.55), rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.15)])
     _wrist(score, hand, spot + _drift(score, rng, 0.006), reach)
     rate = rng.uniform(1.3, 2.2) * speed
     angle = 2.0 * np.pi * (rate * t + rng.uniform()) + 0.3 * wander(t, rng, 1.0, 0.1, 0.5)

@@ -138,7 +138,7 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
     score.contacts[:] = ~airborne[:, None]
     swing = keys(t, arm_t, arm)
     low = keys(t, *_dips(times, z))
-    score.pitch += 0.45 * low
+    score.pitch += 0.75 * low
     score.bend += 0.35 * low
     score.nod -= 0.5 * low
     for side in SIDES:
@@ -168,7 +168,7 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
     flight = rng.uniform(0.36, 0.44) * half
     take_off = 0.5 * GRAVITY * flight
     dip = rng.uniform(0.035, 0.06) * leg / 0.82
-    apart = rng.uniform(0.36, 0.52) * leg / 0.82
+    apart = rng.uniform(0.28, 0.42) * leg / 0.82
     together = rng.uniform(0.07, 0.1) * leg / 0.82
     down, up = rng.uniform(0.1, 0.3), np.radians(rng.uniform(150.0, 170.0))
     start = -rng.uniform(0.0, 2.0) * half

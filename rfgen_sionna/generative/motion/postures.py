@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
-from rfgen_sionna.generative.motion.curves import ease, keys, wander
+from rfgen_sionna.generative.motion.curves import keys, wander
 from rfgen_sionna.generative.motion.score import ARM_POLE, Score
 from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import FloatArray
@@ -73,9 +73,9 @@ def lift_arm(score: Score, side: str, direction: FloatArray, elbow: float, amoun
 
 
 def _both_arms(score: Score, rng: np.random.Generator, elevation: float) -> None:
-    tilt = rng.normal(0.0, np.radians(3.0))
+    tilt = np.clip(rng.normal(0.0, np.radians(1.5)), -0.05, 0.05)
     for side in SIDES:
-        e = elevation + rng.normal(0.0, np.radians(3.0)) + wander(score.t, rng, np.radians(1.2))
+        e = elevation + np.clip(rng.normal(0.0, np.radians(2.0)), -0.06, 0.06) + wander(score.t, rng, np.radians(1.2))
         forward = rng.uniform(0.0, 0.12) + wander(score.t, rng, 0.01)
         e = e + (tilt if side == "left" else -tilt)
         score.arms[side].direction = np.stack([forward, np.cos(e), np.sin(e)], axis=-1)
@@ -100,25 +100,35 @@ def y_pose(score: Score, rng: np.random.Generator, hand: str, speed: float) -> N
     stand_up_straight(score)
 
 
-def held(t: FloatArray, rng: np.random.Generator, speed: float, rise: tuple[float, float]) -> FloatArray:
-    """(n,) 0 to 1: a limb goes up in `rise` [s], is held for some seconds, comes down and goes up again."""
-    up = rng.uniform(*rise) / speed
-    times, values = [0.0], [0.0]
+def held(
+    t: FloatArray, rng: np.random.Generator, speed: float, rise: tuple[float, float], shift: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """A limb goes up in `rise` [s], is held for some seconds, comes down, and goes up again.
+
+    Returns:
+        (n,) how far it is up, 0 .. 1, and (n,) how far the weight has gone over to the other side, 0 .. 1: it goes in
+        `shift` [s] before the limb moves and comes back after.
+    """
+    up, shift = rng.uniform(*rise) / speed, shift / speed
+    times, lifted, weight = [0.0], [0.0], [0.0]
     clock = rng.uniform(0.05, 0.3) / speed
     while times[-1] <= t[-1]:
         hold, rest = rng.uniform(3.5, 6.0) / speed, rng.uniform(0.5, 1.2) / speed
-        for step, value in ((0.0, 0.0), (up, 1.0), (hold, 1.0), (up * 1.1, 0.0)):
+        steps = [(0.0, 0.0, 0.0), (shift, 0.0, 1.0), (up, 1.0, 1.0), (hold, 1.0, 1.0), (up * 1.1, 0.0, 1.0)]
+        for step, value, share in [*steps, (shift, 0.0, 0.0)]:
             clock += step
-            times.append(clock)
-            values.append(value)
+            if clock > times[-1]:
+                times.append(clock)
+                lifted.append(value)
+                weight.append(share)
         clock += rest
-    return keys(t, times, values)
+    return keys(t, times, lifted), keys(t, times, weight)
 
 
 def _arm_raised(score: Score, rng: np.random.Generator, side: str, speed: float) -> None:
     relaxed(score, rng)
     quiet(score, rng, 1.0)
-    amount = held(score.t, rng, speed, (0.6, 1.1))
+    amount, _ = held(score.t, rng, speed, (0.6, 1.1))
     out, high = np.radians(rng.uniform(15.0, 50.0)), np.radians(rng.uniform(50.0, 75.0))
     direction = np.array([np.cos(out) * np.cos(high), np.sin(out) * np.cos(high), np.sin(high)])
     score.arms[side].pole = (
@@ -147,9 +157,7 @@ def _leg_raised(score: Score, rng: np.random.Generator, side: str, speed: float)
     relaxed(score, rng)
     quiet(score, rng, 1.2)
     sk, foot = score.skeleton, score.feet[side]
-    amount = held(score.t, rng, speed, (0.7, 1.2))
-    # the weight goes over the other foot first
-    ahead = ease((amount - 0.0) / 0.35)
+    amount, shifted = held(score.t, rng, speed, (0.7, 1.2), rng.uniform(0.4, 0.55))
     hip, knee = np.radians(rng.uniform(65.0, 90.0)), np.radians(rng.uniform(30.0, 90.0))
     hip_angle = hip * amount * (1.0 + 0.02 * wander(score.t, rng, 1.0))
     knee_angle = knee * np.sin(np.pi * np.minimum(amount, 1.0)) * 0.25 + knee * amount
@@ -167,7 +175,7 @@ def _leg_raised(score: Score, rng: np.random.Generator, side: str, speed: float)
     for s in SIDES:
         score.arms[s].direction[:, 1] += amount * rng.uniform(0.1, 0.45)
     other = 0.0 if side == "left" else 1.0
-    over_feet(score, 0.5 + (other - 0.5) * np.where(amount > 0, ahead, 0.0) * 0.94)
+    over_feet(score, 0.5 + (other - 0.5) * 0.97 * shifted)
     fit_height(score)
 
 

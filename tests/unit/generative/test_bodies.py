@@ -1,0 +1,197 @@
+"""Bodies: the person asked for, skinned as anny skins, labelled, and made into actors."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.generative.actor import Actor
+from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, animate, person
+from rfgen_sionna.generative.bodies.anny_rig import load_model
+from rfgen_sionna.generative.bodies.phenotype import LIMITS
+from rfgen_sionna.generative.bodies.retarget import joint_rotations
+from rfgen_sionna.generative.motion import JOINT_NAMES, KinematicSource
+from rfgen_sionna.generative.motion.skeleton import JOINT
+from rfgen_sionna.generative.prompts import PromptError
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import MeshSequence, Motion
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return person(Phenotype(gender="female", age=30, height=1.68), seed=0)
+
+
+def test_attributes_in_natural_units_are_met():
+    body = person(Phenotype(gender="male", age=40, height=1.83, weight=92), seed=0)
+    assert body.height == pytest.approx(1.83, abs=2e-3)
+    assert body.mass == pytest.approx(92, rel=0.01)
+    child = person(Phenotype(age=6), seed=0)
+    assert 0.95 < child.height < 1.4
+    strong, weak = (person(Phenotype(gender="male", height=1.75, muscle=m), seed=0) for m in (0.9, 0.3))
+    assert np.abs(strong.vertices - weak.vertices).max() > 0.02
+
+
+def test_what_is_left_open_comes_from_the_seed():
+    a, same, other = person(seed=1), person(seed=1), person(seed=2)
+    np.testing.assert_array_equal(a.vertices, same.vertices)
+    assert abs(a.height - other.height) > 1e-3
+    # naming one attribute leaves the others as the seed drew them
+    drawn = Phenotype().complete(4)
+    assert Phenotype(muscle=drawn["muscle"], gender=drawn["gender"]).complete(4)["age"] == drawn["age"]
+    genders = {Phenotype(height=1.7, weight=65).complete(seed)["gender"] for seed in range(8)}
+    assert genders == {0.0, 1.0}
+
+
+@pytest.mark.parametrize(("name", "limits"), LIMITS.items())
+def test_values_out_of_range_are_refused(name, limits):
+    for value in (limits[0] - 0.01, limits[1] + 0.01, float("nan")):
+        with pytest.raises(PhenotypeError, match=f"{name}.*allowed"):
+            Phenotype(**{name: value})
+
+
+def test_a_body_out_of_reach_is_refused_with_what_is_in_reach():
+    with pytest.raises(PhenotypeError, match=r"weight: 200 kg is out of reach.*allowed is \d"):
+        Phenotype(gender="female", height=1.5, weight=200, age=30).complete(0)
+    with pytest.raises(PhenotypeError, match="gender"):
+        Phenotype(gender="tall")
+
+
+def test_the_mesh_is_closed_faces_outwards_and_stands_on_its_feet(rig):
+    mesh = trimesh.Trimesh(rig.vertices, rig.faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.volume > 0.03
+    assert rig.faces.shape == (27420, 3)
+    # facing +x: toes before heels, nose before the back of the head; left at +y
+    feet = rig.vertices[np.unique(rig.faces[rig.face_parts == rig.part_names.index("left_foot")])]
+    ankle = rig.heads[rig.bone_names.index("foot.L")]
+    assert feet[:, 0].max() - ankle[0] > 0.12 > ankle[0] - feet[:, 0].min()
+    assert ankle[1] > 0.05
+
+
+def test_every_part_is_where_its_name_says(rig):
+    pose = animate(rig, KinematicSource()("t_pose", 0.5, 0, skeleton=rig.skeleton))
+    v, centre = pose.vertices(0.0), {}
+    for k, name in enumerate(rig.part_names):
+        centre[name] = v[rig.faces[rig.face_parts == k]].mean(axis=(0, 1))
+    assert len(rig.part_names) == 14
+    assert centre["head"][2] > centre["torso"][2] > centre["left_thigh"][2] > centre["left_shank"][2]
+    assert centre["left_shank"][2] > centre["left_foot"][2]
+    y = [centre[f"left_{p}"][1] for p in ("upper_arm", "forearm", "hand")]
+    assert 0.1 < y[0] < y[1] < y[2]
+    np.testing.assert_allclose(centre["right_hand"][1], -y[2], atol=0.12)
+
+
+def test_skinning_is_anny_s_own(rig):
+    """The oracle is anny's torch model, posed by the world poses of the same bones."""
+    import torch
+
+    model = load_model()
+    parameters = Phenotype(gender="female", age=30, height=1.68).complete(0)
+    sequence = animate(rig, KinematicSource()("pick_up", 2.0, 1, skeleton=rig.skeleton))
+    rotations, root = sequence.pose(1.3)
+    # from our frame (x forwards, y left) to anny's (-y forwards, x left)
+    ours_to_anny = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    with torch.no_grad():
+        rest = model(phenotype_kwargs=parameters)["rest_bone_poses"][0].numpy()
+        poses = np.tile(np.eye(4), (len(rest), 1, 1))
+        poses[:, :3, :3] = ours_to_anny @ rotations @ ours_to_anny.T @ rest[:, :3, :3]
+        poses[:, :3, 3] = rig.bone_heads(rotations, root) @ ours_to_anny.T
+        out = model(
+            pose_parameters=torch.as_tensor(poses)[None], phenotype_kwargs=parameters, pose_parameterization="world"
+        )
+    np.testing.assert_allclose(sequence.vertices(1.3) @ ours_to_anny.T, out["vertices"][0].numpy(), atol=1e-9)
+
+
+def test_the_skeleton_of_the_body_moves_as_the_motion_says(rig):
+    motion = KinematicSource()("walk", 2.0, 0, skeleton=rig.skeleton)
+    sequence = animate(rig, motion)
+    assert isinstance(sequence, MeshSequence)
+    assert sequence.duration == motion.duration
+    assert sequence.joint_names == JOINT_NAMES
+    for k in (0, 77, 200):
+        t = k / motion.frame_rate
+        joints = sequence.joints(t)
+        np.testing.assert_allclose(joints[0], motion.translation[k], atol=1e-9)
+        np.testing.assert_allclose(sequence.joint_rotations(t), joint_rotations(motion)[k], atol=1e-6)
+        shin = np.linalg.norm(joints[JOINT["left_ankle"]] - joints[JOINT["left_knee"]])
+        assert shin == pytest.approx(rig.skeleton.length("left_ankle"), abs=1e-9)
+    # the first and the last pose are held outside
+    np.testing.assert_array_equal(sequence.vertices(-1.0), sequence.vertices(0.0))
+    np.testing.assert_array_equal(sequence.vertices(9.0), sequence.vertices(sequence.duration))
+
+
+def test_a_motion_made_for_another_body_stands_on_the_floor(rig):
+    foreign = KinematicSource(30.0)("walk", 3.0, 0)
+    assert not np.allclose(foreign.offsets, rig.skeleton.offsets)
+    sequence = animate(rig, foreign)
+    for t in np.arange(0.0, 3.0, 0.05):
+        assert -0.01 < sequence.vertices(t)[:, 2].min() < 0.02
+
+
+def test_one_pose_is_a_still_body(rig):
+    motion = KinematicSource()("standing", 1.0, 0, skeleton=rig.skeleton)
+    still = Motion(
+        motion.rotations[:1], motion.translation[:1], 30.0, motion.joint_names, motion.parents, motion.offsets
+    )
+    sequence = animate(rig, still)
+    assert sequence.duration == 0.0
+    np.testing.assert_array_equal(sequence.vertices(0.0), sequence.vertices(5.0))
+
+
+def test_unknown_joints_are_refused(rig):
+    motion = KinematicSource()("standing", 1.0, 0, skeleton=rig.skeleton)
+    names = ("pelvis", "tail", *motion.joint_names[2:])
+    with pytest.raises(ValueError, match="tail"):
+        animate(rig, Motion(motion.rotations, motion.translation, 30.0, names, motion.parents, motion.offsets))
+
+
+def test_an_actor_from_a_prompt_faces_the_radar_three_metres_away(rig):
+    actor = Actor.from_prompt("a person in a T pose", seed=0, duration=0.5, body=rig)
+    v = actor.vertices(0.2)
+    assert actor.position == (3.0, 0.0, 0.0)
+    np.testing.assert_allclose(actor.joints(0.2)[0, :2], [3.0, 0.0], atol=0.06)
+    assert abs(v[:, 2].min()) < 0.01
+    j = actor.joints(0.2)
+    # facing -x: the person's left is at -y
+    assert j[JOINT["left_wrist"], 1] < -0.5 < 0.5 < j[JOINT["right_wrist"], 1]
+    assert j[JOINT["left_foot"], 0] < j[JOINT["left_ankle"], 0]
+    assert (actor.material, actor.name, actor.motion.action) == ("skin", "person", "t_pose")
+    assert actor.motion.prompt == "a person in a T pose"
+
+
+def test_distance_orientation_and_body_come_from_the_prompt():
+    actor = Actor.from_prompt("a man 1.9 m tall standing, facing away, at 2.2 m", seed=0, duration=0.5)
+    assert actor.position[0] == pytest.approx(2.2)
+    assert np.cos(actor.orientation[0]) == pytest.approx(1.0)
+    assert actor.body.height == pytest.approx(1.9, abs=2e-3)
+    assert actor.phenotype.gender == "male"
+
+
+def test_the_place_before_a_radar_and_the_caller_s_own_place(rig):
+    radar = Radar.load("awr1843", position=(1.0, 1.0, 1.0), look_at=(1.0, 5.0, 0.5))
+    actor = Actor.from_prompt("a person standing at 2 m", seed=0, duration=0.5, body=rig, radar=radar)
+    np.testing.assert_allclose(actor.position, [1.0, 3.0, 0.0], atol=1e-9)
+    facing = [np.cos(actor.orientation[0]), np.sin(actor.orientation[0])]
+    np.testing.assert_allclose(facing, [0.0, -1.0], atol=1e-9)
+    placed = Actor.from_prompt(
+        "a person standing", seed=0, duration=0.5, body=rig, position=(1, 2, 0), orientation=(0.5, 0, 0)
+    )
+    assert (placed.position, placed.orientation) == ((1.0, 2.0, 0.0), (0.5, 0.0, 0.0))
+
+
+def test_bad_prompts_and_durations_fail_before_the_body_is_built():
+    with pytest.raises(PromptError):
+        Actor.from_prompt("a xylophone")
+    with pytest.raises(ValueError, match="duration"):
+        Actor.from_prompt("a person walking", duration=-1.0)
+
+
+def test_importing_actors_starts_neither_torch_nor_anny():
+    code = (
+        "import sys, rfgen_sionna.generative as g; g.Actor; g.ACTIONS; g.Phenotype(height=1.7); "
+        "sys.exit(sum(m in sys.modules for m in ('torch', 'anny', 'mitsuba', 'diffusers')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0  # noqa: S603
