@@ -8,10 +8,6 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, knot_weights
 
-MAX_SPACING = 10e-3
-"""Longest gap between knots of something that moves [s]: visibility is only known at knots."""
-
-
 def choose_knots(
     positions: Callable[[float], FloatArray],
     viewpoint: FloatArray,
@@ -19,7 +15,7 @@ def choose_knots(
     stop: float,
     frequency: float,
     tolerance: float,
-    max_spacing: float = MAX_SPACING,
+    max_spacing: float,
     max_knots: int = 4097,
 ) -> FloatArray:
     """Knots between which a spline follows the delay of every vertex.
@@ -39,10 +35,12 @@ def choose_knots(
         Highest frequency of the band [Hz].
     tolerance
         Allowed phase error [rad].
+    max_spacing
+        Longest gap between knots [s].
 
     Returns
     -------
-    (knot,) ascending times [s]; a single one where nothing moves.
+    (knot,) ascending times [s], 2^n + 1 evenly spaced ones; a single one where nothing moves.
     """
     wavenumber = 4 * np.pi * frequency / SPEED_OF_LIGHT
 

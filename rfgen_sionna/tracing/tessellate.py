@@ -27,6 +27,10 @@ class Tessellation:
         """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions."""
         return np.asarray(self.weights @ vertices[faces[self.face]], dtype=np.float64)
 
+    def centroids(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """(facet, 3) means of the corners [m]."""
+        return np.asarray((self.weights.mean(axis=1)[:, None] @ vertices[faces[self.face]])[:, 0], dtype=np.float64)
+
 
 def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:
     """(facet,) two-way phase [rad] by which the mean over the corners exceeds that at the centroid.

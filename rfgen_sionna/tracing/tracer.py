@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
 RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
-PHASE_PER_RTOL = 10.0
-"""Phase error between knots [rad] per unit of `rtol`: 0.01 rad at the default of 1e-3."""
+PHASE_PER_RTOL = 3.0
+"""Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`."""
+GAIN_SPACING = 7e-3
+"""Longest gap between instants at which gains and visibility are traced [s]; delays may have more knots."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,10 @@ class TraceReport:
     """Facets integrated."""
     rays: int
     """Visibility rays sent, those of the static scene included."""
+    instants: int
+    """Instants at which visibility and gains were traced."""
     knots: int
-    """Instants traced."""
+    """Knots of the delays."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,7 @@ class Tracer:
                 stop,
                 self._band.highest,
                 PHASE_PER_RTOL * self.rtol,
+                GAIN_SPACING,
             )
         return self._traced(knots)
 
@@ -151,10 +156,11 @@ class Tracer:
 
     def _traced(self, knots: FloatArray) -> Traced:
         static = self.static
-        rays, facets = static.rays, len(static.facets)
+        rays, looked_at = static.rays, len(static.facets)
         pieces = self._tessellations(knots)
+        instants = _every_so_often(knots, GAIN_SPACING)
         stacked, fractions, shares = [], [], []
-        for t in knots:
+        for t in instants:
             vertices = self._vertices(float(t))
             each = stack_facets(self.surfaces.moving, pieces, vertices, self._viewpoint)
             fraction, share = np.zeros(len(each)), static.fraction
@@ -165,13 +171,14 @@ class Tracer:
                 fraction[facing] = seen.fraction
                 share, more = static.visible(self._rays, vertices)
                 rays += seen.rays + more
-                facets += len(facing)
+                looked_at += len(facing)
             stacked.append(each)
             fractions.append(fraction)
             shares.append(share)
-        shadow, shaded = static.shadow(knots, np.stack(shares, axis=1))
-        moving = self._moving_paths(knots, pieces, stacked, np.stack(fractions, axis=1))
-        return Traced(static.paths, shadow, shaded, moving, TraceReport(facets, rays, len(knots)))
+        shadow, shaded = static.shadow(instants, np.stack(shares, axis=1))
+        moving = self._moving_paths(knots, instants, pieces, stacked, np.stack(fractions, axis=1))
+        report = TraceReport(looked_at, rays, len(instants), len(knots))
+        return Traced(static.paths, shadow, shaded, moving, report)
 
     def _tessellations(self, knots: FloatArray) -> list[Tessellation]:
         """Tessellation of every actor at the knot where it comes nearest to the radar."""
@@ -187,9 +194,14 @@ class Tracer:
         return pieces
 
     def _moving_paths(
-        self, knots: FloatArray, pieces: list[Tessellation], stacked: list[Facets], fraction: FloatArray
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        pieces: list[Tessellation],
+        stacked: list[Facets],
+        fraction: FloatArray,
     ) -> RadarPaths:
-        """Paths of the facets that are seen at any knot; `fraction` is (facet, time)."""
+        """Paths of the facets that are seen at any instant; `fraction` is (facet, instant)."""
         surfaces = self.surfaces.moving
         materials = tuple(surface.material for surface in surfaces)
         kept = np.flatnonzero((fraction > 0).any(axis=1))
@@ -197,18 +209,21 @@ class Tracer:
         if self._moving_order is None and len(kept):
             self._moving_order = self._band.order_for(facets[0].corners, materials, facets[0].surface, fraction[:, 0])
         order = self._moving_order or 1
-        shape = (len(self.radar.tx_positions), len(self.radar.rx_positions), len(kept), len(knots))
-        coefficients = np.empty((order, *shape), dtype=np.complex128)
-        tau, direction = np.empty(shape), np.empty((len(kept), len(knots), 3))
+        shape = (len(self.radar.tx_positions), len(self.radar.rx_positions), len(kept))
+        coefficients = np.empty((order, *shape, len(instants)), dtype=np.complex128)
         for k, each in enumerate(facets):
             gains = self._band(each.corners, materials, each.surface, order)
             coefficients[..., k] = gains.coefficients * fraction[:, k]
-            tau[..., k] = gains.tau
-            direction[:, k] = each.directions(self._viewpoint)
+        if len(knots) > len(instants):
+            coefficients = coefficients @ knot_weights(instants, knots).T
+        tau, direction = np.empty((*shape, len(knots))), np.empty((len(kept), len(knots), 3))
+        for k, t in enumerate(knots):
+            tau[..., k], direction[:, k] = self._delays(float(t), pieces, kept)
         if len(knots) > 1:
             rate = tau @ knot_weights(knots, knots, 1).T
         else:
-            rate = self._rates(float(knots[0]), pieces, kept)[..., None]
+            before, after = (self._delays(float(knots[0]) + step, pieces, kept)[0] for step in (-RATE_STEP, RATE_STEP))
+            rate = ((after - before) / (2 * RATE_STEP))[..., None]
         return facet_paths(
             surfaces,
             facets[0],
@@ -222,13 +237,26 @@ class Tracer:
             (self.surfaces.object_names, self.surfaces.part_names),
         )
 
-    def _rates(self, t: float, pieces: list[Tessellation], kept: NDArray[np.intp]) -> FloatArray:
-        """(tx, rx, facet) rates of the delays by way of the facets' centroids, differenced around `t`."""
-        tau = []
-        for instant in (t - RATE_STEP, t + RATE_STEP):
-            facets = stack_facets(self.surfaces.moving, pieces, self._vertices(instant), self._viewpoint)
-            centroids = facets.centroids[kept]
-            to_tx = np.linalg.norm(centroids - self.radar.tx_world[:, None], axis=2)
-            to_rx = np.linalg.norm(centroids - self.radar.rx_world[:, None], axis=2)
-            tau.append((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
-        return np.asarray((tau[1] - tau[0]) / (2 * RATE_STEP), dtype=np.float64)
+    def _delays(
+        self, t: float, pieces: list[Tessellation], kept: NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Delays (tx, rx, facet) [s] by way of the centroids of the facets `kept` at `t`, and directions (facet, 3)."""
+        parts = [
+            piece.centroids(points, surface.faces)
+            for piece, points, surface in zip(pieces, self._vertices(t), self.surfaces.moving, strict=True)
+        ]
+        centroids = np.concatenate([np.zeros((0, 3)), *parts])[kept] - self._viewpoint
+        to_tx, to_rx = (
+            np.linalg.norm(centroids - (elements - self._viewpoint)[:, None], axis=2)
+            for elements in (self.radar.tx_world, self.radar.rx_world)
+        )
+        distance = np.maximum(np.linalg.norm(centroids, axis=1, keepdims=True), 1e-12)
+        return (to_tx[:, None] + to_rx) / SPEED_OF_LIGHT, centroids / distance
+
+
+def _every_so_often(knots: FloatArray, spacing: float) -> FloatArray:
+    """Every 2^n-th knot, as few as keep to the longest gap [s]; there are 2^m + 1 knots, or one."""
+    stride = 1
+    while 2 * stride < len(knots) and (knots[2 * stride] - knots[0]) <= spacing * (1 + 1e-9):
+        stride *= 2
+    return knots[::stride]
