@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -62,15 +63,38 @@ class RadarConfigError(ValueError):
     """A radar file says something that no radar can do, or in words the format does not know."""
 
 
+_ITEMS: dict[str, tuple[type, ...]] = {
+    "tx_names": (str,),
+    "rx_names": (str,),
+    "tx_order": (str,),
+    "tx_positions_half_wavelengths": (list,),
+    "rx_positions_half_wavelengths": (list,),
+}
+"""What the lists hold; those that are not named here hold numbers."""
+
+
+def _check_value(value: Any, wanted: tuple[type, ...], what: str) -> None:
+    if not isinstance(value, wanted) or isinstance(value, bool):
+        raise RadarConfigError(f"{what} is {value!r}; {' or '.join(t.__name__ for t in wanted)} is needed")
+    if isinstance(value, float) and not math.isfinite(value):  # TOML knows nan and inf
+        raise RadarConfigError(f"{what} is {value!r}; a finite number is needed")
+
+
 def _check(table: dict[str, Any], section: str, where: str) -> None:
     schema = _SCHEMA[section.partition(".")[0]]
     prefix = f"{section}." if section else ""
     for key, value in table.items():
         if key not in schema:
             raise RadarConfigError(f"{where}: unknown key '{prefix}{key}'; known there: {', '.join(sorted(schema))}")
-        if not isinstance(value, schema[key]) or isinstance(value, bool):
-            wanted = " or ".join(t.__name__ for t in schema[key])
-            raise RadarConfigError(f"{where}: '{prefix}{key}' is {value!r}; {wanted} is needed")
+        what = f"{where}: '{prefix}{key}'"
+        _check_value(value, schema[key], what)
+        for item in value if isinstance(value, list) else ():
+            _check_value(item, _ITEMS.get(key, _NUMBER), f"an entry of {what}")
+            if isinstance(item, list):
+                if len(item) != 3:
+                    raise RadarConfigError(f"an entry of {what} is {item!r}; three numbers x, y, z are needed")
+                for coordinate in item:
+                    _check_value(coordinate, _NUMBER, f"a coordinate in {what}")
     missing = [key for key in schema if key not in table]
     if missing:
         raise RadarConfigError(f"{where}: '{prefix}{missing[0]}' is missing (needed: {', '.join(schema)})")
@@ -107,8 +131,20 @@ def check_config(table: dict[str, Any], where: str) -> None:
         raise RadarConfigError(
             f"{where}: default_preset is '{table['default_preset']}'; presets: {', '.join(sorted(table['preset']))}"
         )
+    band = table["transmitter"]["frequency_range_hz"]
+    if len(band) != 2 or not 0 < band[0] < band[1]:
+        raise RadarConfigError(
+            f"{where}: 'transmitter.frequency_range_hz' is {band!r}; two positive frequencies, the "
+            "lower one first, are needed"
+        )
     # A number without a source is a number nobody can check.
     sourced = set(table["source"])
+    for key, text in table["source"].items():
+        if not isinstance(text, str) or not text.strip():
+            raise RadarConfigError(f"{where}: source of '{key}' is {text!r}; a text is needed")
+        section, _, rest = key.partition(".")
+        if section in ("", "source") or section not in table or (rest and rest not in table[section]):
+            raise RadarConfigError(f"{where}: [source] names '{key}', which is not in the file")
     for section in ("array", "pattern", "transmitter", "receiver"):
         for key in table[section]:
             if key.endswith(("_names", "_deg")):
@@ -132,12 +168,16 @@ _WAVEFORM_UNITS = {
     "frame_period": "s",
 }
 _PLAUSIBLE = {
-    "sample_rate_hz": (1e3, 1e10),
+    "sample_rate_hz": (1e3, 1e9),
     "slope_hz_per_s": (1e8, 1e16),
-    "ramp_end_time_s": (1e-7, 1.0),
-    "frame_period_s": (1e-6, 100.0),
+    "idle_time_s": (5e-7, 1.0),
+    "adc_start_time_s": (1e-7, 1.0),
+    "ramp_end_time_s": (1e-6, 1.0),
+    "frame_period_s": (1e-5, 10.0),
 }
-"""Ranges that every FMCW radar keeps to; a prefix forgotten falls out of them."""
+"""Ranges that every FMCW radar keeps to; a prefix forgotten falls out of them. Idle and start time may also be 0."""
+_LEAST_SHARE = {"ADC window of the ramp": 0.01, "sampled bandwidth of the start frequency": 1e-4}
+"""Shares that no radar falls below by choice, but any does with a unit prefix too many."""
 
 
 def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict[str, Any]:
@@ -192,10 +232,13 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
 def _check_device(config: dict[str, Any], chirp: dict[str, Any], where: str) -> None:
     """Band, plausible units and Tx names of one preset."""
     for key, (lowest, highest) in _PLAUSIBLE.items():
+        allowed = f"{lowest:g} … {highest:g}"
+        if key in ("idle_time_s", "adc_start_time_s"):
+            if chirp[key] == 0:
+                continue
+            allowed = f"0 or {allowed}"
         if not lowest <= chirp[key] <= highest:
-            raise RadarConfigError(
-                f"{where}.{key} is {chirp[key]:g}; {lowest:g} … {highest:g} is allowed (is it off by a prefix?)"
-            )
+            raise RadarConfigError(f"{where}.{key} is {chirp[key]:g}; {allowed} is allowed (is it off by a prefix?)")
     low, high = config["transmitter"]["frequency_range_hz"]
     end = chirp["start_frequency_hz"] + chirp["slope_hz_per_s"] * chirp["ramp_end_time_s"]
     if not (low <= chirp["start_frequency_hz"] and end <= high):
@@ -203,6 +246,15 @@ def _check_device(config: dict[str, Any], chirp: dict[str, Any], where: str) -> 
             f"{where} sweeps {chirp['start_frequency_hz'] / 1e9:g} … {end / 1e9:.3f} GHz; "
             f"the device reaches {low / 1e9:g} … {high / 1e9:g} GHz"
         )
+    window = chirp["num_samples"] / chirp["sample_rate_hz"]
+    shares = (window / chirp["ramp_end_time_s"], window * chirp["slope_hz_per_s"] / chirp["start_frequency_hz"])
+    for (what, least), share in zip(_LEAST_SHARE.items(), shares, strict=True):
+        if 0 < share < least:
+            raise RadarConfigError(
+                f"{where}: {what} is {share:.2g}, at least {least:g} is needed: num_samples {chirp['num_samples']}, "
+                f"sample_rate_hz {chirp['sample_rate_hz']:g}, slope_hz_per_s {chirp['slope_hz_per_s']:g} and "
+                f"ramp_end_time_s {chirp['ramp_end_time_s']:g} do not go together (is one off by a prefix?)"
+            )
     names, order = config["array"]["tx_names"], chirp["tx_order"]
     unknown = [tx for tx in order if tx not in names]
     if unknown:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,13 +40,27 @@ def rotation_matrix(orientation: Vector) -> FloatArray:
 
 
 def _vector(name: str, value: Any) -> Vector:
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed") from None
     if array.shape != (3,) or not np.all(np.isfinite(array)):
         raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed")
     return float(array[0]), float(array[1]), float(array[2])
 
 
-@dataclass(frozen=True)
+def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Any]:
+    """`record` as a dictionary, or an error that names the key it should not have, or lacks."""
+    if not isinstance(record, Mapping):
+        raise ValueError(f"{what} is {record!r}: a table with the keys {', '.join(known)} is needed")
+    if unknown := set(record) - set(known):
+        raise ValueError(f"{what} has the unknown key '{min(unknown)}'; known: {', '.join(known)}")
+    if missing := set(known) - set(record) - set(optional):
+        raise ValueError(f"{what} lacks the key '{min(missing)}'; needed: {', '.join(known)}")
+    return dict(record)
+
+
+@dataclass(frozen=True, eq=False)
 class Radar:
     """Element positions, waveform, power, noise and pose of one radar.
 
@@ -74,7 +90,7 @@ class Radar:
 
     def __post_init__(self) -> None:
         for name in ("tx_positions", "rx_positions"):
-            array = np.asarray(getattr(self, name), dtype=np.float64)
+            array = np.array(getattr(self, name), dtype=np.float64)  # a copy: it becomes read-only
             if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):
                 raise ValueError(f"radar.{name} has shape {array.shape}: finite (element, 3) positions [m] are needed")
             if np.abs(array).max() > 10.0:
@@ -87,6 +103,11 @@ class Radar:
                 raise ValueError(f"radar.{name}: elements {i} and {j} are at the same place {array[i].tolist()} m")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+            names = tuple(getattr(self, f"{name[:2]}_names"))
+            if len(names) != len(array) or len(set(names)) != len(names):
+                raise ValueError(
+                    f"radar.{name[:2]}_names is {names!r}: a different name for each of {len(array)} elements"
+                )
         if len(self.waveform.tx_order) != len(self.tx_positions):
             raise ValueError(
                 f"radar has {len(self.tx_positions)} Tx elements; waveform.tx_order fires {len(self.waveform.tx_order)}"
@@ -137,6 +158,10 @@ class Radar:
         RadarConfigError, ValueError
             Naming the key, the value and what is allowed.
         """
+        if not isinstance(radar, (str, os.PathLike)) or not str(radar):
+            raise RadarConfigError(
+                f"radar is {radar!r}: the path of a TOML file or one of {', '.join(available('radars'))} is needed"
+            )
         path = Path(radar)
         path = path if path.suffix == ".toml" else resolve("radars", str(radar))
         if not path.is_file():
@@ -254,16 +279,18 @@ class Radar:
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:
         """Inverse of :meth:`to_dict`."""
-        unknown = set(record) - set(cls.__dataclass_fields__)
-        if unknown:
-            known = ", ".join(cls.__dataclass_fields__)
-            raise ValueError(f"radar record has the unknown key '{min(unknown)}'; known: {known}")
-        waveform = dict(record["waveform"])
-        pattern: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in record["pattern"].items()}
+        record = _keys("radar record", record, cls.__dataclass_fields__, optional=("position", "orientation"))
+        waveform = _keys("radar record: waveform", record["waveform"], Waveform.__dataclass_fields__)
+        pattern = _keys("radar record: pattern", record["pattern"], ElementPattern.__dataclass_fields__)
+        cuts: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in pattern.items()}
         fields: dict[str, Any] = record | {
-            "waveform": Waveform(**waveform | {"tx_order": tuple(waveform["tx_order"])}),
-            "pattern": ElementPattern(**pattern),
-            "tx_positions": np.array(record["tx_positions"]),
-            "rx_positions": np.array(record["rx_positions"]),
+            "waveform": Waveform(**waveform),
+            "pattern": ElementPattern(**cuts),
         }
-        return cls(**fields | {key: tuple(record[key]) for key in ("tx_names", "rx_names", "position", "orientation")})
+        return cls(**fields | {key: tuple(record[key]) for key in ("tx_names", "rx_names")})
+
+    def __eq__(self, other: object) -> bool:
+        return self.to_dict() == other.to_dict() if isinstance(other, Radar) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.preset, self.waveform, self.pattern, self.position, self.orientation))

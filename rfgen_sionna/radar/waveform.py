@@ -10,6 +10,14 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _is_index(value: object) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
 @dataclass(frozen=True)
 class Waveform:
     """A TDM-MIMO frame of linear chirps. Times count from the start of each ramp.
@@ -40,20 +48,22 @@ class Waveform:
     def __post_init__(self) -> None:
         for name in ("start_frequency", "slope", "sample_rate", "ramp_end_time", "frame_period"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
+            if not (_is_number(value) and value > 0):
                 raise ValueError(f"waveform.{name} is {value!r}: a positive, finite number is needed")
         for name in ("idle_time", "adc_start_time"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"waveform.{name} is {value!r} s: it cannot be negative")
+            if not (_is_number(value) and value >= 0):
+                raise ValueError(f"waveform.{name} is {value!r}: a finite number [s] of at least 0 is needed")
         for name in ("num_samples", "num_loops"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ValueError(f"waveform.{name} is {value!r}: a whole number of at least 1 is needed")
-        if sorted(self.tx_order) != list(range(len(self.tx_order))) or not self.tx_order:
+        fired = list(self.tx_order)
+        if not fired or not all(_is_index(tx) for tx in fired) or sorted(fired) != list(range(len(fired))):
             raise ValueError(
                 f"waveform.tx_order is {self.tx_order!r}: each of the Tx elements 0..n-1 must fire exactly once a loop"
             )
+        object.__setattr__(self, "tx_order", tuple(int(tx) for tx in fired))
         adc_end = self.adc_start_time + self.num_samples / self.sample_rate
         if adc_end > self.ramp_end_time * (1 + 1e-9):
             raise ValueError(

@@ -1,0 +1,198 @@
+"""Radar files are read strictly: what is not understood, missing or impossible is refused with its name and value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.config import RadarConfigError
+
+Refuses = Callable[..., None]
+
+
+def test_a_file_of_ones_own_is_a_radar(radar_file: Any) -> None:
+    radar_file.set("name", "mine")
+    radar_file.set("preset.mmmesh.num_loops", 16)
+    for path in (radar_file.path, str(radar_file.path)):
+        radar_file.load()
+        radar = Radar.load(path, position=(1, 2, 3))
+        assert (radar.name, radar.preset, radar.waveform.num_loops) == ("mine", "mmmesh", 16)
+        assert radar.position == (1.0, 2.0, 3.0)
+    assert radar_file.load("di_gesture").waveform.num_loops == 64
+
+
+def test_positions_are_in_half_wavelengths_of_the_design_frequency(radar_file: Any) -> None:
+    radar_file.set("array.design_frequency_hz", 299_792_458.0 * 250)  # a wavelength of 4 mm
+    radar = radar_file.load()
+    np.testing.assert_allclose(radar.rx_positions[:, 1], [-9.4e-3, -7.4e-3, -5.4e-3, -3.4e-3], rtol=1e-12)
+    np.testing.assert_allclose(radar.tx_positions[1], [0, 6.4e-3, 2e-3], rtol=1e-12)
+
+
+@pytest.mark.parametrize("section", ["", "array.", "pattern.", "transmitter.", "receiver.", "preset.mmmesh."])
+def test_unknown_keys_are_refused_with_the_known_ones(radar_file: Any, refuses: Refuses, section: str) -> None:
+    radar_file.set(f"{section}loudness", 3)
+    known = {"": "default_preset", "array.": "rx_names", "preset.mmmesh.": "num_loops"}.get(section, "_")
+    refuses(f"unknown key '{section}loudness'", known)
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        *("name", "default_preset", "array", "pattern", "preset", "source", "array.tx_names", "pattern.azimuth_db"),
+        *("transmitter.power_dbm", "receiver.noise_figure_db", "preset.mmmesh.slope_hz_per_s"),
+        *("preset.di_gesture.num_loops", "preset.mmmesh.tx_order"),
+    ],
+)
+def test_missing_keys_are_named(radar_file: Any, refuses: Refuses, key: str) -> None:
+    radar_file.remove(key)
+    refuses(f"'{key}' is missing")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("name", 7, "str"),
+        ("preset.mmmesh.num_loops", 128.0, "int"),
+        ("preset.mmmesh.num_loops", True, "int"),
+        ("preset.mmmesh.slope_hz_per_s", "60.012e12", "int or float"),
+        ("preset.mmmesh.slope_hz_per_s", float("nan"), "finite"),
+        ("preset.mmmesh.tx_order", [1, 3, 2], "str"),
+        ("transmitter.power_dbm", float("inf"), "finite"),
+        ("transmitter.frequency_range_hz", [76e9], "two positive frequencies"),
+        ("transmitter.frequency_range_hz", [81e9, 76e9], "two positive frequencies"),
+        ("transmitter.frequency_range_hz", ["76 GHz", "81 GHz"], "int or float"),
+        ("receiver.temperature_k", -20.0, "0 … 2000 K"),
+        ("array.tx_names", "TX1", "list"),
+        ("array.polarization", "circular", "V, H, +45, -45"),
+        ("array.rx_positions_half_wavelengths", [[0, 0, 0], [0, 1], [0, 2, 0], [0, 3, 0]], "three numbers"),
+        ("array.rx_positions_half_wavelengths", [0, 1, 2, 3], "list"),
+        ("pattern.azimuth_db", [0.0, -3.0], "same length"),
+        ("preset.mmmesh", 3, "table"),
+        ("source.preset", 3, "text"),
+        ("source", "TI", "dict"),
+    ],
+)
+def test_values_of_the_wrong_kind_are_refused(
+    radar_file: Any, refuses: Refuses, key: str, value: Any, said: str
+) -> None:
+    radar_file.set(key, value)
+    refuses(said)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize(
+    "key",
+    [
+        *("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "idle_time_s", "adc_start_time_s"),
+        *("ramp_end_time_s", "frame_period_s"),
+    ],
+)
+@pytest.mark.parametrize("preset", ["mmmesh", "di_gesture"])
+def test_units_off_by_a_prefix_are_noticed(radar_file: Any, preset: str, key: str, factor: float) -> None:
+    radar_file.set(f"preset.{preset}.{key}", radar_file.table["preset"][preset][key] * factor)
+    with pytest.raises(RadarConfigError, match=f"{preset}.*"):
+        radar_file.load(preset)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_design_frequency_off_by_a_prefix_is_noticed(radar_file: Any, refuses: Refuses, factor: float) -> None:
+    radar_file.set("array.design_frequency_hz", 77e9 * factor)
+    refuses("array.design_frequency_hz", "1e9 … 1e12 Hz")
+
+
+def test_an_idle_time_of_zero_is_one(radar_file: Any) -> None:
+    radar_file.set("preset.mmmesh.idle_time_s", 0)
+    assert radar_file.load().waveform.chirp_period == 65e-6
+
+
+def test_the_adc_window_lies_within_the_ramp(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.set("preset.mmmesh.adc_start_time_s", 8e-6)
+    refuses("66.18 us", "65 us", "at most 250 samples fit")
+    radar_file.set("preset.mmmesh.adc_start_time_s", 65e-6 - 256 / 4.4e6)  # to the last sample
+    radar_file.load()
+
+
+def test_the_chirps_fit_into_the_frame(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.set("preset.mmmesh.num_loops", 463)
+    refuses("frame_period is 100 ms", "463 loops", "100.008 ms", "at most 462 loops")
+    radar_file.set("preset.mmmesh.num_loops", 462)
+    radar_file.load()
+
+
+def test_the_sweep_stays_in_the_band(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.set("preset.mmmesh.start_frequency_hz", 77.2e9)
+    refuses("77.2 … 81.101 GHz", "76 … 81 GHz")
+    radar_file.set("preset.mmmesh.start_frequency_hz", 75.9e9)
+    refuses("75.9 …", "76 … 81 GHz")
+
+
+def test_two_elements_at_one_place_are_refused(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.set("array.rx_positions_half_wavelengths", [[0, 0, 0], [0, 1, 0], [0, 2, 0], [0, 1, 0]])
+    refuses("rx_positions", "elements 1 and 3", "same place")
+
+
+def test_two_elements_of_one_name_are_refused(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.set("array.rx_names", ["RX1", "RX2", "RX2", "RX4"])
+    refuses("array.rx_names", "RX2")
+    radar_file.set("array.rx_names", ["RX1", "RX2", "RX3"])
+    refuses("array.rx_names", "each rx position once")
+
+
+@pytest.mark.parametrize(
+    ("order", "said"),
+    [(["TX1", "TX3", "TX1"], "twice"), (["TX1", "TX4"], "'TX4'"), ([], "tx_order")],
+)
+def test_slots_fire_known_elements_once(radar_file: Any, refuses: Refuses, order: list[str], said: str) -> None:
+    radar_file.set("preset.mmmesh.tx_order", order)
+    refuses(said)
+
+
+@pytest.mark.parametrize(
+    "key", ["array.tx_positions_half_wavelengths", "pattern.peak_gain_dbi", "transmitter.power_dbm", "preset.mmmesh"]
+)
+def test_every_number_has_a_source(radar_file: Any, refuses: Refuses, key: str) -> None:
+    del radar_file.table["source"][key]
+    refuses("[source]", key)
+
+
+def test_sources_are_of_numbers_in_the_file(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.table["source"]["receiver.bandwidth_hz"] = "datasheet"
+    refuses("[source]", "receiver.bandwidth_hz")
+    del radar_file.table["source"]["receiver.bandwidth_hz"]
+    radar_file.table["source"]["preset.mmmesh"] = " "
+    refuses("source of 'preset.mmmesh'")
+
+
+def test_presets_exist(radar_file: Any, refuses: Refuses) -> None:
+    with pytest.raises(RadarConfigError, match=r"'fast'.*di_gesture, mmmesh"):
+        Radar.load("awr1843", "fast")
+    radar_file.set("default_preset", "fast")
+    refuses("default_preset is 'fast'", "di_gesture, mmmesh")
+    radar_file.table["preset"] = {}
+    refuses("at least one [preset.NAME]")
+
+
+def test_what_is_no_radar_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"'awr1483'.*did you mean 'awr1843'"):
+        Radar.load("awr1483")
+    with pytest.raises(RadarConfigError, match=r"nowhere\.toml does not exist.*awr1843"):
+        Radar.load(tmp_path / "nowhere.toml")
+    (tmp_path / "odd.toml").write_text("name = awr")
+    with pytest.raises(RadarConfigError, match=r"odd\.toml: not a TOML file"):
+        Radar.load(tmp_path / "odd.toml")
+    for wrong in (None, 1843, ""):
+        with pytest.raises(RadarConfigError, match="awr1843"):
+            Radar.load(wrong)  # type: ignore[arg-type]
+
+
+def test_shipped_radars_are_listed_and_load() -> None:
+    radars = Radar.available()
+    assert radars["awr1843"] == ("mmmesh", "di_gesture")
+    for name, presets in radars.items():
+        for preset in presets:
+            assert Radar.load(name, preset).preset == preset
