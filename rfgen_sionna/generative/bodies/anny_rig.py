@@ -89,7 +89,10 @@ def build_rig(parameters: dict[str, float]) -> Rig:
     weights = sparse.csr_array(weights / weights.sum(axis=1)[:, None])
     feet = [_foot_vertices(weights, names, suffix) for suffix in (".L", ".R")]
     to_t_pose = t_pose_rotations(names, heads, vertices, feet)
-    skeleton = skeleton_in_t_pose(names, heads, parents, to_t_pose, vertices, feet)
+    face_parts = label_faces(faces, weights, names)
+    trunk = [PART_NAMES.index(part) for part in ("torso", "left_thigh", "right_thigh")]
+    around = np.unique(faces[np.isin(face_parts, trunk)])
+    skeleton = skeleton_in_t_pose(names, heads, parents, to_t_pose, vertices, feet, around)
     height, mass = stature_and_mass(vertices)
     return Rig(
         vertices=vertices,
@@ -106,7 +109,7 @@ def build_rig(parameters: dict[str, float]) -> Rig:
         bone_joints=np.array([JOINT[bone_joint(b)] for b in names], np.int32),
         skeleton=skeleton,
         part_names=PART_NAMES,
-        face_parts=label_faces(faces, weights, names),
+        face_parts=face_parts,
         height=height,
         mass=mass,
     )

@@ -154,8 +154,12 @@ def skeleton_in_t_pose(
     to_t_pose: FloatArray,
     vertices: FloatArray,
     foot_vertices: Sequence[IntArray],
+    trunk: IntArray,
 ) -> Skeleton:
-    """Bone lengths and soles of the body, measured in the T-pose; arguments as in :func:`t_pose_rotations`."""
+    """Bone lengths, soles and girth of the body, measured in the T-pose; arguments as in :func:`t_pose_rotations`.
+
+    `trunk` are the indices of the vertices of torso and thighs.
+    """
     posed = np.zeros_like(heads)
     for b, p in enumerate(parents):
         if p >= 0:
@@ -176,14 +180,20 @@ def skeleton_in_t_pose(
         heels.append([_heel_pivot(sole, floor), 0.0, floor])
         ankle_heights.append(-floor)
         toe_heights.append(offsets[JOINT_NAMES.index(f"{side}_foot"), 2] - floor)
-    return Skeleton(offsets, float(np.mean(ankle_heights)), np.array(heels), float(np.mean(toe_heights)))
+    return Skeleton(
+        offsets,
+        float(np.mean(ankle_heights)),
+        np.array(heels),
+        float(np.mean(toe_heights)),
+        _arm_slope(joints, vertices[trunk] - heads[0]),
+    )
 
 
 def _heel_pivot(sole: FloatArray, floor: float) -> float:
     """Place under the heel (x from the ankle [m]) on which the foot rolls with its toes up.
 
-    A heel is round: no one point keeps it exactly on the floor at every angle. The one is taken that leaves the smallest
-    gap or dent from 0 to 20 degrees.
+    A heel is round: no one point keeps it exactly on the floor at every angle. The one is taken that leaves the
+    smallest gap or dent from 0 to 20 degrees.
     """
     candidates = np.linspace(sole[:, 0].min(), 0.0, 41)
     worst = np.zeros_like(candidates)
@@ -192,3 +202,20 @@ def _heel_pivot(sole: FloatArray, floor: float) -> float:
         lowest = float(np.min(sole[:, 0] * np.sin(angle) + (sole[:, 2] - floor) * np.cos(angle)))
         worst = np.maximum(worst, np.abs(lowest - candidates * np.sin(angle)))
     return float(candidates[np.argmin(worst)])
+
+
+def _arm_slope(joints: FloatArray, trunk: FloatArray) -> float:
+    """Sideways over down of a hanging arm that just clears trunk and thighs.
+
+    Args:
+        joints: (52, 3) T-pose joint positions from the pelvis [m].
+        trunk: (vertex, 3) vertices of torso and thighs from the pelvis [m].
+    """
+    shoulder, elbow, wrist = (joints[JOINT_NAMES.index(f"left_{j}")] for j in ("shoulder", "elbow", "wrist"))
+    length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(wrist - elbow))
+    down = shoulder[2] - trunk[:, 2]
+    # half a forearm's thickness; the uppermost third of the arm lies against the chest in everybody
+    thick = 0.08 * length
+    beside = (down > 0.35 * length) & (down < 1.25 * length)
+    slope = (trunk[beside, 1] + thick - shoulder[1]) / down[beside]
+    return float(np.clip(slope.max(), 0.05, 0.5))

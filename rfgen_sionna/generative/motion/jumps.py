@@ -138,8 +138,8 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
     score.contacts[:] = ~airborne[:, None]
     swing = keys(t, arm_t, arm)
     low = keys(t, *_dips(times, z))
-    score.pitch += 0.75 * low
-    score.bend += 0.35 * low
+    score.pitch += 0.6 * low
+    score.bend += 0.3 * low
     score.nod -= 0.5 * low
     for side in SIDES:
         arm_score = score.arms[side]
@@ -148,7 +148,7 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
         arm_score.pole = np.tile([-0.5, 0.8, -0.4], (score.n, 1))
         arm_score.elbow = 0.35 + rng.uniform(0.3, 0.7) * (1.0 - np.cos(swing))
     grounded = score.pelvis.copy()
-    over_feet(score, ahead=0.07)
+    over_feet(score, ahead=0.055)
     score.pelvis[:, 2] = grounded[:, 2]
     _airborne(score, 0.972)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rfgen_sionna.generative.motion.curves import ease
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, between, normalised
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, PARENTS, SIDES, Skeleton, side_sign
@@ -189,7 +190,7 @@ class Score:
         collar, shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("collar", "shoulder", "elbow", "wrist"))
         mirror = np.array([1.0, s, 1.0])
         chest = g[:, JOINT["spine3"]]
-        direction = normalised(arm.direction * mirror)
+        direction = normalised(_clear_of_body(arm.direction, sk.arm_slope) * mirror)
         pole = arm.pole * mirror
         place(f"{side}_collar")
         # scapular rhythm: the collar lifts with the arm beyond the horizontal and follows it forwards
@@ -229,6 +230,16 @@ class Score:
                 if k == 0:
                     local = about(-s * Z, hand.spread[:, f]) @ local
                 g[:, j] = g[:, PARENTS[j]] @ local
+
+
+def _clear_of_body(direction: FloatArray, slope: float) -> FloatArray:
+    """Arm directions (n, 3), y outwards, of which those that hang lead outwards by at least `slope`."""
+    u = normalised(direction)
+    hanging = ease((-u[:, 2] - 0.7) / 0.25)
+    wanted = -slope * u[:, 2]
+    soft = 0.03
+    aside = wanted + soft * np.logaddexp(0.0, (u[:, 1] - wanted) / soft)
+    return np.stack([u[:, 0], u[:, 1] + hanging * (aside - u[:, 1]), u[:, 2]], axis=-1)
 
 
 def thumb_axis(skeleton: Skeleton, side: str) -> FloatArray:

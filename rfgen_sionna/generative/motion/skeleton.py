@@ -69,6 +69,8 @@ class Skeleton:
     """(2, 3) point of the left and the right heel on which the foot rolls at touch-down, from the ankle [m]."""
     toe_height: float
     """Height of the toe joints over the sole [m]."""
+    arm_slope: float = 0.08
+    """How far a hanging arm must lead outwards to clear trunk and thighs: sideways over down."""
     joint_names: tuple[str, ...] = field(default=JOINT_NAMES)
     parents: tuple[int, ...] = field(default=PARENTS)
 
@@ -95,7 +97,13 @@ class Skeleton:
 
     def scaled(self, factor: float) -> Skeleton:
         """The same proportions, `factor` times the size."""
-        return Skeleton(self.offsets * factor, self.ankle_height * factor, self.heel * factor, self.toe_height * factor)
+        return Skeleton(
+            self.offsets * factor,
+            self.ankle_height * factor,
+            self.heel * factor,
+            self.toe_height * factor,
+            self.arm_slope,
+        )
 
 
 def forward_kinematics(

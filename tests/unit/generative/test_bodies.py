@@ -41,7 +41,7 @@ def test_what_is_left_open_comes_from_the_seed():
     # naming one attribute leaves the others as the seed drew them
     drawn = Phenotype().complete(4)
     assert Phenotype(muscle=drawn["muscle"], gender=drawn["gender"]).complete(4)["age"] == drawn["age"]
-    genders = {Phenotype(height=1.7, weight=65).complete(seed)["gender"] for seed in range(8)}
+    genders = {Phenotype(height=1.7, weight=65).complete(seed)["gender"] for seed in range(5)}
     assert genders == {0.0, 1.0}
 
 
@@ -194,4 +194,4 @@ def test_importing_actors_starts_neither_torch_nor_anny():
         "import sys, rfgen_sionna.generative as g; g.Actor; g.ACTIONS; g.Phenotype(height=1.7); "
         "sys.exit(sum(m in sys.modules for m in ('torch', 'anny', 'mitsuba', 'diffusers')))"
     )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0  # noqa: S603
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
