@@ -71,7 +71,7 @@ class Phenotype:
             PhenotypeError: height or weight out of what anny reaches for the other attributes.
         """
         gender_rng, age_rng, height_rng, weight_rng, muscle_rng, shape_rng = (
-            np.random.default_rng([seed, 7, i]) for i in range(6)
+            np.random.default_rng([seed, 13, i]) for i in range(6)
         )
         drawn_gender = float(gender_rng.integers(2))
         gender = drawn_gender if self.gender is None else GENDERS.get(self.gender, self.gender)  # type: ignore[arg-type]
