@@ -16,7 +16,7 @@ from rfgen_sionna.tracing.tracer import Tracer
 
 pytest.importorskip("anny")
 
-from rfgen_sionna.generative.actor import Actor  # noqa: E402
+from rfgen_sionna.generative.actor import Actor
 
 
 def one_channel(radar, **waveform):

@@ -19,7 +19,14 @@ def direction(azimuth_deg, elevation_deg):
 
 
 # range [m], azimuth and elevation [deg, + left, + up], radial velocity [m/s, + receding]
-TARGETS = [(2.0, 0, 0, 0.4), (3.0, 25, 0, -1.3), (4.0, -30, 6, 2.1), (5.5, 10, -10, -3.0), (8.0, -12, 3, 0.9), (1.2, 40, 8, -0.6)]
+TARGETS = [
+    (2.0, 0, 0, 0.4),
+    (3.0, 25, 0, -1.3),
+    (4.0, -30, 6, 2.1),
+    (5.5, 10, -10, -3.0),
+    (8.0, -12, 3, 0.9),
+    (1.2, 40, 8, -0.6),
+]
 
 
 @pytest.mark.parametrize(("preset", "targets"), [("mmmesh", TARGETS), ("di_gesture", [(1.5, 15, 0, -0.5)])])
