@@ -47,8 +47,8 @@ def load_model() -> Any:
         ) from error
     if _cache_is_cold():
         _LOG.warning("anny's first start on this machine: building its cache (about 0.8 GB, 40 to 150 s), once")
-    model = anny.Anny(skinning_method="lbs")
-    return model
+    # beyond 1 only where a heavy person needs it, see phenotype.HEAVIEST
+    return anny.Anny(skinning_method="lbs", extrapolate_phenotypes=True)
 
 
 def rest_shape(parameters: dict[str, float]) -> tuple[FloatArray, FloatArray]:
@@ -76,7 +76,7 @@ def stature_and_mass(vertices: FloatArray) -> tuple[float, float]:
 
 
 def build_rig(parameters: dict[str, float]) -> Rig:
-    """The rigged body for anny's phenotype parameters (each 0 .. 1)."""
+    """The rigged body for anny's phenotype parameters (0 .. 1, weight a little more)."""
     vertices, heads = rest_shape(parameters)
     model = load_model()
     names, parents = tuple(model.bone_labels), tuple(int(p) for p in model.bone_parents)

@@ -24,6 +24,11 @@ _STATURE = ((1.756, 0.069), (1.628, 0.064))
 # Body mass index [kg/m^2] of adults: most of the WHO's normal and overweight bands.
 _MASS_INDEX = (24.5, 3.0, 19.0, 31.0)
 
+HEAVIEST = 1.25
+"""anny's weight parameter may pass 1 so far, by its linear extrapolation, for soft bodies that need it."""
+_HEIGHT_TOLERANCE = 1e-3
+_ROUNDS = 10
+
 LIMITS = {"age": (2.0, 100.0), "height": (0.8, 2.3), "weight": (8.0, 250.0), "muscle": (0.0, 1.0)}
 GENDERS = {"male": 0.0, "female": 1.0}
 
@@ -98,11 +103,15 @@ class Phenotype:
             mean, spread, low, high = _MASS_INDEX
             index = float(np.clip(mean + spread * weight_rng.standard_normal(), low, high))
             weight, insist = index * height**2, False
-        for _ in range(1 if weight is None else 2):
+        # height depends a little on weight and muscle, so the two are solved in turns
+        for _ in range(1 if weight is None else _ROUNDS):
             if height is not None:
                 parameters["height"] = _solve(parameters, "height", height, lambda p: _measure(p)[0], "m")
-            if weight is not None:
-                self._fit_weight(parameters, weight, insist)
+            if weight is None:
+                break
+            self._fit_weight(parameters, weight, insist)
+            if height is None or abs(_measure(parameters)[0] - height) < _HEIGHT_TOLERANCE:
+                break
         return parameters
 
     def _fit_weight(self, parameters: dict[str, float], goal: float, insist: bool) -> None:
@@ -110,18 +119,24 @@ class Phenotype:
 
         A mass that was only drawn (`insist` is false) is met as far as possible.
         """
-        if self.muscle is None and goal > _measure({**parameters, "weight": 1.0})[1]:
-            heavy = {**parameters, "weight": 1.0}
-            low, high = (_measure({**heavy, "muscle": m})[1] for m in (heavy["muscle"], 0.0))
-            if low <= goal <= high:
-                # at full weight the mass falls as muscle grows from 0 to the drawn value
-                muscle = brentq(lambda m: _measure({**heavy, "muscle": m})[1] - goal, 0.0, heavy["muscle"], xtol=1e-4)
+        least, most = (_measure({**parameters, "weight": w})[1] for w in (0.0, 1.0))
+        if self.muscle is None and goal > most:
+            # at full weight the mass falls as muscle grows: less of it makes the heavier body
+            soft = {**parameters, "weight": 1.0}
+            utmost = _measure({**soft, "muscle": 0.0})[1]
+            if goal <= utmost:
+                muscle = brentq(lambda m: _measure({**soft, "muscle": m})[1] - goal, 0.0, soft["muscle"], xtol=1e-4)
                 parameters.update(weight=1.0, muscle=float(muscle))
                 return
-        if not insist:
-            low, high = (_measure({**parameters, "weight": w})[1] for w in (0.0, 1.0))
-            goal = min(max(goal, low), high)
-        parameters["weight"] = _solve(parameters, "weight", goal, lambda p: _measure(p)[1], "kg")
+            parameters["muscle"] = 0.0
+            heaviest = _measure({**parameters, "weight": HEAVIEST})[1]
+            if goal > heaviest and insist:
+                raise PhenotypeError(_out_of_reach("weight", goal, least, heaviest, "kg"))
+            goal = min(goal, heaviest)
+        elif not insist:
+            goal = min(max(goal, least), most)
+        top = HEAVIEST if parameters["muscle"] == 0.0 else 1.0
+        parameters["weight"] = _solve(parameters, "weight", goal, lambda p: _measure(p)[1], "kg", top)
 
 
 def _growth(age_parameter: float, share: float) -> float:
@@ -136,16 +151,26 @@ def _measure(parameters: dict[str, float]) -> tuple[float, float]:
     return stature_and_mass(rest_shape(parameters)[0])
 
 
+def _out_of_reach(name: str, goal: float, low: float, high: float, unit: str) -> str:
+    return (
+        f"{name}: {goal:g} {unit} is out of reach for this body; allowed is {low:.2f} to {high:.2f} {unit} "
+        "(another gender, age, height or muscle shifts it)"
+    )
+
+
 def _solve(
-    parameters: dict[str, float], name: str, goal: float, measure: Callable[[dict[str, float]], float], unit: str
+    parameters: dict[str, float],
+    name: str,
+    goal: float,
+    measure: Callable[[dict[str, float]], float],
+    unit: str,
+    top: float = 1.0,
 ) -> float:
-    low, high = (measure({**parameters, name: v}) for v in (0.0, 1.0))
+    """Value of a parameter in [0, `top`] at which the increasing `measure` reaches `goal`."""
+    low, high = (measure({**parameters, name: v}) for v in (0.0, top))
     if not low <= goal <= high:
-        raise PhenotypeError(
-            f"{name}: {goal:g} {unit} is out of reach for this body; allowed is {low:.2f} to {high:.2f} {unit} "
-            "(another gender, age, height or muscle shifts it)"
-        )
-    return float(brentq(lambda v: measure({**parameters, name: v}) - goal, 0.0, 1.0, xtol=1e-4))
+        raise PhenotypeError(_out_of_reach(name, goal, low, high, unit))
+    return float(brentq(lambda v: measure({**parameters, name: v}) - goal, 0.0, top, xtol=1e-4))
 
 
 def person(phenotype: Phenotype | None = None, *, seed: int = 0) -> Rig:
