@@ -53,7 +53,9 @@ def generate(
     radar: Annotated[str, typer.Option(help="A radar of `rfgen radars`, or the path of a TOML file.")] = "awr1843",
     preset: Annotated[str | None, typer.Option(help="Configuration of that radar (default: its own choice).")] = None,
     duration: Annotated[float, typer.Option(help="Length of the recording in seconds.")] = 3.0,
-    seed: Annotated[int, typer.Option(help="Seed of motion, body, noise and all that the prompt leaves open.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of motion, body, noise and all that the prompt leaves open.")
+    ] = 0,
     output: Annotated[
         Path | None, typer.Option(help="HDF5 file to write (default: the action's name).", dir_okay=False)
     ] = None,

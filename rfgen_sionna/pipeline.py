@@ -12,7 +12,7 @@ import numpy as np
 
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
-from rfgen_sionna.generative.actor import Actor
+from rfgen_sionna.generative.actor import DEFAULT_DISTANCE, Actor
 from rfgen_sionna.generative.prompts import ScenePrompt, parse_environment, parse_prompt
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
@@ -38,7 +38,7 @@ def generate(
     *,
     negative: str = "",
     environment: str | None = None,
-    radar: str | Radar = "awr1843",
+    radar: str | PathLike[str] | Radar = "awr1843",
     preset: str | None = None,
     duration: float = 3.0,
     seed: int = 0,
@@ -104,8 +104,16 @@ def generate(
             raise ValueError(f"preset is {preset!r} but a Radar is given, which has its own ('{radar.preset}')")
     else:
         radar = Radar.load(radar, preset, position=RADAR_POSITION, look_at=RADAR_TARGET)
+    place = said.distance_m or DEFAULT_DISTANCE
+    if place > radar.max_range:
+        raise ValueError(
+            f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
+            f"{radar.max_range:.2f} m: come closer, or take a preset with a lower slope or a higher sample rate"
+        )
+    # What they refuse is refused before a scene is read, and before a body is built.
+    count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
     scene = load_scene(None if surroundings is None else surroundings.scene)
-    Simulator(scene, radar, (), rtol=rtol).frame_times(duration)  # their errors come before a body is built
+    Simulator(scene, radar, rtol=rtol)
 
     person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar)
     simulator = Simulator(scene, radar, [person], rtol=rtol)
@@ -119,7 +127,6 @@ def generate(
         actors=(ActorInfo.of(person),),
         labels=STANDARD_LABELS,
     )
-    count = len(simulator.frame_times(duration))
     middle = 0.5 * radar.waveform.frame_length
     frames = simulator.frames(duration, noise=noise, seed=seed)
     with RunWriter(target, info, overwrite=overwrite) as writer:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube, Pir, RadarPaths
+from rfgen_sionna.records import AdcCube, FloatArray, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
-from rfgen_sionna.scene.clearance import check_radar_clear
+from rfgen_sionna.scene.clearance import CLEARANCE, check_radar_clear
 from rfgen_sionna.scene.load import RadarScene, load_scene
 from rfgen_sionna.signal import add_thermal_noise, synthesize
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport
@@ -26,8 +27,10 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int], None]
 """Called with the number of frames done and in all."""
 
-CHECKED_INSTANTS = 33
-"""Instants of a run at which the actors' places are checked before the work starts."""
+CHECK_STEP = 0.05
+"""Time [s] between the instants of a run at which the actors' places are checked before the work starts."""
+MIN_CHECK_STEP = 1e-4
+"""Shortest such time where an actor passes the radar [s]."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +72,13 @@ class Simulator:
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
         if isinstance(actors, Actor):
             actors = (actors,)
+        if not isinstance(actors, Iterable):
+            raise TypeError(f"actors is {actors!r}: a list of actors is needed, () for none")
+        actors = tuple(actors)
         for actor in actors:
             if not isinstance(actor, Actor):
                 raise TypeError(f"actors holds a {type(actor).__name__}: Actor.from_mesh and from_prompt make actors")
-        if not (isinstance(rtol, (int, float)) and 1e-8 <= rtol <= 0.1):
+        if not (isinstance(rtol, (int, float, np.number)) and 1e-8 <= rtol <= 0.1):
             raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
         self.scene = load_scene(scene)
         self.radar = radar
@@ -101,7 +107,9 @@ class Simulator:
     ) -> Pir:
         """Energy, time of arrival and velocity per pixel at instant `t` [s]: :func:`~rfgen_sionna.pir.render_pir`."""
         check_view(resolution, fov_deg)
-        return render_pir(self.tracer, _time("t", t), resolution, fov_deg, position, orientation)
+        instant = _time("t", t)
+        view = self.radar.placed(position=position, orientation=orientation)
+        return render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation)
 
     def adc(
         self,
@@ -162,7 +170,7 @@ class Simulator:
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""
         waveform = self.radar.waveform
-        if not (isinstance(duration, (int, float, np.number)) and np.isfinite(duration) and duration > 0):
+        if not (_is_number(duration) and duration > 0):
             raise ValueError(f"duration is {duration!r} s: a positive, finite time is needed")
         if duration < waveform.frame_length * (1 - 1e-9):
             raise ValueError(
@@ -173,22 +181,44 @@ class Simulator:
         return np.asarray(_time("start", start) + np.arange(count) * waveform.frame_period, dtype=np.float64)
 
     def _check_places(self, start: float, stop: float) -> None:
-        """Every actor within the range window, and none of them around the radar, all along."""
-        viewpoint = np.asarray(self.radar.position)
-        instants = np.linspace(start, stop, CHECKED_INSTANTS) if stop > start else [start]
+        """Every actor within the range window, and none of them around the radar or through it, all along."""
         for actor in self.actors:
-            for t in instants:
-                distance = np.linalg.norm(actor.vertices(float(t)) - viewpoint, axis=1)
-                if not np.isfinite(distance).all():
-                    raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
-                if distance.max() > self.radar.max_range:
-                    raise ValueError(
-                        f"actor '{actor.name}' reaches {distance.max():.2f} m from the radar at t = {t:.3f} s; the "
-                        f"ADC's range window ends at {self.radar.max_range:.2f} m: move it closer, or take a preset "
-                        "with a lower slope or a higher sample rate"
-                    )
-                if distance.min() < 0.5:
-                    check_radar_clear(self.radar.position, None, [actor], float(t))
+            steps = max(1, math.ceil((stop - start) / CHECK_STEP))
+            earlier = (start, self._placed_vertices(actor, start))
+            check_radar_clear(self.radar.position, None, [actor], start)
+            for t in np.linspace(start, stop, steps + 1)[1:] if stop > start else ():
+                later = (float(t), self._placed_vertices(actor, float(t)))
+                self._check_passage(actor, earlier, later)
+                earlier = later
+
+    def _placed_vertices(self, actor: Actor, t: float) -> FloatArray:
+        """(vertex, 3) world positions [m], all of them within the range window."""
+        points = actor.vertices(t)
+        reach = float(np.linalg.norm(points - np.asarray(self.radar.position), axis=1).max())
+        if not np.isfinite(reach):
+            raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
+        if reach > self.radar.max_range:
+            raise ValueError(
+                f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "
+                f"ends at {self.radar.max_range:.2f} m: move it closer, or take a preset with a lower slope or a "
+                "higher sample rate"
+            )
+        return points
+
+    def _check_passage(self, actor: Actor, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]) -> None:
+        """The actor does not meet the radar between two instants; looked at in steps of less than the clearance."""
+        place = np.asarray(self.radar.position)
+        (t0, before), (t1, after) = earlier, later
+        low, high = np.minimum(before, after).min(axis=0), np.maximum(before, after).max(axis=0)
+        if (place < low - CLEARANCE).any() or (place > high + CLEARANCE).any():
+            return
+        if t1 - t0 > MIN_CHECK_STEP and np.linalg.norm(after - before, axis=1).max() > CLEARANCE:
+            t = 0.5 * (t0 + t1)
+            middle = (t, actor.vertices(t))
+            self._check_passage(actor, earlier, middle)
+            self._check_passage(actor, middle, later)
+        else:
+            check_radar_clear(self.radar.position, None, [actor], t1)
 
 
 def _with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
@@ -200,6 +230,10 @@ def _with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
 
 
 def _time(name: str, value: Any) -> float:
-    if not (isinstance(value, (int, float, np.number)) and np.isfinite(value)):
+    if not _is_number(value):
         raise ValueError(f"{name} is {value!r}: a finite time [s] is needed")
     return float(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))

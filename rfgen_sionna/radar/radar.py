@@ -133,7 +133,7 @@ class Radar:
     @classmethod
     def load(
         cls,
-        radar: str | Path,
+        radar: str | os.PathLike[str],
         preset: str | None = None,
         *,
         position: Vector = (0.0, 0.0, 0.0),

@@ -1,0 +1,331 @@
+"""From a prompt to a file: mistakes are told before the work begins, and a file is whole or absent."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rfgen_sionna as rfgen
+from rfgen_sionna import cli
+
+pytest.importorskip("anny", reason="people need the body model")
+
+PROMPT = "a person pushing, 1.5 m away"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Default names are those of files in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def quick(tiny_toml: Path) -> Any:
+    """Options of a run that takes a second."""
+    return {"environment": "free space", "radar": tiny_toml, "duration": 0.1, "pir_resolution": (12, 16), "rtol": 0.03}
+
+
+@pytest.fixture
+def no_work(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Fails if a body or a tracer is built."""
+    work: list[str] = []
+
+    def note(name: str) -> Callable[..., None]:
+        def built(*_: Any, **__: Any) -> None:
+            work.append(name)
+            raise AssertionError(f"a {name} was built before the input was refused")
+
+        return built
+
+    monkeypatch.setattr("rfgen_sionna.generative.actor.person", note("body"))
+    monkeypatch.setattr("rfgen_sionna.simulation.Tracer", note("tracer"))
+    started = time.perf_counter()
+    yield
+    assert time.perf_counter() - started < 4.0  # a room's scene may have been read, which takes a second or two
+    assert work == []
+
+
+BAD: list[tuple[dict[str, Any], tuple[str, ...]]] = [
+    ({"prompt": "a flying saucer"}, ("flying saucer", "a person", "jumping jacks")),
+    ({"prompt": "a person"}, ("action", "a person", "jumping jacks")),
+    ({"prompt": "a dog walking"}, ("'dog'", "a person")),
+    ({"prompt": ""}, ("''", "known")),
+    ({"prompt": "a person not jumping"}, ("negative prompt",)),
+    ({"negative": "pushing"}, ("pushing", "forbids")),
+    ({"environment": "the moon"}, ("environment", "'the moon'", "free space", "living_room")),
+    ({"radar": "awr1483"}, ("awr1483", "awr1843")),
+    ({"radar": "nowhere.toml"}, ("nowhere.toml", "does not exist")),
+    ({"preset": "fast"}, ("'fast'", "tiny")),
+    ({"duration": -3.0}, ("duration is -3.0", "positive")),
+    ({"duration": 0.0}, ("duration is 0.0",)),
+    ({"duration": float("nan")}, ("duration is nan",)),
+    ({"duration": "3 s"}, ("duration is '3 s'",)),
+    ({"duration": 1e-4}, ("duration is 0.0001 s", "0.000512 s")),
+    ({"seed": -1}, ("seed is -1", "at least 0")),
+    ({"seed": 0.5}, ("seed is 0.5",)),
+    ({"rtol": 0.0}, ("rtol is 0.0", "1e-8 … 0.1")),
+    ({"rtol": 2.0}, ("rtol is 2.0",)),
+    ({"pir_resolution": (0, 4)}, ("resolution is (0, 4)", "1 … 4096")),
+    ({"fov_deg": 190.0}, ("fov_deg is 190.0", "180")),
+    ({"fov_deg": (60.0, 0.0)}, ("fov_deg is (60.0, 0.0)",)),
+    ({"prompt": "a person pushing, 12 m away"}, ("12 m", "10.99 m", "tiny")),
+    ({"prompt": "a person pushing", "distance": 12.0}, ("12 m", "10.99 m")),
+    ({"prompt": "a person pushing", "distance": -2.0}, ("distance is -2.0",)),
+    ({"prompt": "a person pushing", "distance": float("nan")}, ("distance is nan",)),
+    ({"output": "nowhere/run.h5"}, ("nowhere", "does not exist")),
+    ({"output": "."}, ("is a folder",)),
+    ({"output": "/proc/run.h5"}, ("/proc",)),
+]
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(("changes", "said"), BAD, ids=[str(changes) for changes, _ in BAD])
+def test_bad_input_is_refused_before_the_work(
+    quick: dict[str, Any], folder: Path, changes: dict[str, Any], said: tuple[str, ...]
+) -> None:
+    arguments = {"prompt": PROMPT, "output": "run.h5"} | quick | changes
+    with pytest.raises(ValueError, match=r".") as caught:
+        rfgen.generate(**arguments)
+    for part in said:
+        assert part in str(caught.value)
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.usefixtures("no_work")
+def test_types_that_cannot_be(quick: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match="prompt: expected a text, got int"):
+        rfgen.generate(7, **quick)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="environment: expected a text or None"):
+        rfgen.generate(PROMPT, **quick | {"environment": 3})
+    with pytest.raises(ValueError, match=r"radar is 1843.*awr1843"):
+        rfgen.generate(PROMPT, **quick | {"radar": 1843})
+    with pytest.raises(TypeError, match="distnace"):
+        rfgen.generate(PROMPT, distnace=3, **quick)
+
+
+@pytest.mark.usefixtures("no_work")
+def test_a_radar_that_has_its_preset_gets_no_other(quick: dict[str, Any]) -> None:
+    radar = rfgen.Radar.load(quick["radar"])
+    with pytest.raises(ValueError, match=r"preset is 'mmmesh' but a Radar is given, which has its own \('tiny'\)"):
+        rfgen.generate(PROMPT, **quick | {"radar": radar, "preset": "mmmesh"})
+
+
+@pytest.mark.usefixtures("no_work")
+def test_a_radar_in_the_wall_of_the_room(quick: dict[str, Any]) -> None:
+    room = rfgen.load_scene("living_room")
+    wall = next(item for item in room.objects if "wall" in item.name)
+    low, high = wall.vertices.min(axis=0), wall.vertices.max(axis=0)
+    place = (*(0.5 * (low + high))[:2], 0.05)  # under any window
+    radar = rfgen.Radar.load(quick["radar"], position=place, look_at=(0, 0, 1))
+    with pytest.raises(ValueError, match=rf"radar position .*{wall.name}"):
+        rfgen.generate(PROMPT, **quick | {"radar": radar, "environment": "a living room"})
+
+
+@pytest.mark.usefixtures("no_work")
+def test_a_radar_that_looks_at_the_ground_has_no_place_before_it(quick: dict[str, Any]) -> None:
+    radar = rfgen.Radar.load(quick["radar"], position=(0, 0, 2), look_at=(0, 0, 0))
+    with pytest.raises(ValueError, match="straight up or down"):
+        rfgen.generate(PROMPT, **quick | {"radar": radar})
+
+
+@pytest.mark.usefixtures("no_work")
+def test_an_unknown_key_in_a_radar_file(quick: dict[str, Any], folder: Path) -> None:
+    text = quick["radar"].read_text(encoding="utf-8")
+    (folder / "odd.toml").write_text(text.replace("num_loops = 8", "num_loops = 8\nnum_lops = 9"))
+    with pytest.raises(ValueError, match=r"odd\.toml: unknown key 'preset\.tiny\.num_lops'; known there: .*num_loops"):
+        rfgen.generate(PROMPT, **quick | {"radar": folder / "odd.toml"})
+
+
+@pytest.mark.usefixtures("no_work")
+def test_an_existing_file_stays(quick: dict[str, Any], folder: Path) -> None:
+    for name, output in (("mine.h5", "mine.h5"), ("push.h5", None)):
+        (folder / name).write_text("mine")
+        with pytest.raises(ValueError, match=rf"{name}' exists; .*overwrite=True"):
+            rfgen.generate(PROMPT, output=output, **quick)
+        assert (folder / name).read_text() == "mine"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a folder that nobody can write into")
+@pytest.mark.usefixtures("no_work")
+def test_a_folder_that_cannot_be_written(quick: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"output '/proc/run\.h5'.*not writable"):
+        rfgen.generate(PROMPT, output="/proc/run.h5", **quick)
+
+
+def test_a_body_in_the_radar_is_refused_before_tracing(
+    quick: dict[str, Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the arms go is known once there is a body; nothing is traced or written all the same."""
+    monkeypatch.setattr("rfgen_sionna.simulation.Tracer", None)
+    with pytest.raises(ValueError, match=r"radar position .* actor 'person'"):
+        rfgen.generate("a person pushing", output="run.h5", distance=0.05, **quick)
+    assert list(folder.iterdir()) == []
+
+
+def test_an_interrupted_run_leaves_no_file_and_spares_an_earlier_one(quick: dict[str, Any], folder: Path) -> None:
+    def interrupt(done: int, count: int) -> None:
+        assert (done, count) == (1, 2)
+        assert (folder / "run.h5").exists() == before
+        raise KeyboardInterrupt
+
+    before = False
+    with pytest.raises(KeyboardInterrupt):
+        rfgen.generate(PROMPT, output="run.h5", progress=interrupt, **quick)
+    assert list(folder.iterdir()) == []
+
+    (folder / "run.h5").write_text("earlier")
+    before = True
+    with pytest.raises(KeyboardInterrupt):
+        rfgen.generate(PROMPT, output="run.h5", progress=interrupt, overwrite=True, **quick)
+    assert [path.name for path in folder.iterdir()] == ["run.h5"]
+    assert (folder / "run.h5").read_text() == "earlier"
+
+
+# -- runs -----------------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_in_its_file(quick: dict[str, Any], folder: Path, tiny_toml: Path) -> None:
+    done: list[tuple[int, int]] = []
+    with rfgen.generate(PROMPT, seed=5, progress=lambda *step: done.append(step), **quick) as run:
+        assert run.path.name == "push.h5"
+        radar = rfgen.Radar.load(tiny_toml, position=(0, 0, 1), look_at=(3, 0, 1))
+        cube = run.cube()
+        samples = cube.data
+        assert samples.shape == (2, 8, 2, 4, 64)
+        assert samples.dtype == np.complex64
+        assert (cube.radar, cube.seed) == (radar, 5)
+    assert [path.name for path in folder.iterdir()] == ["push.h5"]
+    assert done == [(1, 2), (2, 2)]
+
+    with rfgen.open_run("push.h5") as run:
+        assert len(run) == 2
+        assert run.radar == radar
+        assert (run.prompt, run.negative_prompt, run.environment) == (PROMPT, "", "")
+        assert run.seeds == {"body": 5, "motion": 5, "noise": 5}
+        assert {"rfgen_sionna", "sionna-rt", "numpy"} <= set(run.software)
+        np.testing.assert_allclose(run.frame_times, [0, 0.05])
+        # Meshes, images and labels are those of the middle of the frame's chirps.
+        np.testing.assert_allclose(run.mesh_times, run.frame_times + 0.5 * radar.waveform.frame_length)
+
+        pir = run.pir(1)
+        assert pir.energy.shape == pir.time_of_arrival.shape == pir.velocity.shape == (12, 16)
+        assert pir.time == run.mesh_times[1]
+        assert pir.position == (0, 0, 1)
+        assert np.nanmin(pir.time_of_arrival) * 299_792_458 / 2 == pytest.approx(1.3, abs=0.4)
+
+        person = run.actors["person"]
+        vertices, joints = person.vertices(1), person.joints(1)
+        assert vertices.shape[1:] == joints.shape[1:] == (3,)
+        assert len(joints) == len(person.joint_names) > 20
+        assert person.faces.max() == len(vertices) - 1
+        assert person.material == "skin"
+        assert len(person.part_names) > 5
+        assert vertices[:, 2].min() == pytest.approx(0.0, abs=0.03)  # on the floor
+        assert 1.4 < np.ptp(vertices[:, 2]) < 2.2
+
+        labels = run.labels
+        assert list(labels["action"].values.ravel()) == ["push", "push"]
+        position = labels["position"].values
+        assert position.shape == (2, 1, 3)
+        np.testing.assert_allclose(position[1, 0], vertices.mean(axis=0), atol=1e-4)
+        assert labels["position"].units == "m"
+        offset = position[:, 0] - np.array([0, 0, 1])
+        distance = np.linalg.norm(offset, axis=1)
+        np.testing.assert_allclose(labels["distance"].values[:, 0], distance)
+        assert distance == pytest.approx([1.5, 1.5], abs=0.2)
+        velocity = labels["velocity"].values[:, 0]
+        radial = np.einsum("fi,fi->f", velocity, offset) / distance
+        np.testing.assert_allclose(labels["radial_velocity"].values[:, 0], radial)
+        np.testing.assert_allclose(labels["azimuth"].values[:, 0], np.arctan2(offset[:, 1], offset[:, 0]))
+        np.testing.assert_allclose(labels["elevation"].values[:, 0], np.arcsin(offset[:, 2] / distance))
+        assert abs(abs(labels["orientation"].values[0, 0]) - np.pi) < 0.2  # facing the radar
+        np.testing.assert_array_equal(run.cube().data, samples)
+        np.testing.assert_array_equal(run.cube(slice(1, 2)).data, samples[1:])
+
+    # The same seed again gives the same samples to the bit; another one another person, motion and noise.
+    with rfgen.generate(PROMPT, seed=5, output="again.h5", **quick) as run:
+        np.testing.assert_array_equal(run.cube().data, samples)
+        body = run.actors["person"].vertices(0)
+    with rfgen.generate(PROMPT, seed=6, output="other.h5", noise=False, **quick) as run:
+        assert not np.array_equal(run.cube().data, samples)
+        assert not np.allclose(run.actors["person"].vertices(0), body, atol=1e-3)
+        assert run.seeds == {"body": 6, "motion": 6, "noise": None}
+        assert run.cube().seed is None
+    # An earlier file is replaced where that is asked for.
+    with rfgen.generate(PROMPT, seed=6, output="again.h5", overwrite=True, **quick) as run:
+        assert run.seeds["noise"] == 6
+
+
+def test_the_prompt_says_where(quick: dict[str, Any], caplog: pytest.LogCaptureFixture) -> None:
+    """Distance of the prompt before that of the argument; words without effect are named."""
+    with rfgen.generate(
+        "a person pushing, 2.5 m away, wearing a hat", distance=4.0, output="run.h5", **quick | {"duration": 0.05}
+    ) as run:
+        assert run.labels["distance"].values[0, 0] == pytest.approx(2.5, abs=0.2)
+    assert "hat" in caplog.text
+    placed = rfgen.Radar.load(quick["radar"], position=(5, 5, 1.2), look_at=(5, 8, 1.2))
+    with rfgen.generate("a person pushing", distance=1.0, output="placed.h5", **quick | {"radar": placed}) as run:
+        np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [5, 6], atol=0.2)
+        assert abs(run.labels["azimuth"].values[0, 0]) < 0.1
+
+
+# -- the command line -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rfgen_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """The entry point as the shell calls it: (exit code, output, errors)."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["rfgen", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "300")
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return call
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a person"], "action: 'a person' names none"),
+        ([PROMPT, "--duration", "-3"], "duration is -3.0 s: a positive"),
+        ([PROMPT, "--duration", "0.0001"], "one frame of radar 'tiny'"),
+        ([PROMPT, "--seed", "-1"], "--seed"),
+        ([PROMPT, "--rtol", "0"], "rtol is 0.0"),
+        ([PROMPT, "--preset", "fast"], "preset is 'fast'; presets: tiny"),
+        ([PROMPT, "--environment", "the moon"], "environment: 'the moon'"),
+        (["a person pushing", "--distance", "12"], "distance is 12 m"),
+        ([PROMPT, "--output", "/proc/run.h5"], "/proc"),
+    ],
+)
+def test_mistakes_on_the_command_line_end_with_code_2(
+    rfgen_command: Any, tiny_toml: Path, folder: Path, arguments: list[str], said: str
+) -> None:
+    code, _, err = rfgen_command("generate", *arguments, "--radar", tiny_toml)
+    assert code == 2
+    assert said in err
+    assert "Traceback" not in err
+    assert list(folder.iterdir()) == []
+
+
+def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, folder: Path) -> None:
+    code, out, err = rfgen_command(
+        *("generate", PROMPT, "--environment", "free space", "--radar", tiny_toml, "--duration", 0.05),
+        *("--rtol", 0.03, "--pir-resolution", "8x8", "--no-pictures", "--seed", 2, "--output", "cli.h5"),
+    )
+    assert code == 0, err
+    assert "wrote cli.h5" in out
+    with rfgen.open_run(folder / "cli.h5") as run:
+        assert run.adc.shape == (1, 8, 2, 4, 64)
+        assert run.seeds["motion"] == 2
