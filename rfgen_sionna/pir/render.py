@@ -15,10 +15,11 @@ from rfgen_sionna.tracing.footprints import trace_footprints
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.tracer import Tracer
 
-PATCH_WAVELENGTHS = 2.0
+PATCH_WAVELENGTHS = 1.5
 """Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""
 PATCH_RANGE = 3.0
-MAX_OVERSAMPLING = 16
+MAX_RAYS = 4_000_000
+"""Beyond it patches grow: memory stays under 2 GiB."""
 
 
 def render_pir(
@@ -60,15 +61,15 @@ def render_pir(
     half = np.tan(np.radians([horizontal, vertical]) / 2)
     pixel = 2 * max(half[0] / columns, half[1] / rows)
     patch = PATCH_WAVELENGTHS * tracer.radar.wavelength / PATCH_RANGE
-    split = min(max(1, math.ceil(pixel / patch)), MAX_OVERSAMPLING)
-    directions, corners = _grid(rows * split, columns * split, half, rotation_matrix(orientation))
+    split = max(1, min(math.ceil(pixel / patch), math.isqrt(MAX_RAYS // (rows * columns))))
+    directions, nodes = _grid(rows * split, columns * split, half, rotation_matrix(orientation))
     found = trace_footprints(
         tracer,
         t,
         np.asarray(position, dtype=np.float64),
         rotation_matrix(orientation) @ np.asarray(POLARIZATIONS["V"]),
         directions,
-        corners,
+        nodes,
     )
     row, column = np.divmod(found.ray, columns * split)
     size = rows * columns
@@ -140,7 +141,7 @@ def check_view(
 
 
 def _grid(rows: int, columns: int, half: FloatArray, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(ray, 3) directions of the pixel centres and (ray, 4, 3) of their corners, row by row from the top left."""
+    """Directions of pixels, (row, column, 3) through the middles and (row + 1, column + 1, 3) through the corners."""
     y = half[0] * (1 - 2 * np.arange(columns + 1) / columns)
     z = half[1] * (1 - 2 * np.arange(rows + 1) / rows)
 
@@ -149,6 +150,4 @@ def _grid(rows: int, columns: int, half: FloatArray, rotation: FloatArray) -> tu
         vectors = np.stack([np.ones_like(grid_y), grid_y, grid_z], axis=-1)
         return np.asarray((vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)) @ rotation.T)
 
-    edges = unit(y, z)
-    corners = np.stack([edges[:-1, :-1], edges[:-1, 1:], edges[1:, 1:], edges[1:, :-1]], axis=2)
-    return unit(0.5 * (y[1:] + y[:-1]), 0.5 * (z[1:] + z[:-1])).reshape(-1, 3), corners.reshape(-1, 4, 3)
+    return unit(0.5 * (y[1:] + y[:-1]), 0.5 * (z[1:] + z[:-1])), unit(y, z)

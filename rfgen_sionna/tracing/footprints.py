@@ -33,9 +33,12 @@ class Footprints:
 
 
 def trace_footprints(
-    tracer: Tracer, t: float, viewpoint: FloatArray, field: FloatArray, directions: FloatArray, corners: FloatArray
+    tracer: Tracer, t: float, viewpoint: FloatArray, field: FloatArray, directions: FloatArray, nodes: FloatArray
 ) -> Footprints:
-    """Send one ray per patch and integrate the patch on the tangent plane of what it hits.
+    """Send rays through the middle and the corners of each patch of a grid, and integrate the patches.
+
+    A patch whose corners meet the same object as its middle is the quadrilateral of the four points: neighbours share
+    corners, so that the surface stays closed. At outlines the patch lies on the tangent plane of the middle.
 
     Parameters
     ----------
@@ -48,15 +51,25 @@ def trace_footprints(
     field
         (3,) direction of the electric field sent and received.
     directions
-        (ray, 3) unit vectors.
-    corners
-        (ray, 4, 3) directions of the corners of each ray's patch, in order around it.
+        (row, column, 3) unit vectors through the patches' middles.
+    nodes
+        (row + 1, column + 1, 3) unit vectors through their corners.
     """
+    columns = directions.shape[1]
+    directions = directions.reshape(-1, 3)
+    row, column = np.divmod(np.arange(len(directions)), columns)
+    node = np.stack(
+        [r * (columns + 1) + c for r, c in ((row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column))],
+        axis=1,
+    )
+    nodes = nodes.reshape(-1, 3)
     rays, vertices, velocities = tracer.geometry(t)
     hits = rays.first_hit(viewpoint, directions)
     ray = np.flatnonzero((hits.object >= 0) & (hits.distance < tracer.radar.max_range))
     if len(ray) == 0:
         return Footprints(ray.astype(np.int32), np.zeros(0, np.complex128), np.zeros(0), np.zeros(0))
+    rim = rays.first_hit(viewpoint, nodes)
+    corners, node = nodes[node[ray]], node[ray]
     normal, speed = np.empty((len(ray), 3)), np.zeros((len(ray), 3))
     surfaces = (*tracer.surfaces.static, *tracer.surfaces.moving)
     objects = hits.object[ray]
@@ -76,10 +89,16 @@ def trace_footprints(
     distance, towards = hits.distance[ray], directions[ray]
     # Where a corner's ray meets the tangent plane: n . (s c - d D) = 0.
     plane = distance * np.einsum("ri,ri->r", normal, towards)
-    facing = np.einsum("ri,rci->rc", normal, corners[ray])
+    facing = np.einsum("ri,rci->rc", normal, corners)
     safe = np.where(np.abs(facing) > 1e-12, facing, 1e-12)
     reach = np.clip(plane[:, None] / safe, distance[:, None] / _STRETCH, distance[:, None] * _STRETCH)
-    patch = reach[..., None] * corners[ray]
+    # The points that the corners' rays hit, unless one of them belongs to something else or lies over an edge: further
+    # from the tangent plane than the patch is wide.
+    width = distance[:, None] * np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1)[:, None]
+    met = rim.distance[node]
+    off = np.abs(met - reach)
+    smooth = (rim.object[node] == objects[:, None]) & (off <= width)
+    patch = np.where(smooth.all(axis=1)[:, None], np.where(np.isfinite(met), met, 0.0), reach)[..., None] * corners
     triangles = np.concatenate([patch[:, [0, 1, 2]], patch[:, [0, 2, 3]]])
     here = np.zeros((1, 3))
     gains = facet_gains(

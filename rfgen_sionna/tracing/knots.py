@@ -8,6 +8,7 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, knot_weights
 
+
 def choose_knots(
     positions: Callable[[float], FloatArray],
     viewpoint: FloatArray,

@@ -1,0 +1,96 @@
+"""What stands in the way hides, and what is hidden of the static scene is missing from the signal."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.scene import Actor
+from rfgen_sionna.simulation import Simulator
+
+BACKDROP = """<scene version="2.1.0">
+    <bsdf type="itu-radio-material" id="mat-metal-sheet"><string name="type" value="metal"/><float name="thickness" value="0.1"/></bsdf>
+    <shape type="rectangle" id="wall">
+        <transform name="to_world"><scale x="0.4" y="0.4"/><rotate y="1" angle="-90"/><translate x="4" z="1"/></transform>
+        <ref id="mat-metal-sheet" name="bsdf"/>
+    </shape>
+</scene>"""
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1))
+
+
+def channel(paths, knot=0):
+    phase = 2 * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, knot], 1.0)
+    return complex((paths.a[0, 0, :, knot] * np.exp(-1j * phase)).sum())
+
+
+def of(paths, name):
+    return paths.select(np.flatnonzero(paths.object_id == paths.object_names.index(name)))
+
+
+def test_plate_hides_a_sphere(radar):
+    """A metal plate in between leaves nothing of the sphere; beside it the sphere is as strong as alone."""
+    ball = Actor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=4, radius=0.1), material="pec", position=(3, 0, 1), name="ball"
+    )
+    alone = abs(channel(Simulator(None, radar, [ball]).paths()))
+    board = trimesh.creation.box((0.01, 0.4, 0.4))
+    for y, remains in ((0.0, False), (0.6, True)):
+        plate = Actor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
+        paths = of(Simulator(None, radar, [ball, plate]).paths(), "ball")
+        if remains:
+            assert abs(channel(paths)) == pytest.approx(alone, rel=1e-9)
+        else:
+            assert paths.num_paths == 0 or abs(channel(paths)) < 10 ** (-30 / 20) * alone
+
+
+def test_half_a_sphere_hidden_by_rows(radar):
+    """A plate's edge through the line of sight leaves a share of the facets between 0 and 1, growing as it moves out."""
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
+    ball = Actor.from_mesh(mesh, material="pec", position=(3, 0, 1), name="ball")
+    board = trimesh.creation.box((0.01, 0.4, 0.4))
+    seen = []
+    for y in np.linspace(0.15, 0.26, 6):
+        plate = Actor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
+        seen.append(of(Simulator(None, radar, [ball, plate]).paths(), "ball").num_paths)
+    assert seen == sorted(seen)
+    assert 0 <= seen[0] < seen[2] < seen[-1]
+
+
+def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
+    """Static plus shadow is the wall traced with the actor in place, at every knot; untouched facets stay to the bit."""
+    file = tmp_path / "backdrop.xml"
+    file.write_text(BACKDROP)
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.15)
+    ball = Actor.from_mesh(mesh, material="pec", position=(2.5, -0.4, 1), velocity=(0, 20.0, 0), name="ball")
+    sim = Simulator(str(file), radar, [ball])
+    traced = sim.tracer.trace(0.0, 0.02)
+    assert len(traced.shadow.times) >= 3
+    assert 0 < len(traced.shaded) < traced.static.num_paths
+    unobstructed = channel(traced.static)
+    changes = []
+    for knot, t in enumerate(traced.shadow.times):
+        blended = unobstructed + channel(traced.shadow, knot)
+        direct = channel(of(sim.paths(float(t)), "wall"))
+        assert abs(blended - direct) < 1e-9 * abs(unobstructed)
+        changes.append(abs(blended / unobstructed))
+    # The ball passes the mirror point in the middle of the run: little of the wall is left then.
+    assert min(changes) < 0.7
+    assert traced.report.rays > 0
+
+
+def test_wall_is_an_image_of_the_radar(radar, tmp_path):
+    """A metal wall 0.8 m square at 4 m: the mirror's level lambda / (4 pi 2 d) within the ripple of its rim.
+
+    Four edges at 5 zones each add up to 1/(2 pi 5) = 3 % apiece: 1 dB.
+    """
+    file = tmp_path / "backdrop.xml"
+    file.write_text(BACKDROP)
+    sim = Simulator(str(file), radar)
+    level = abs(channel(sim.paths()))
+    assert 20 * np.log10(level / (radar.wavelength / (4 * np.pi * 8.0))) == pytest.approx(0.0, abs=1.0)
+    assert sim.paths().object_names == ("wall",)
+    assert not sim.paths().velocity.any()
