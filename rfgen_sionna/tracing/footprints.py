@@ -58,10 +58,8 @@ def trace_footprints(
     columns = directions.shape[1]
     directions = directions.reshape(-1, 3)
     row, column = np.divmod(np.arange(len(directions)), columns)
-    node = np.stack(
-        [r * (columns + 1) + c for r, c in ((row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column))],
-        axis=1,
-    )
+    around = ((0, 0), (0, 1), (1, 1), (1, 0))
+    node = np.stack([(row + down) * (columns + 1) + column + right for down, right in around], axis=1)
     nodes = nodes.reshape(-1, 3)
     rays, vertices, velocities = tracer.geometry(t)
     hits = rays.first_hit(viewpoint, directions)

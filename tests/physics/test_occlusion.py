@@ -9,9 +9,13 @@ from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
 
 BACKDROP = """<scene version="2.1.0">
-    <bsdf type="itu-radio-material" id="mat-metal-sheet"><string name="type" value="metal"/><float name="thickness" value="0.1"/></bsdf>
+    <bsdf type="itu-radio-material" id="mat-metal-sheet">
+        <string name="type" value="metal"/><float name="thickness" value="0.1"/>
+    </bsdf>
     <shape type="rectangle" id="wall">
-        <transform name="to_world"><scale x="0.4" y="0.4"/><rotate y="1" angle="-90"/><translate x="4" z="1"/></transform>
+        <transform name="to_world">
+            <scale x="0.4" y="0.4"/><rotate y="1" angle="-90"/><translate x="4" z="1"/>
+        </transform>
         <ref id="mat-metal-sheet" name="bsdf"/>
     </shape>
 </scene>"""
@@ -48,7 +52,7 @@ def test_plate_hides_a_sphere(radar):
 
 
 def test_half_a_sphere_hidden_by_rows(radar):
-    """A plate's edge through the line of sight leaves a share of the facets between 0 and 1, growing as it moves out."""
+    """A plate's edge through the line of sight leaves part of the facets, more of them as it moves out."""
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     ball = Actor.from_mesh(mesh, material="pec", position=(3, 0, 1), name="ball")
     board = trimesh.creation.box((0.01, 0.4, 0.4))
@@ -61,7 +65,7 @@ def test_half_a_sphere_hidden_by_rows(radar):
 
 
 def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
-    """Static plus shadow is the wall traced with the actor in place, at every knot; untouched facets stay to the bit."""
+    """Static plus shadow is the wall traced with the actor in place, at every knot."""
     file = tmp_path / "backdrop.xml"
     file.write_text(BACKDROP)
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.15)

@@ -12,11 +12,11 @@ def quadrature(p, n=160):
     node, weight = np.polynomial.legendre.leggauss(n)
     s, t = np.meshgrid((node + 1) / 2, (node + 1) / 2, indexing="ij")
     w = np.outer(weight, weight) / 4 * 2 * s  # Jacobian s, mean over an area of 1/2
-    l = np.stack([1 - s, s * (1 - t), s * t])
-    phasor = w * np.exp(-1j * np.tensordot(p, l, axes=1))
+    corner = np.stack([1 - s, s * (1 - t), s * t])
+    phasor = w * np.exp(-1j * np.tensordot(p, corner, axes=1))
     pairs = ((1, 2), (0, 2), (0, 1))
     return np.array(
-        [phasor.sum(), *((l[i] * phasor).sum() for i in range(3)), *((l[i] * l[k] * phasor).sum() for i, k in pairs)]
+        [phasor.sum(), *((corner[i] * phasor).sum() for i in range(3)), *((corner[i] * corner[k] * phasor).sum() for i, k in pairs)]
     )
 
 
