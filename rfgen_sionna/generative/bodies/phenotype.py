@@ -26,6 +26,8 @@ _MASS_INDEX = (24.5, 3.0, 19.0, 31.0)
 
 HEAVIEST = 1.25
 """anny's weight parameter may pass 1 so far, by its linear extrapolation, for soft bodies that need it."""
+THINNEST_MUSCLE = 0.15
+"""How little muscle a thin person may have for the sake of a low weight."""
 _HEIGHT_TOLERANCE = 1e-3
 _ROUNDS = 10
 
@@ -133,6 +135,19 @@ class Phenotype:
             if goal > heaviest and insist:
                 raise PhenotypeError(_out_of_reach("weight", goal, least, heaviest, "kg"))
             goal = min(goal, heaviest)
+        elif self.muscle is None and goal < least:
+            thin = {**parameters, "weight": 0.0}
+            utmost = _measure({**thin, "muscle": THINNEST_MUSCLE})[1]
+            if goal < utmost and insist:
+                raise PhenotypeError(_out_of_reach("weight", goal, utmost, most, "kg"))
+            goal = max(goal, utmost)
+            muscle = THINNEST_MUSCLE
+            if goal > utmost:
+                muscle = brentq(
+                    lambda m: _measure({**thin, "muscle": m})[1] - goal, THINNEST_MUSCLE, thin["muscle"], xtol=1e-4
+                )
+            parameters.update(weight=0.0, muscle=float(muscle))
+            return
         elif not insist:
             goal = min(max(goal, least), most)
         top = HEAVIEST if parameters["muscle"] == 0.0 else 1.0

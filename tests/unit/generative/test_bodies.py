@@ -28,6 +28,15 @@ def test_attributes_in_natural_units_are_met():
     body = person(Phenotype(gender="male", age=40, height=1.83, weight=92), seed=0)
     assert body.height == pytest.approx(1.83, abs=2e-3)
     assert body.mass == pytest.approx(92, rel=0.01)
+    for gender, height, weight in (
+        ("male", 1.86, 62.0),
+        ("male", 1.7, 98.0),
+        ("female", 1.6, 86.0),
+        ("female", 1.7, 50.0),
+    ):
+        body = person(Phenotype(gender=gender, age=30, height=height, weight=weight), seed=0)
+        assert body.height == pytest.approx(height, abs=2e-3)
+        assert body.mass == pytest.approx(weight, rel=0.01)
     child = person(Phenotype(age=6), seed=0)
     assert 0.95 < child.height < 1.4
     strong, weak = (person(Phenotype(gender="male", height=1.75, muscle=m), seed=0) for m in (0.9, 0.3))
