@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
 
 _CHUNK = 2_000_000  # chirps x paths at a time: bounds the memory of a thread to about 200 MB
 
@@ -181,20 +181,16 @@ def _channel(
     gains = _gains(radar, paths, amplitude, window, tx, rx)
     stacked_gains: NDArray[Any] = gains.transpose(0, 2, 1).astype(number)  # (order, time, path)
     loudness = np.abs(gains[0]).max(axis=1) ** 2
-    tau, rate = paths.tau[tx, rx], paths.tau_rate[tx, rx]
     single = len(paths.times) == 1
+    knots, at_knots = _knot_terms(radar, paths, chirp_times + middle, middle, half, tx, rx)
 
     out = np.empty((len(chirp_times), count), dtype=np.complex128)
     rows = max(1, _CHUNK // max(paths.num_paths, 1))
     plans: dict[int, Any] = {}
     for first in range(0, len(chirp_times), rows):
         times = chirp_times[first : first + rows] + middle
-        if single:
-            delay = tau.T + rate.T * (times[:, None] - paths.times[0])
-            slope, curve = np.broadcast_to(rate.T, delay.shape), None
-        else:
-            delay, slope, curve = (paths.weights(times, derivative) @ tau.T for derivative in range(3))
-        cycles, beat, quadratic = _phase_terms(radar, delay, slope, curve, middle, half)
+        blend = knot_weights(knots, times)
+        cycles, beat, quadratic = (blend @ term for term in at_knots)
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand.
         quadratic *= 0.5
         cycles += quadratic
@@ -202,7 +198,7 @@ def _channel(
         powers = _quadratic_powers(2 * np.pi * _weighted_size(quadratic, loudness), eps)
         orders = len(stacked_gains)
         terms: NDArray[Any] = np.empty((len(times), orders * (powers + 1), paths.num_paths), dtype=number)
-        weights: NDArray[Any] = np.ones((len(times), 1), dtype=real) if single else paths.weights(times).astype(real)
+        weights: NDArray[Any] = np.ones((len(times), 1), dtype=real) if single else blend.astype(real)
         for order in range(orders):
             np.multiply(weights @ stacked_gains[order], phasor, out=terms[:, order])
         shapes = [u**order for order in range(orders)]  # row n is the function of u that term n carries
@@ -223,6 +219,24 @@ def _channel(
     return out
 
 
+def _knot_terms(
+    radar: Radar, paths: RadarPaths, times: FloatArray, middle: float, half: float, tx: int, rx: int
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Knots [s] and there the three terms of :func:`_phase_terms`, (knot, path).
+
+    The terms are as smooth as the delay: splines through their values serve as well as values of the delay's spline, for
+    a fraction of the work. A single knot means a constant rate, and the terms are parabolas through three times.
+    """
+    tau, rate = paths.tau[tx, rx], paths.tau_rate[tx, rx]
+    if len(paths.times) == 1:
+        knots = np.array([times.min(), 0.0, times.max() + 1e-6])
+        knots[1] = 0.5 * (knots[0] + knots[2])
+        delay = tau.T + rate.T * (knots[:, None] - paths.times[0])
+        return knots, _phase_terms(radar, delay, rate.T, None, middle, half)
+    delay, slope, curve = (knot_weights(paths.times, paths.times, order) @ tau.T for order in range(3))
+    return paths.times, _phase_terms(radar, delay, slope, curve, middle, half)
+
+
 def _phase_terms(
     radar: Radar, delay: FloatArray, slope: FloatArray, curve: FloatArray | None, middle: float, half: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -230,9 +244,9 @@ def _phase_terms(
     f_c, mu = radar.waveform.start_frequency, radar.waveform.slope
     constant = delay * (f_c + mu * middle - 0.5 * mu * delay)
     beat = mu * delay + slope * (f_c + mu * (middle - delay))
-    quadratic = (mu * half**2) * slope * (1 - 0.5 * slope)
+    quadratic = np.broadcast_to((mu * half**2) * slope * (1 - 0.5 * slope), delay.shape)
     if curve is not None:
-        quadratic += (0.5 * half**2 * (f_c + mu * middle)) * curve
+        quadratic = quadratic + (0.5 * half**2 * (f_c + mu * middle)) * curve
     return constant, beat, quadratic
 
 
