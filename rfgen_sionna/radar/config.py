@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.pattern import ElementPattern
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.records import SPEED_OF_LIGHT
@@ -24,6 +25,7 @@ _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
         "pattern": (dict,),
         "transmitter": (dict,),
         "receiver": (dict,),
+        "adc": (dict,),
         "preset": (dict,),
         "source": (dict,),
     },
@@ -44,6 +46,7 @@ _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
     },
     "transmitter": {"power_dbm": _NUMBER, "frequency_range_hz": (list,)},
     "receiver": {"noise_figure_db": _NUMBER, "temperature_k": _NUMBER},
+    "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str)},
     "preset": {
         "start_frequency_hz": _NUMBER,
         "slope_hz_per_s": _NUMBER,
@@ -119,7 +122,7 @@ def read_config(path: Path) -> dict[str, Any]:
 def check_config(table: dict[str, Any], where: str) -> None:
     """Check the keys and types of a parsed radar file; `where` names it in errors."""
     _check(table, "", where)
-    for section in ("array", "pattern", "transmitter", "receiver"):
+    for section in ("array", "pattern", "transmitter", "receiver", "adc"):
         _check(table[section], section, where)
     if not table["preset"]:
         raise RadarConfigError(f"{where}: at least one [preset.NAME] is needed")
@@ -145,7 +148,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
         section, _, rest = key.partition(".")
         if section in ("", "source") or section not in table or (rest and rest not in table[section]):
             raise RadarConfigError(f"{where}: [source] names '{key}', which is not in the file")
-    for section in ("array", "pattern", "transmitter", "receiver"):
+    for section in ("array", "pattern", "transmitter", "receiver", "adc"):
         for key in table[section]:
             if key.endswith(("_names", "_deg")):
                 continue
@@ -204,6 +207,9 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
     fired = [tx for tx in names if tx in chirp["tx_order"]]
     half = SPEED_OF_LIGHT / design / 2
     positions = [array["tx_positions_half_wavelengths"][names.index(tx)] for tx in fired]
+    full_scale = config["adc"]["full_scale_dbm"]
+    if isinstance(full_scale, str) and full_scale != "auto":
+        raise RadarConfigError(f"{where}: 'adc.full_scale_dbm' is {full_scale!r}; a number [dBm] or \"auto\" is needed")
     cuts = {
         key: tuple(float(value) for value in config["pattern"][key])
         for key in ("azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
@@ -226,6 +232,7 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
         "tx_power_dbm": float(config["transmitter"]["power_dbm"]),
         "noise_figure_db": float(config["receiver"]["noise_figure_db"]),
         "temperature": float(config["receiver"]["temperature_k"]),
+        "adc": Adc(config["adc"]["bits"], None if full_scale == "auto" else float(full_scale)),
     }
 
 

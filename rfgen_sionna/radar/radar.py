@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, radar_fields, read_config
 from rfgen_sionna.radar.pattern import ElementPattern
 from rfgen_sionna.radar.waveform import Waveform
@@ -87,6 +88,7 @@ class Radar:
     """World frame [m]."""
     orientation: Vector = (0.0, 0.0, 0.0)
     """Yaw, pitch, roll [rad]."""
+    adc: Adc = field(default_factory=Adc)
 
     def __post_init__(self) -> None:
         for name in ("tx_positions", "rx_positions"):
@@ -274,12 +276,13 @@ class Radar:
             "temperature": self.temperature,
             "position": list(self.position),
             "orientation": list(self.orientation),
+            "adc": {"bits": self.adc.bits, "full_scale_dbm": self.adc.full_scale_dbm},
         }
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:
         """Inverse of :meth:`to_dict`."""
-        record = _keys("radar record", record, cls.__dataclass_fields__, optional=("position", "orientation"))
+        record = _keys("radar record", record, cls.__dataclass_fields__, optional=("position", "orientation", "adc"))
         waveform = _keys("radar record: waveform", record["waveform"], Waveform.__dataclass_fields__)
         pattern = _keys("radar record: pattern", record["pattern"], ElementPattern.__dataclass_fields__)
         cuts: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in pattern.items()}
@@ -287,6 +290,8 @@ class Radar:
             "waveform": Waveform(**waveform),
             "pattern": ElementPattern(**cuts),
         }
+        if "adc" in record:  # records of older runs have none
+            fields["adc"] = Adc(**_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__))
         return cls(**fields | {key: tuple(record[key]) for key in ("tx_names", "rx_names")})
 
     def __eq__(self, other: object) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar import Adc, Radar
 from rfgen_sionna.radar.config import RadarConfigError
 
 Refuses = Callable[..., None]
@@ -196,3 +196,20 @@ def test_shipped_radars_are_listed_and_load() -> None:
     for name, presets in radars.items():
         for preset in presets:
             assert Radar.load(name, preset).preset == preset
+
+
+def test_the_adc_has_bits_and_a_full_scale(radar_file: Any, refuses: Refuses) -> None:
+    assert radar_file.load().adc == Adc(16, None)
+    radar_file.set("adc", {"bits": 12, "full_scale_dbm": -20})
+    radar = radar_file.load()
+    assert radar.adc == Adc(12, -20.0)
+    assert Radar.from_dict(radar.to_dict()).adc == radar.adc
+    older = radar.to_dict()
+    del older["adc"]
+    assert Radar.from_dict(older).adc == Adc()
+    radar_file.set("adc.full_scale_dbm", "automatic")
+    refuses("'adc.full_scale_dbm' is 'automatic'", '"auto"')
+    radar_file.set("adc.full_scale_dbm", 300)
+    refuses("adc.full_scale_dbm is 300", "-150 … 60 dBm")
+    radar_file.set("adc", {"bits": 1, "full_scale_dbm": "auto"})
+    refuses("adc.bits is 1", "2 … 24")
