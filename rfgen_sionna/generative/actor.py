@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.generative.bodies import Phenotype, Rig, animate, person
+from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, person
 from rfgen_sionna.generative.bodies.sampled import load_mesh_sequence
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
 from rfgen_sionna.generative.motion.loaders import load_motion
@@ -91,7 +91,19 @@ class Actor(scene_actor.Actor):
         place, yaw = _before(radar, said.distance_m or DEFAULT_DISTANCE)
         # the action is checked before the body is built, which may take a minute on a first start
         _check(said.action, duration)
-        rig = body if isinstance(body, Rig) else person(phenotype, seed=seed)
+        if isinstance(body, Rig):
+            rig = body
+        else:
+            try:
+                rig = person(phenotype, seed=seed)
+            except PhenotypeError:
+                # No one body has it all: what words asked for gives way, what numbers asked for does not.
+                if phenotype is not wanted or not {"weight", "muscle"} <= words.drawn:
+                    raise
+                given = (words.muscle, words.weight_kg)
+                _LOG.warning("body: no muscle of %g goes with %g kg here; the weight is kept", *given)
+                phenotype = replace(wanted, muscle=None)
+                rig = person(phenotype, seed=seed)
         motion = source(
             said.action,
             duration,

@@ -39,6 +39,8 @@ class BodyPrompt:
     weight_kg: float | None = None
     muscle: float | None = None
     """0 (frail) to 1 (very muscular)."""
+    drawn: frozenset[str] = frozenset()
+    """Traits whose value was drawn from a class of words ("heavy"), not stated as a number."""
 
 
 Range = tuple[float, float]
@@ -202,6 +204,7 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
         for i, trait in enumerate(("gender", "age", "height", "weight", "muscle"))
     }
     notes: list[str] = []
+    drawn: set[str] = set()
 
     def draw(trait: str, ranges: Mapping[str, Range], unit: str, digits: int = 2) -> float | None:
         allowed = _allowed(trait, ranges, wanted, unwanted)
@@ -212,6 +215,7 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
         widths = np.array([ranges[c][1] - ranges[c][0] for c in allowed])
         chosen = allowed[rng[trait].choice(len(allowed), p=widths / widths.sum())]
         value = round(float(rng[trait].uniform(*ranges[chosen])), digits)
+        drawn.add(trait)
         notes.append(f"{trait} {value:g}{unit} drawn from {' or '.join(allowed)} (seed {seed})")
         return value
 
@@ -234,7 +238,8 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
         notes[-1] += f": {weight:g} kg"
     else:
         weight = draw("weight", BODY_MASS_INDICES, " kg") if "weight" in wanted.values else None
-    return BodyPrompt(gender, age, height, weight, draw("muscle", MUSCLES, "")), tuple(notes)
+    muscle = draw("muscle", MUSCLES, "")
+    return BodyPrompt(gender, age, height, weight, muscle, frozenset(drawn)), tuple(notes)
 
 
 def _stated(trait: str, ranges: Mapping[str, Range], wanted: BodyWords, unwanted: BodyWords) -> float:

@@ -204,3 +204,11 @@ def test_importing_actors_starts_neither_torch_nor_anny():
         "sys.exit(sum(m in sys.modules for m in ('torch', 'anny', 'mitsuba', 'diffusers')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("prompt", ["a thin muscular man standing", "a heavy muscular woman standing"])
+def test_words_that_no_body_joins_give_way(prompt, caplog):
+    """What words ask for is drawn: where weight and muscle don't meet, the weight is kept and the rest is said."""
+    actors = [Actor.from_prompt(prompt, seed=seed, duration=0.2) for seed in range(3)]
+    assert "the weight is kept" in caplog.text
+    assert all(actor.phenotype is not None and actor.phenotype.weight is not None for actor in actors)
