@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -150,7 +151,9 @@ class Simulator:
         if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
             raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
         times = self.frame_times(duration, start)
-        self._check_places(float(times[0]), float(times[-1]) + self.radar.waveform.frame_length)
+        begin, end = float(times[0]), float(times[-1]) + self.radar.waveform.frame_length
+        self._check_places(begin, end)
+        self._warn_frozen(begin, end)
         return self._frames(times, noise, int(seed))
 
     def _frames(self, times: NDArray[np.float64], noise: bool, seed: int) -> Iterator[Frame]:
@@ -190,6 +193,16 @@ class Simulator:
                 later = (float(t), self._placed_vertices(actor, float(t)))
                 self._check_passage(actor, earlier, later)
                 earlier = later
+
+    def _warn_frozen(self, start: float, stop: float) -> None:
+        """Actors hold their first and last pose outside of their motion: a stop that nobody meant, most often."""
+        for actor in self.actors:
+            if np.isfinite(actor.duration) and (start < -1e-9 or stop > actor.duration + 1e-9):
+                warnings.warn(
+                    f"actor '{actor.name}' moves from 0 to {actor.duration:.3f} s and holds its pose before and after; "
+                    f"the run lasts from {start:.3f} to {stop:.3f} s",
+                    stacklevel=3,
+                )
 
     def _placed_vertices(self, actor: Actor, t: float) -> FloatArray:
         """(vertex, 3) world positions [m], all of them within the range window."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -200,6 +201,29 @@ def test_vertices_that_stop_being_numbers(radar: Any) -> None:
     sim = rfgen.Simulator(None, radar, [rfgen.Actor(Broken(), "skin", name="broken", position=(2, 0, 1))])
     with refused(ValueError, "'broken'", "not finite", "t = 0.3"):
         sim.adc(1.0)
+
+
+def test_a_motion_that_ends_before_the_run(radar: Any) -> None:
+    class Short:
+        """A ball that recedes for 0.3 s and then stops dead."""
+
+        faces, part_names, face_parts = BALL.faces.astype(np.int32), ("all",), np.zeros(len(BALL.faces), np.int32)
+        duration, joint_names = 0.3, ()
+
+        def vertices(self, t: float) -> Any:
+            return np.asarray(BALL.vertices) + np.array([0.5 * np.clip(t, 0, 0.3), 0, 0])
+
+        def joints(self, t: float) -> Any:
+            return np.zeros((0, 3))
+
+    sim = rfgen.Simulator(None, radar, [rfgen.Actor(Short(), "skin", name="short", position=(2, 0, 1))])
+    for duration, start in ((0.5, 0.0), (0.1, -0.1)):
+        with pytest.warns(UserWarning, match=r"actor 'short' moves from 0 to 0\.300 s .*the run lasts from"):
+            sim.frames(duration, start=start)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sim.frames(0.3)
+        rfgen.Simulator(None, radar, [ball()]).frames(0.5, start=-0.1)  # rigid: it has no end
 
 
 @pytest.mark.parametrize("duration", [0, -1.0, float("nan"), float("inf"), "3", None, True])
