@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config import RadarConfigError, radar_fields, read_config
+from rfgen_sionna.radar.config import RadarConfigError, read_config
+from rfgen_sionna.radar.device import radar_fields
 from rfgen_sionna.radar.pattern import ElementPattern
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.records import FloatArray
