@@ -164,13 +164,24 @@ def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:
     offset = centre - np.asarray(radar.position)
     distance = float(np.linalg.norm(offset))
     device = offset @ radar.rotation / distance
-    forward = actor.pose(t)[1][:, 0]
+    facing = _facing(actor, t)
     return {
         "position": centre[None],
         "velocity": velocity[None],
-        "orientation": np.array([np.arctan2(forward[1], forward[0])]),
+        "orientation": np.array([facing]),
         "distance": np.array([distance]),
         "radial_velocity": np.array([velocity @ offset / distance]),
         "azimuth": np.array([np.arctan2(device[1], device[0])]),
         "elevation": np.array([np.arcsin(device[2])]),
     }
+
+
+def _facing(actor: Actor, t: float) -> float:
+    """Yaw [rad] of the direction an actor faces: square to the hips, which turn with the motion, where it has any."""
+    names = actor.joint_names
+    if "left_hip" in names and "right_hip" in names:
+        joints = actor.joints(t)
+        left = joints[names.index("left_hip")] - joints[names.index("right_hip")]
+        return float(np.arctan2(-left[0], left[1]))
+    forward = actor.pose(t)[1][:, 0]
+    return float(np.arctan2(forward[1], forward[0]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -274,6 +275,25 @@ def test_the_prompt_says_where(quick: dict[str, Any], caplog: pytest.LogCaptureF
     with rfgen.generate("a person pushing", distance=1.0, output="placed.h5", **quick | {"radar": placed}) as run:
         np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [5, 6], atol=0.2)
         assert abs(run.labels["azimuth"].values[0, 0]) < 0.1
+
+
+def test_labels_follow_a_person_who_turns(quick: dict[str, Any]) -> None:
+    """Walking there and back, a person faces where it goes: the radar at first, away from it later."""
+    radar = rfgen.Radar.load(quick["radar"])
+    radar = replace(radar, waveform=replace(radar.waveform, frame_period=0.5, num_loops=1))
+    with rfgen.generate(
+        "a person walking back and forth, at 4 m", output="run.h5", **quick | {"radar": radar, "duration": 6.0}
+    ) as run:
+        yaw = run.labels["orientation"].values[:, 0]
+        velocity = run.labels["velocity"].values[:, 0, :2]
+        radial = run.labels["radial_velocity"].values[:, 0]
+    speed = np.linalg.norm(velocity, axis=1)
+    walking = speed > 0.6
+    assert np.count_nonzero(walking & (radial < 0)) >= 2
+    assert np.count_nonzero(walking & (radial > 0)) >= 2
+    ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    along = np.einsum("fi,fi->f", ahead, velocity)[walking] / speed[walking]
+    assert along.min() > np.cos(np.radians(25))  # hips swing to and fro
 
 
 # -- the command line -----------------------------------------------------------------------------------------
