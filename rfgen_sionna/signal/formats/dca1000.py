@@ -1,0 +1,129 @@
+"""`adc_data.bin` of a DCA1000 on TI's xWR16xx, xWR18xx and xWR68xx (two LVDS lanes, complex samples).
+
+int16, little-endian, `I0 I1 Q0 Q1 I2 I3 Q2 Q3 …`; order frame, loop, slot as fired, receiver, sample; no headers
+(TI SWRA581B). Beside it lie `.mmwave.json` and `.setup.json`, as mmWave Studio writes them, and the sidecar.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import AdcCube
+from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.files import beside, data_file, need_file, staged, whole_frames, write_json
+from rfgen_sionna.signal.formats.frames import (
+    Scale,
+    channel_numbers,
+    check_cube,
+    complex_lsb,
+    element_order,
+    firing_order,
+    frame_shape,
+    frames_of,
+    quantize,
+    resolve_scale,
+)
+from rfgen_sionna.signal.formats.sidecar import (
+    SUFFIX,
+    Description,
+    describe,
+    even_times,
+    read_sidecar,
+    with_radar,
+    write_sidecar,
+)
+from rfgen_sionna.signal.formats.studio import RX_PER_DEVICE, read_studio, setup_config, studio_config
+
+NAME = "dca1000"
+STANDARD = "adc_data.bin"
+FULL_SCALE = 1 << 15
+
+
+def write(
+    cube: AdcCube,
+    path: str | os.PathLike[str],
+    *,
+    scale: Scale = "auto",
+    full_scale_dbm: float | None = None,
+    overwrite: bool = False,
+) -> CaptureReport:
+    """Write `path` (or `adc_data.bin` in it, where it is a folder) with its JSON files; see `write_capture`.
+
+    Raises
+    ------
+    CaptureFormatError
+        More than 3 Tx or 4 Rx, or an odd number of samples: one device cannot take such frames.
+    """
+    check_cube(cube)
+    radar = cube.radar
+    receivers = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE, "one device")
+    _even_samples(radar)
+    config = studio_config(radar, cube.data.shape[0])
+    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, FULL_SCALE)
+    data = data_file(path, STANDARD)
+    paths = (data, beside(data, ".mmwave.json"), beside(data, ".setup.json"), beside(data, SUFFIX))
+    clipped = 0
+    with staged(paths, overwrite) as parts:
+        with parts[0].open("wb") as stream:
+            for frame in frames_of(cube):
+                levels, beyond = quantize(frame, divisor, FULL_SCALE)
+                clipped += beyond
+                fired = firing_order(levels, radar, receivers)
+                # (…, sample, IQ) to (…, pair of samples, IQ, sample of the pair)
+                pairs = fired.reshape(*fired.shape[:3], -1, 2, 2).swapaxes(-1, -2)
+                stream.write(np.ascontiguousarray(pairs, dtype="<i2").data)
+        write_json(parts[1], config)
+        write_json(parts[2], setup_config(radar, data, paths[1]))
+        write_sidecar(parts[3], describe(cube, NAME, declared, FULL_SCALE))
+    return CaptureReport(NAME, paths, cube.data.shape[0], declared, FULL_SCALE, clipped, 2 * cube.data.size)
+
+
+def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
+    """Open a capture; see `open_capture`. Without a sidecar, `radar` gives the hardware and `.mmwave.json`, where it
+    is there, the waveform and the Tx elements that fire.
+    """
+    data = need_file(data_file(path, STANDARD))
+    known, swapped = _describe(data, radar)
+    _even_samples(known.radar)
+    shape = frame_shape(known.radar)
+    frame_size = 4 * int(np.prod(shape))
+    frames = whole_frames(data, data.stat().st_size, frame_size, known.frames, partial)
+    receivers = channel_numbers(known.radar.rx_names, "RX", RX_PER_DEVICE, "one device")
+    loops, slots, channels, samples = shape
+    stored = np.memmap(data, dtype="<i2", mode="r", shape=(frames, loops, slots, channels, samples // 2, 2, 2))
+
+    def frame(number: int) -> NDArray[Any]:
+        levels = stored[number].swapaxes(-1, -2).reshape(loops, slots, channels, samples, 2)
+        if swapped:
+            levels = levels[..., ::-1]
+        return element_order(complex_lsb(levels), known.radar, receivers)
+
+    return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
+
+
+def _describe(data: Path, radar: Radar | None) -> tuple[Description, bool]:
+    if (sidecar := beside(data, SUFFIX)).is_file():
+        return with_radar(read_sidecar(sidecar), radar, data), False
+    if radar is None:
+        raise CaptureFormatError(
+            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
+        )
+    if (config := beside(data, ".mmwave.json")).is_file():
+        found = read_studio(config, radar)
+        times = None if found.frames is None else even_times(found.frames, found.radar)
+        return Description(found.radar, None, times, None), found.iq_swap
+    return Description(radar, None, None, None), False
+
+
+def _even_samples(radar: Radar) -> None:
+    if radar.waveform.num_samples % 2:
+        raise CaptureFormatError(
+            f"waveform.num_samples is {radar.waveform.num_samples}: "
+            "two lanes carry samples in pairs, an even number is needed"
+        )

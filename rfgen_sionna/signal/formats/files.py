@@ -1,0 +1,125 @@
+"""Files of a capture: names, all or nothing on writing, whole frames or an error on reading."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rfgen_sionna.signal.formats.capture import CaptureFormatError, CaptureWarning
+
+
+def data_file(path: str | os.PathLike[str], standard: str) -> Path:
+    """`path`, or `standard` inside it where it is a folder (or has no suffix, so that it will be one)."""
+    target = Path(path)
+    return target / standard if target.is_dir() or not target.suffix else target
+
+
+def beside(path: Path, suffix: str) -> Path:
+    """The companion of a data file: its name with `suffix` for its own."""
+    return path.with_name(path.stem + suffix)
+
+
+@contextmanager
+def staged(paths: Sequence[Path], overwrite: bool) -> Iterator[list[Path]]:
+    """Temporary names to write to; they take the places of `paths` when all went well, and vanish otherwise.
+
+    Raises
+    ------
+    FileExistsError
+        One of `paths` is there and `overwrite` is false.
+    """
+    for path in paths:
+        if path.exists() and not overwrite:
+            raise FileExistsError(f"'{path}' exists: choose another name, or allow overwriting")
+    for folder in {path.parent for path in paths}:
+        folder.mkdir(parents=True, exist_ok=True)
+    parts = [path.with_name(path.name + ".part") for path in paths]
+    try:
+        yield parts
+        for part, path in zip(parts, paths, strict=True):
+            os.replace(part, path)
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
+
+
+def need_file(path: Path) -> Path:
+    """`path`, if it is a file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If not.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"capture file '{path}' does not exist")
+    return path
+
+
+def write_json(path: Path, record: dict[str, Any]) -> None:
+    path.write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in `path`.
+
+    Raises
+    ------
+    CaptureFormatError
+        It is none.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, UnicodeDecodeError) as error:
+        raise CaptureFormatError(f"'{path}' is not JSON: {error}") from error
+    if not isinstance(record, dict):
+        raise CaptureFormatError(f"'{path}' holds {type(record).__name__}; a JSON object is needed")
+    return record
+
+
+def complain(message: str, partial: bool) -> None:
+    """What is wrong with a capture: a warning where a part is asked for, an error otherwise.
+
+    Raises
+    ------
+    CaptureFormatError
+        Unless `partial`.
+    """
+    if not partial:
+        raise CaptureFormatError(message + "; partial=True reads the whole frames")
+    warnings.warn(message, CaptureWarning, stacklevel=4)
+
+
+def whole_frames(path: Path, size: int, frame_size: int, expected: int | None, partial: bool) -> int:
+    """Number of frames to read from a file of `size` bytes.
+
+    Raises
+    ------
+    CaptureFormatError
+        The file ends within a frame, or does not hold the frames it should; with `partial` only where it holds none.
+    """
+    present, rest = divmod(size, frame_size)
+    message = ""
+    if expected is not None and size != expected * frame_size:
+        wanted = expected * frame_size
+        message = (
+            f"'{path}' has {size:,} bytes; {expected} frames of {frame_size:,} bytes are {wanted:,}: "
+            + (f"{wanted - size:,} bytes are missing, from byte {size:,} (frame {present}) on" if size < wanted else "")
+            + (f"{size - wanted:,} bytes are too many" if size > wanted else "")
+        )
+    elif rest:
+        message = (
+            f"'{path}' has {size:,} bytes and ends within frame {present}: "
+            f"{rest:,} of its {frame_size:,} bytes are there, {frame_size - rest:,} are missing"
+        )
+    frames = present if expected is None else min(present, expected)
+    if frames == 0:
+        raise CaptureFormatError(message or f"'{path}' is empty: one frame has {frame_size:,} bytes")
+    if message:
+        complain(message, partial)
+    return frames

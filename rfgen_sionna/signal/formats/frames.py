@@ -1,0 +1,164 @@
+"""Frames on their way to and from integers: checks, scale, quantisation, the order of slots and receivers."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import AdcCube
+from rfgen_sionna.signal.formats.capture import CaptureFormatError
+
+Scale = float | Literal["auto"] | None
+
+
+def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
+    """(chirp, tx, rx, sample) of one frame."""
+    waveform = radar.waveform
+    return waveform.num_loops, len(radar.tx_positions), len(radar.rx_positions), waveform.num_samples
+
+
+def check_cube(cube: AdcCube) -> None:
+    """Refuse a cube that does not fit its radar.
+
+    Raises
+    ------
+    ValueError
+        Naming shape and expectation.
+    """
+    shape, wanted = tuple(cube.data.shape), frame_shape(cube.radar)
+    if len(shape) != 5 or shape[1:] != wanted:
+        raise ValueError(
+            f"cube.data has shape {shape}; (frame, chirp, tx, rx, sample) with {wanted} after the frames is needed "
+            f"for radar '{cube.radar.name}', preset '{cube.radar.preset}'"
+        )
+    if shape[0] == 0:
+        raise ValueError("cube.data holds no frame: there is nothing to write")
+    if np.shape(cube.frame_times) != shape[:1] or not np.all(np.isfinite(cube.frame_times)):
+        raise ValueError(
+            f"cube.frame_times has shape {np.shape(cube.frame_times)}: {shape[0]} finite times [s] are needed"
+        )
+
+
+def frames_of(cube: AdcCube) -> Iterator[NDArray[np.complex64]]:
+    """Each frame (chirp, tx, rx, sample) in turn; `cube.data` may lie on the disk.
+
+    Raises
+    ------
+    ValueError
+        At the first frame with a sample that is not finite.
+    """
+    for number in range(cube.data.shape[0]):
+        frame: NDArray[np.complex64] = np.ascontiguousarray(cube.data[number], dtype=np.complex64)
+        if not np.all(np.isfinite(frame)):
+            raise ValueError(f"cube.data: frame {number} holds samples that are not finite")
+        yield frame
+
+
+def resolve_scale(
+    cube: AdcCube, scale: Scale, full_scale_dbm: float | None, full_scale: int | None
+) -> tuple[float, float | None]:
+    """What to divide by [sqrt(W)/LSB], and what to declare.
+
+    "auto" is the smallest power of two that clips nothing: LSB times such a scale is exact in float32, so that
+    units come back exactly and writing again gives the same bytes. Formats of floating-point numbers
+    (`full_scale` None) need no scale: there "auto" is 1.
+    """
+    if full_scale_dbm is not None:
+        if scale != "auto":
+            raise ValueError(f"scale is {scale!r} and full_scale_dbm is {full_scale_dbm!r}: give one of them")
+        if full_scale is None:
+            raise ValueError(
+                f"full_scale_dbm is {full_scale_dbm!r}: this format holds floating-point numbers, which have none"
+            )
+        if not _is_number(full_scale_dbm) or not -200.0 <= full_scale_dbm <= 200.0:
+            raise ValueError(f"full_scale_dbm is {full_scale_dbm!r}: a value in -200 … 200 dBm is needed")
+        declared = 10.0 ** ((full_scale_dbm - 30.0) / 20.0) / full_scale
+        return declared, declared
+    if scale is None:
+        return 1.0, None
+    if isinstance(scale, str):
+        if scale != "auto":
+            raise ValueError(f'scale is {scale!r}: "auto", a number [sqrt(W)/LSB] or None is needed')
+        if full_scale is None:
+            return 1.0, 1.0
+        found = _power_of_two(peak(cube), full_scale)
+        return found, found
+    if not _is_number(scale) or not 1e-30 <= scale <= 1e30:
+        raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")
+    return float(scale), float(scale)
+
+
+def peak(cube: AdcCube) -> float:
+    """Largest |I| or |Q| of all frames [sqrt(W)]."""
+    return max(float(np.abs(frame.view(np.float32)).max()) for frame in frames_of(cube))
+
+
+def _power_of_two(largest: float, full_scale: int) -> float:
+    if largest == 0.0:
+        return 1.0
+    # full_scale is 2^n; its positive end is one LSB short of it.
+    exponent = math.ceil(math.log2(largest / full_scale)) - 1
+    while np.rint(largest / 2.0**exponent) > full_scale - 1:
+        exponent += 1
+    return max(2.0**exponent, 2.0**-90)
+
+
+def quantize(frame: NDArray[np.complex64], scale: float, full_scale: int) -> tuple[NDArray[np.int16], int]:
+    """Round to LSB, (…, sample, 2) with I before Q, and count what lay beyond -full_scale … full_scale - 1."""
+    levels: NDArray[np.float32] = np.divide(frame.view(np.float32), np.float32(scale))
+    np.rint(levels, out=levels)
+    clipped = int(np.count_nonzero((levels < -full_scale) | (levels > full_scale - 1)))
+    if clipped:
+        np.clip(levels, -full_scale, full_scale - 1, out=levels)
+    return levels.astype(np.int16).reshape(*frame.shape, 2), clipped
+
+
+def complex_lsb(levels: NDArray[Any]) -> NDArray[np.complex64]:
+    """Inverse of the last step of :func:`quantize`: (…, sample, 2) to complex (…, sample)."""
+    contiguous: NDArray[np.float32] = np.ascontiguousarray(levels, dtype=np.float32)
+    return contiguous.view(np.complex64)[..., 0]
+
+
+def channel_numbers(names: Sequence[str], prefix: str, most: int, what: str) -> list[int]:
+    """Numbers of the hardware's channels, from 1: those in names such as "RX3", else the order of the names.
+
+    Raises
+    ------
+    CaptureFormatError
+        If there are more channels than `what` has.
+    """
+    found = [re.fullmatch(rf"{prefix}[_ ]?(\d+)", name, re.IGNORECASE) for name in names]
+    numbers = [int(match[1]) for match in found if match]
+    if len(numbers) < len(names) or len(set(numbers)) < len(names) or min(numbers) < 1:
+        numbers = list(range(1, len(names) + 1))
+    if max(numbers) > most:
+        raise CaptureFormatError(f"{what} has {prefix}1 … {prefix}{most}; the radar has {', '.join(names)}")
+    return numbers
+
+
+def firing_order(frame: NDArray[Any], radar: Radar, receivers: Sequence[int]) -> NDArray[Any]:
+    """(chirp, tx, rx, …) to (chirp, slot, receiver, …) as fired and numbered; no copy where that is the order."""
+    slots = list(radar.waveform.tx_order)
+    if slots != sorted(slots):
+        frame = frame[:, slots]
+    order = np.argsort(receivers)
+    return frame if np.all(np.diff(order) == 1) else frame[:, :, order]
+
+
+def element_order(frame: NDArray[Any], radar: Radar, receivers: Sequence[int]) -> NDArray[Any]:
+    """Inverse of :func:`firing_order`."""
+    tx = np.argsort(radar.waveform.tx_order)
+    rx = np.argsort(np.argsort(receivers))
+    if np.all(np.diff(tx) == 1) and np.all(np.diff(rx) == 1):
+        return frame
+    return frame[:, tx][:, :, rx]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))

@@ -1,0 +1,189 @@
+"""A MATLAB file: version 5 through SciPy; version 7.3, which is HDF5, where `adc` would exceed version 5's 2 GB.
+
+Variables: `adc` (frame, chirp, tx, rx, sample) complex single; `dims`, its axes; `units`, a struct with the unit of
+each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample); `tx_name`, `rx_name`,
+`tx_position`, `rx_position` (element, 3); `scale`; `description`, JSON with the radar in full.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import AdcCube
+from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.files import complain, data_file, need_file, staged
+from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
+from rfgen_sionna.signal.formats.sidecar import describe, from_record, with_radar
+
+NAME = "matlab"
+STANDARD = "adc_data.mat"
+MAX_VERSION_5 = (1 << 31) - 1
+_DIMS = ("frame", "chirp", "tx", "rx", "sample")
+_UNITS = {
+    "adc": "sqrt(W)",
+    "frame_time": "s",
+    "chirp_time": "s",
+    "sample_time": "s",
+    "tx_position": "m",
+    "rx_position": "m",
+    "scale": "sqrt(W)/unit of adc",
+}
+_COMPLEX = np.dtype([("real", "<f4"), ("imag", "<f4")])
+_USERBLOCK = 512
+# What MATLAB looks for in the block before the HDF5 content: a text of 116 bytes, version 0x0200, byte order.
+_HEADER = b"MATLAB 7.3 MAT-file, HDF5 schema 1.00 .".ljust(116) + bytes(8) + b"\x00\x02IM"
+
+
+def write(
+    cube: AdcCube,
+    path: str | os.PathLike[str],
+    *,
+    scale: Scale = "auto",
+    full_scale_dbm: float | None = None,
+    overwrite: bool = False,
+    version: Literal["auto", "5", "7.3"] = "auto",
+) -> CaptureReport:
+    """Write `path` (or `adc_data.mat` in it, where it is a folder); see `write_capture`.
+
+    `version` "auto" is 5 up to 2 GB and 7.3 above.
+
+    Raises
+    ------
+    ValueError
+        Version "5" is asked for and `adc` does not fit.
+    """
+    check_cube(cube)
+    if version not in ("auto", "5", "7.3"):
+        raise ValueError(f"version is {version!r}; allowed: auto, 5, 7.3")
+    size = 8 * int(np.prod(cube.data.shape))
+    if version == "5" and size > MAX_VERSION_5:
+        raise ValueError(
+            f"version 5 holds variables of at most {MAX_VERSION_5:,} bytes; adc has {size:,}: take version 7.3"
+        )
+    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, None)
+    variables = _variables(cube, declared)
+    target = data_file(path, STANDARD)
+    with staged((target,), overwrite) as (part,):
+        if version == "7.3" or size > MAX_VERSION_5:
+            _write_hdf5(part, cube, divisor, variables)
+        else:
+            from scipy.io import savemat
+
+            data = np.stack(list(frames_of(cube)))
+            if divisor != 1.0:
+                data /= np.float32(divisor)
+            with part.open("wb") as stream:
+                savemat(stream, {"adc": data} | variables, format="5", oned_as="column")
+    return CaptureReport(NAME, (target,), cube.data.shape[0], declared, None, 0, 2 * cube.data.size)
+
+
+def _variables(cube: AdcCube, scale: float | None) -> dict[str, Any]:
+    radar = cube.radar
+    units = _UNITS if scale == 1.0 else _UNITS | {"adc": "1" if scale is None else "scale sqrt(W)"}
+    return {
+        "dims": ", ".join(_DIMS),
+        "units": units,
+        "frame_time": np.asarray(cube.frame_times, dtype=np.float64)[:, None],
+        "chirp_time": np.array(radar.waveform.chirp_times),
+        "sample_time": np.array(radar.waveform.sample_times)[None, :],
+        "tx_name": ", ".join(radar.tx_names),
+        "rx_name": ", ".join(radar.rx_names),
+        "tx_position": np.array(radar.tx_positions),
+        "rx_position": np.array(radar.rx_positions),
+        "scale": np.array([[np.nan if scale is None else scale]]),
+        "description": json.dumps(describe(cube, NAME, scale, None)),
+    }
+
+
+def _write_hdf5(path: Path, cube: AdcCube, divisor: float, variables: dict[str, Any]) -> None:
+    import h5py
+
+    frames, shape = cube.data.shape[0], frame_shape(cube.radar)
+    with h5py.File(path, "w", userblock_size=_USERBLOCK, libver="earliest") as file:
+        # MATLAB counts axes from the fastest: stored back to front, they come out in the order of `dims`.
+        adc = file.create_dataset(
+            "adc", shape=(*shape[::-1], frames), dtype=_COMPLEX, chunks=(*shape[::-1], 1), compression=None
+        )
+        adc.attrs["MATLAB_class"] = np.bytes_("single")
+        for number, frame in enumerate(frames_of(cube)):
+            values = np.ascontiguousarray((frame / np.float32(divisor)).transpose(3, 2, 1, 0), dtype=np.complex64)
+            adc[..., number] = values.view(_COMPLEX)
+        for name, value in variables.items():
+            if isinstance(value, dict):
+                group = file.create_group(name)
+                group.attrs["MATLAB_class"] = np.bytes_("struct")
+                for key, entry in value.items():
+                    _put(group, key, entry)
+            else:
+                _put(file, name, value)
+    with path.open("r+b") as stream:
+        stream.write(_HEADER)
+
+
+def _put(group: Any, name: str, value: str | NDArray[Any]) -> None:
+    if isinstance(value, str):
+        letters = np.array([ord(letter) for letter in value], dtype=np.uint16)[:, None]
+        dataset = group.create_dataset(name, data=letters)
+        dataset.attrs["MATLAB_class"] = np.bytes_("char")
+        dataset.attrs["MATLAB_int_decode"] = np.int32(2)
+    else:
+        group.create_dataset(name, data=value.T).attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
+    """Open a MATLAB file that :func:`write` made; see `open_capture`. One of version 5 is read into memory."""
+    data = need_file(data_file(path, STANDARD))
+    with data.open("rb") as stream:
+        start = stream.read(len(_HEADER))
+    description, stored = _open_hdf5(data) if start.startswith(b"MATLAB 7.3") else _open_version_5(data)
+    try:
+        record = json.loads(description)
+    except ValueError as error:
+        raise CaptureFormatError(f"'{data}': 'description' is not JSON: {error}") from error
+    known = with_radar(from_record(record, f"'{data}', 'description'"), radar, data)
+    shape = frame_shape(known.radar)
+    found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
+    found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
+    if len(found) != 5 or found[1:] != shape:
+        raise CaptureFormatError(f"'{data}': adc has {found}; (frame, chirp, tx, rx, sample) = (…, {shape}) is needed")
+    frames = found[0]
+    if frames != known.frames:
+        complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
+        frames = min(frames, len(known.times(frames)))
+
+    def frame(number: int) -> NDArray[Any]:
+        if isinstance(stored, np.ndarray):
+            return stored[number].reshape(shape)
+        return np.ascontiguousarray(stored[..., number]).view(np.complex64).transpose(3, 2, 1, 0)
+
+    return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
+
+
+def _open_version_5(path: Path) -> tuple[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, variable_names=["adc", "description"])
+    except Exception as error:  # SciPy raises what comes: struct.error, zlib.error, TypeError, its own
+        raise CaptureFormatError(f"'{path}' is no whole MATLAB file of version 5: {error}") from error
+    for name in ("adc", "description"):
+        if name not in content:
+            raise CaptureFormatError(f"'{path}' lacks the variable '{name}'")
+    return str(np.ravel(content["description"])[0]), np.asarray(content["adc"])
+
+
+def _open_hdf5(path: Path) -> tuple[str, Any]:
+    import h5py
+
+    try:
+        file = h5py.File(path, "r")
+        return "".join(chr(letter) for letter in file["description"][:].ravel()), file["adc"]
+    except (OSError, KeyError) as error:
+        raise CaptureFormatError(f"'{path}' is no whole MATLAB file of version 7.3: {error}") from error

@@ -1,0 +1,139 @@
+"""`radar_frames.npy` of RF Genesis (github.com/Asixa/RF-Genesis): complex128 (frame, tx, rx, chirp, sample).
+
+Its Tx axis counts slots (its `TI1843_config.json` lists TX1, TX3, TX2). Beside it lies `<name>_config.json` with the
+fields of that configuration: its point cloud and its films need one. Numbers are floating-point: the scale is 1 unless
+another is asked for.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, AdcCube
+from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, write_json
+from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, read_sidecar, with_radar, write_sidecar
+
+NAME = "rfgenesis"
+STANDARD = "radar_frames.npy"
+_ANGLE_BINS = 64
+
+
+def write(
+    cube: AdcCube,
+    path: str | os.PathLike[str],
+    *,
+    scale: Scale = "auto",
+    full_scale_dbm: float | None = None,
+    overwrite: bool = False,
+) -> CaptureReport:
+    """Write `path` (or `radar_frames.npy` in it, where it is a folder) and its configuration; see `write_capture`."""
+    check_cube(cube)
+    radar, frames = cube.radar, cube.data.shape[0]
+    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, None)
+    loops, slots, channels, samples = frame_shape(radar)
+    order = list(radar.waveform.tx_order)
+    data = data_file(path, STANDARD)
+    paths = (data, beside(data, "_config.json"), beside(data, SUFFIX))
+    with staged(paths, overwrite) as parts:
+        stored = np.lib.format.open_memmap(
+            parts[0], mode="w+", dtype=np.complex128, shape=(frames, slots, channels, loops, samples)
+        )
+        for number, frame in enumerate(frames_of(cube)):
+            stored[number] = frame[:, order].transpose(1, 2, 0, 3) / divisor
+        stored.flush()
+        del stored
+        write_json(parts[1], _config(radar))
+        write_sidecar(parts[2], describe(cube, NAME, declared, None))
+    return CaptureReport(NAME, paths, frames, declared, None, 0, 2 * cube.data.size)
+
+
+def _config(radar: Radar) -> dict[str, Any]:
+    """RF Genesis' configuration: GHz aside, in µs, ksps and MHz/µs; elements in half wavelengths, x along the array."""
+    wave = radar.waveform
+    pitch = 0.5 * SPEED_OF_LIGHT / wave.start_frequency
+
+    def places(positions: NDArray[Any]) -> list[list[float]]:
+        # (boresight, left, up) to (left, up, boresight): right-handed both.
+        return [[round(float(position[axis] / pitch), 6) for axis in (1, 2, 0)] for position in positions]
+
+    return {
+        "c0": SPEED_OF_LIGHT,
+        "num_tx": len(radar.tx_positions),
+        "num_rx": len(radar.rx_positions),
+        "fc": wave.start_frequency,
+        "slope": wave.slope / 1e12,
+        "adc_samples": wave.num_samples,
+        "adc_start_time": wave.adc_start_time * 1e6,
+        "sample_rate": wave.sample_rate / 1e3,
+        "idle_time": wave.idle_time * 1e6,
+        "ramp_end_time": wave.ramp_end_time * 1e6,
+        "chirp_per_frame": wave.num_loops,
+        "frame_per_second": 1.0 / wave.frame_period,
+        "num_doppler_bins": wave.num_loops,
+        "num_range_bins": wave.num_samples,
+        "num_angle_bins": _ANGLE_BINS,
+        "power": radar.tx_power_dbm,
+        "tx_loc": places(radar.tx_positions[list(wave.tx_order)]),
+        "rx_loc": places(radar.rx_positions),
+    }
+
+
+def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
+    """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the one it was made with."""
+    data = need_file(data_file(path, STANDARD))
+    if (sidecar := beside(data, SUFFIX)).is_file():
+        known = with_radar(read_sidecar(sidecar), radar, data)
+    elif radar is not None:
+        known = Description(radar, None, None, None)
+    else:
+        raise CaptureFormatError(
+            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
+        )
+    loops, slots, channels, samples = frame_shape(known.radar)
+    stored = _open(data, (slots, channels, loops, samples), partial)
+    frames = len(stored)
+    if known.frames is not None and frames != known.frames:
+        complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
+        frames = min(frames, known.frames)
+    elements = np.argsort(known.radar.waveform.tx_order)
+
+    def frame(number: int) -> NDArray[Any]:
+        return np.asarray(stored[number])[elements].transpose(2, 0, 1, 3)
+
+    return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
+
+
+def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArray[Any]:
+    """The array in a `.npy` file, as far as it reaches."""
+    with path.open("rb") as stream:
+        try:
+            version = np.lib.format.read_magic(stream)
+            header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            found, fortran, dtype = header(stream)
+        except ValueError as error:
+            raise CaptureFormatError(f"'{path}' is not a NumPy file: {error}") from error
+        start = stream.tell()
+    if fortran or dtype.kind != "c" or len(found) != 5 or found[1:] != shape:
+        raise CaptureFormatError(
+            f"'{path}' holds {dtype} {found}; complex (frame, tx, rx, chirp, sample) with {shape} after the frames "
+            "is needed for this radar"
+        )
+    frame_size = dtype.itemsize * int(np.prod(shape))
+    present = min((path.stat().st_size - start) // frame_size, found[0])
+    missing = start + found[0] * frame_size - path.stat().st_size
+    if missing > 0:
+        message = f"'{path}' has {path.stat().st_size:,} bytes; {found[0]} frames need {missing:,} more"
+        if present == 0:
+            raise CaptureFormatError(message)
+        complain(message, partial)
+    if present == 0:
+        raise CaptureFormatError(f"'{path}' holds no frame")
+    return np.memmap(path, dtype=dtype, mode="r", offset=start, shape=(present, *shape))

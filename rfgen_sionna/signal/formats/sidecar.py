@@ -1,0 +1,118 @@
+"""The file beside a capture that says what its own format cannot: scale, times, seed and the radar in full."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import AdcCube, FloatArray
+from rfgen_sionna.signal.formats.capture import CaptureFormatError, full_scale_dbm
+from rfgen_sionna.signal.formats.files import read_json, write_json
+from rfgen_sionna.signal.formats.frames import frame_shape
+
+SUFFIX = ".rfgen.json"
+_FORMAT, _VERSION = "rfgen-capture", 1
+
+
+def even_times(frames: int, radar: Radar) -> FloatArray:
+    """(frames,) one frame period after the other, from 0 [s]."""
+    return np.asarray(np.arange(frames) * radar.waveform.frame_period, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a reader knows of a capture before it looks at the samples."""
+
+    radar: Radar
+    scale: float | None
+    frame_times: FloatArray | None
+    """None where nothing says when frames were taken, or how many there are."""
+    seed: int | None
+
+    @property
+    def frames(self) -> int | None:
+        return None if self.frame_times is None else len(self.frame_times)
+
+    def times(self, frames: int) -> FloatArray:
+        """(frames,) start of each frame [s]: as declared, else one period after the other."""
+        if self.frame_times is None:
+            return even_times(frames, self.radar)
+        return self.frame_times[:frames]
+
+
+def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale: int | None) -> dict[str, Any]:
+    """The record that makes a capture of `cube` readable without anything else."""
+    return {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "capture_format": capture_format,
+        "scale": scale,
+        "scale_units": "sqrt(W)/LSB",
+        "full_scale_dbm": None if scale is None or full_scale is None else full_scale_dbm(scale, full_scale),
+        "frames": len(cube.frame_times),
+        "frame_times_s": [float(time) for time in cube.frame_times],
+        "seed": None if cube.seed is None else int(cube.seed),
+        "radar": cube.radar.to_dict(),
+    }
+
+
+def write_sidecar(path: Path, record: dict[str, Any]) -> None:
+    write_json(path, record)
+
+
+def read_sidecar(path: Path) -> Description:
+    """What a file that :func:`describe` made says.
+
+    Raises
+    ------
+    CaptureFormatError
+        Naming what it lacks, or what cannot be.
+    """
+    return from_record(read_json(path), f"'{path}'")
+
+
+def from_record(record: dict[str, Any], what: str) -> Description:
+    """The same of a record that lies elsewhere; `what` names it in errors."""
+    if record.get("format") != _FORMAT or record.get("version") != _VERSION:
+        raise CaptureFormatError(
+            f"{what} is of format {record.get('format')!r} version {record.get('version')!r}; "
+            f"'{_FORMAT}' version {_VERSION} is needed"
+        )
+    missing = {"scale", "frame_times_s", "seed", "radar"} - set(record)
+    if missing:
+        raise CaptureFormatError(f"{what} lacks '{min(missing)}'")
+    try:
+        radar = Radar.from_dict(record["radar"])
+        times = np.asarray(record["frame_times_s"], dtype=np.float64)
+        scale = None if record["scale"] is None else float(record["scale"])
+        seed = None if record["seed"] is None else int(record["seed"])
+    except (TypeError, ValueError) as error:
+        raise CaptureFormatError(f"{what}: {error}") from error
+    if times.ndim != 1 or len(times) == 0 or not np.all(np.isfinite(times)):
+        raise CaptureFormatError(f"{what}: 'frame_times_s' is not a list of finite times")
+    if scale is not None and not (np.isfinite(scale) and scale > 0):
+        raise CaptureFormatError(f"{what}: 'scale' is {scale!r}; a positive number of sqrt(W)/LSB is needed")
+    return Description(radar, scale, times, seed)
+
+
+def with_radar(known: Description, radar: Radar | None, path: Path) -> Description:
+    """The description with the caller's radar for the declared one, if the frames are of the same shape.
+
+    Raises
+    ------
+    CaptureFormatError
+        They are not.
+    """
+    if radar is None:
+        return known
+    ours, theirs = frame_shape(radar), frame_shape(known.radar)
+    if ours != theirs or radar.waveform.tx_order != known.radar.waveform.tx_order:
+        raise CaptureFormatError(
+            f"radar '{radar.name}' gives frames (chirp, tx, rx, sample) of {ours} and fires {radar.waveform.tx_order}; "
+            f"'{path}' was taken with {theirs}, firing {known.radar.waveform.tx_order}: leave `radar` out to take its"
+        )
+    return Description(radar, known.scale, known.frame_times, known.seed)

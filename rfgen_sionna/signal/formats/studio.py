@@ -1,0 +1,286 @@
+"""The JSON that mmWave Studio keeps beside its captures: `<name>.mmwave.json` and `<name>.setup.json`.
+
+Field names, units in them and the values that its readers check are those of TI's own MATLAB readers (`rawDataReader`
+of mmWave Studio, `JsonParser` of the cascade examples) and of the mmWaveLink interface. What this package does not
+simulate (receive gain, back-off, filters, lanes) has mmWave Studio's defaults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.signal.formats.capture import CaptureFormatError
+from rfgen_sionna.signal.formats.files import read_json
+from rfgen_sionna.signal.formats.frames import channel_numbers
+
+TX_PER_DEVICE, RX_PER_DEVICE = 3, 4
+_FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
+
+
+def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]:
+    """The content of `.mmwave.json` for `frames` frames of `radar` on one device or on four in cascade.
+
+    No time of creation is written: the same capture gives the same file.
+    """
+    what = "one device" if devices == 1 else f"a cascade of {devices} devices"
+    tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, what)
+    rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, what)
+    fired = [tx[index] for index in radar.waveform.tx_order]
+    return {
+        "configGenerator": {"createdBy": "rfgen_sionna", "isConfigIntermediate": 0},
+        "currentVersion": {"jsonCfgVersion": {"major": 0, "minor": 4, "patch": 0}},
+        "systemConfig": {"summary": f"{radar.name}, preset {radar.preset}"},
+        "mmWaveDevices": [_device(radar, frames, number, devices, fired, rx) for number in range(devices)],
+        "processingChainConfig": {},
+    }
+
+
+def _device(
+    radar: Radar, frames: int, number: int, devices: int, fired: Sequence[int], receivers: Sequence[int]
+) -> dict[str, Any]:
+    wave = radar.waveform
+    cascade = devices > 1
+    first_tx, first_rx = TX_PER_DEVICE * number + 1, RX_PER_DEVICE * number + 1
+    tx_bits = [_bits([tx - first_tx], TX_PER_DEVICE) for tx in fired]
+    return {
+        "mmWaveDeviceId": number,
+        "rfConfig": {
+            "waveformType": "legacyFrameChirp",
+            "MIMOScheme": "TDM",
+            "rlCalibrationDataFile": "",
+            "rlChanCfg_t": {
+                "rxChannelEn": f"0x{_bits([rx - first_rx for rx in receivers], RX_PER_DEVICE):X}",
+                "txChannelEn": f"0x{_bits([tx - first_tx for tx in fired], TX_PER_DEVICE):X}",
+                "cascading": 0 if not cascade else 1 if number == 0 else 2,
+                "cascadingPinoutCfg": "0x0",
+            },
+            "rlAdcOutCfg_t": {"fmt": {"b2AdcBits": 2, "b8FullScaleReducFctr": 0, "b2AdcOutFmt": 1}},
+            "rlLowPowerModeCfg_t": {"lpAdcMode": 0},
+            "rlProfiles": [
+                {
+                    "rlProfileCfg_t": {
+                        "profileId": 0,
+                        "pfVcoSelect": "0x0",
+                        "pfCalLutUpdate": "0x0",
+                        "startFreqConst_GHz": _scaled(wave.start_frequency, 1e9),
+                        "idleTimeConst_usec": _scaled(wave.idle_time, 1e-6),
+                        "adcStartTimeConst_usec": _scaled(wave.adc_start_time, 1e-6),
+                        "rampEndTime_usec": _scaled(wave.ramp_end_time, 1e-6),
+                        "txOutPowerBackoffCode": "0x0",
+                        "txPhaseShifter": "0x0",
+                        "freqSlopeConst_MHz_usec": _scaled(wave.slope, 1e12),
+                        "txStartTime_usec": 0.0,
+                        "numAdcSamples": wave.num_samples,
+                        "digOutSampleRate": _scaled(wave.sample_rate, 1e3),
+                        "hpfCornerFreq1": 0,
+                        "hpfCornerFreq2": 0,
+                        "rxGain_dB": "0x1E",
+                    }
+                }
+            ],
+            "rlChirps": [
+                {
+                    "rlChirpCfg_t": {
+                        "chirpStartIdx": slot,
+                        "chirpEndIdx": slot,
+                        "profileId": 0,
+                        "startFreqVar_MHz": 0.0,
+                        "freqSlopeVar_KHz_usec": 0.0,
+                        "idleTimeVar_usec": 0.0,
+                        "adcStartTimeVar_usec": 0.0,
+                        "txEnable": f"0x{bits:X}",
+                    }
+                }
+                for slot, bits in enumerate(tx_bits)
+            ],
+            "rlBpmChirps": [],
+            "rlRfPhaseShiftCfgs": [],
+            "rlFrameCfg_t": {
+                "chirpStartIdx": 0,
+                "chirpEndIdx": len(fired) - 1,
+                "numLoops": wave.num_loops,
+                "numFrames": frames,
+                "framePeriodicity_msec": _scaled(wave.frame_period, 1e-3),
+                "triggerSelect": 2 if cascade and number else 1,
+                "frameTriggerDelay": 0.0,
+            },
+        },
+        "rawDataCaptureConfig": {
+            # Interleave 1 is one receiver after the other (LVDS, two lanes); 0 is all receivers of a sample (CSI-2).
+            "rlDevDataFmtCfg_t": {"iqSwapSel": 0, "chInterleave": 0 if cascade else 1},
+            "rlDevDataPathCfg_t": {
+                "intfSel": 0 if cascade else 1,
+                "transferFmtPkt0": "0x1",
+                "transferFmtPkt1": "0x0",
+                "cqConfig": 0,
+                "cq0TransSize": 0,
+                "cq1TransSize": 0,
+                "cq2TransSize": 0,
+            },
+            "rlDevDataPathClkCfg_t": {"laneClkCfg": 1, "dataRate_Mbps": 600},
+        }
+        | (
+            {"rlDevCsi2Cfg_t": {"lanePosPolSel": "0x35421", "lineStartEndDis": 0}}
+            if cascade
+            else {
+                "rlDevLaneEnable_t": {"laneEn": "0x3"},
+                "rlDevLvdsLaneCfg_t": {"laneFmtMap": "0x0", "laneParamCfg": "0x1"},
+            }
+        ),
+        "monitoringConfig": {},
+    }
+
+
+def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
+    """The content of `.setup.json`: which files belong together. Names are relative, so that the folder may move."""
+    return {
+        "createdByVersion": "rfgen_sionna",
+        "mmWaveDevice": radar.name.lower(),
+        "operatingFreq": round(radar.waveform.start_frequency / 1e9),
+        "captureHardware": "DCA1000",
+        "DCA1000Config": {
+            "dataLoggingMode": "raw",
+            "dataTransferMode": "LVDSCapture",
+            "dataCaptureMode": "ethernetStream",
+            "packetSequenceEnable": 1,
+            "packetDelay_us": 25,
+        },
+        "configUsed": config.name,
+        "capturedFiles": {
+            "numFilesCollected": 1,
+            "fileBasePath": ".",
+            "files": [{"rawFileName": data.name, "processedFileName": data.name}],
+        },
+    }
+
+
+@dataclass(frozen=True)
+class Studio:
+    """What a `.mmwave.json` says of a capture."""
+
+    radar: Radar
+    frames: int | None
+    """None where the radar was to run until it is stopped."""
+    iq_swap: bool
+    """Whether Q stands before I."""
+
+
+def radar_from_studio(path: Path, hardware: Radar) -> Radar:
+    """`hardware` with the waveform and the Tx elements that a `.mmwave.json` tells.
+
+    Raises
+    ------
+    CaptureFormatError
+        Naming the field that is missing, or that this package cannot follow.
+    """
+    return read_studio(path, hardware).radar
+
+
+def read_studio(path: Path, hardware: Radar, devices: int = 1) -> Studio:
+    """Read a `.mmwave.json`, its own or mmWave Studio's; `hardware` gives positions, pattern, power and noise."""
+    config = read_json(path)
+    try:
+        return _parse(config, hardware, devices)
+    except KeyError as error:
+        raise CaptureFormatError(f"'{path}' lacks {error}") from error
+    except (TypeError, ValueError, IndexError) as error:
+        raise CaptureFormatError(f"'{path}': {error}") from error
+
+
+def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Studio:
+    records = config["mmWaveDevices"]
+    if len(records) != devices:
+        raise ValueError(f"mmWaveDevices has {len(records)} entries; {devices} needed")
+    records = sorted(records, key=lambda record: int(record["mmWaveDeviceId"]))
+    rf, raw = records[0]["rfConfig"], records[0]["rawDataCaptureConfig"]
+    if rf["waveformType"] not in _FRAME_WAVEFORMS:
+        raise ValueError(f"waveformType is '{rf['waveformType']}'; supported: {', '.join(_FRAME_WAVEFORMS)}")
+    if len(rf["rlProfiles"]) != 1:
+        raise ValueError(f"rlProfiles has {len(rf['rlProfiles'])} profiles; frames of one profile are supported")
+    output = rf["rlAdcOutCfg_t"]["fmt"]
+    if output["b2AdcBits"] != 2 or output["b2AdcOutFmt"] not in (1, 2):
+        raise ValueError(
+            f"b2AdcBits is {output['b2AdcBits']!r} and b2AdcOutFmt {output['b2AdcOutFmt']!r}; "
+            "16 bits (2) and complex samples (1 or 2) are supported"
+        )
+    interleave = raw["rlDevDataFmtCfg_t"]["chInterleave"]
+    if interleave != (1 if devices == 1 else 0):
+        raise ValueError(f"chInterleave is {interleave!r}; {1 if devices == 1 else 0} is the layout of this format")
+    if devices == 1 and "rlDevLaneEnable_t" in raw and _hex(raw["rlDevLaneEnable_t"]["laneEn"]) != 3:
+        raise ValueError(f"laneEn is {raw['rlDevLaneEnable_t']['laneEn']!r}; two lanes (0x3) are supported")
+    profile, frame = rf["rlProfiles"][0]["rlProfileCfg_t"], rf["rlFrameCfg_t"]
+    fired = _fired(records, int(frame["chirpStartIdx"]), int(frame["chirpEndIdx"]))
+
+    what = "one device" if devices == 1 else f"a cascade of {devices} devices"
+    numbers = channel_numbers(hardware.tx_names, "TX", TX_PER_DEVICE * devices, what)
+    if absent := set(fired) - set(numbers):
+        raise ValueError(f"TX{min(absent)} fires; radar '{hardware.name}' has {', '.join(hardware.tx_names)}")
+    kept = [index for index, number in enumerate(numbers) if number in fired]
+    enabled = {
+        RX_PER_DEVICE * place + bit + 1
+        for place, record in enumerate(records)
+        for bit in range(RX_PER_DEVICE)
+        if _hex(record["rfConfig"]["rlChanCfg_t"]["rxChannelEn"]) >> bit & 1
+    }
+    receivers = channel_numbers(hardware.rx_names, "RX", RX_PER_DEVICE * devices, what)
+    if absent := enabled - set(receivers):
+        raise ValueError(f"RX{min(absent)} is enabled; radar '{hardware.name}' has {', '.join(hardware.rx_names)}")
+    heard = [index for index, number in enumerate(receivers) if number in enabled]
+    waveform = replace(
+        hardware.waveform,
+        start_frequency=float(profile["startFreqConst_GHz"]) * 1e9,
+        slope=float(profile["freqSlopeConst_MHz_usec"]) * 1e12,
+        sample_rate=float(profile["digOutSampleRate"]) * 1e3,
+        num_samples=int(profile["numAdcSamples"]),
+        idle_time=float(profile["idleTimeConst_usec"]) * 1e-6,
+        adc_start_time=float(profile["adcStartTimeConst_usec"]) * 1e-6,
+        ramp_end_time=float(profile["rampEndTime_usec"]) * 1e-6,
+        num_loops=int(frame["numLoops"]),
+        tx_order=tuple(kept.index(numbers.index(number)) for number in fired),
+        frame_period=float(frame["framePeriodicity_msec"]) * 1e-3,
+    )
+    radar = replace(
+        hardware,
+        waveform=waveform,
+        tx_names=tuple(hardware.tx_names[index] for index in kept),
+        tx_positions=hardware.tx_positions[kept],
+        rx_names=tuple(hardware.rx_names[index] for index in heard),
+        rx_positions=hardware.rx_positions[heard],
+    )
+    swapped = bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"])
+    return Studio(radar, int(frame["numFrames"]) or None, swapped)
+
+
+def _fired(records: Sequence[dict[str, Any]], first: int, last: int) -> list[int]:
+    """Number of the Tx that each chirp of a loop fires."""
+    slots: list[list[int]] = [[] for _ in range(first, last + 1)]
+    for place, record in enumerate(records):
+        for entry in record["rfConfig"]["rlChirps"]:
+            chirp = entry["rlChirpCfg_t"]
+            for index in range(int(chirp["chirpStartIdx"]), int(chirp["chirpEndIdx"]) + 1):
+                if first <= index <= last:
+                    bits = _hex(chirp["txEnable"])
+                    slots[index - first] += [
+                        TX_PER_DEVICE * place + bit + 1 for bit in range(TX_PER_DEVICE) if bits >> bit & 1
+                    ]
+    for slot, fired in enumerate(slots):
+        if len(fired) != 1:
+            raise ValueError(f"rlChirps: chirp {first + slot} fires {len(fired)} Tx; one at a time (TDM) is supported")
+    return [fired[0] for fired in slots]
+
+
+def _bits(channels: Sequence[int], count: int) -> int:
+    return sum(1 << channel for channel in channels if 0 <= channel < count)
+
+
+def _hex(value: Any) -> int:
+    return int(value, 16) if isinstance(value, str) else int(value)
+
+
+def _scaled(value: float, unit: float) -> float:
+    """`value` in `unit`, without the digits that the division leaves behind."""
+    return float(f"{value / unit:.13g}")
