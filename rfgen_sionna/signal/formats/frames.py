@@ -65,9 +65,10 @@ def resolve_scale(
 ) -> tuple[float, float | None]:
     """What to divide by [sqrt(W)/LSB], and what to declare.
 
-    "auto" is the smallest power of two that clips nothing: LSB times such a scale is exact in float32, so that
-    units come back exactly and writing again gives the same bytes. Formats of floating-point numbers
-    (`full_scale` None) need no scale: there "auto" is 1.
+    "auto" fills the converter at the radar's own full scale, `radar.adc.full_scale_dbm`. Where that is automatic too,
+    it is the smallest power of two that clips nothing: LSB times such a scale is exact in float32, so that units come
+    back exactly, and writing again gives the same bytes. Formats of floating-point numbers (`full_scale` None) need
+    no scale: there "auto" is 1.
     """
     if full_scale_dbm is not None:
         if scale != "auto":
@@ -78,7 +79,7 @@ def resolve_scale(
             )
         if not _is_number(full_scale_dbm) or not -200.0 <= full_scale_dbm <= 200.0:
             raise ValueError(f"full_scale_dbm is {full_scale_dbm!r}: a value in -200 … 200 dBm is needed")
-        declared = 10.0 ** ((full_scale_dbm - 30.0) / 20.0) / full_scale
+        declared = _tone_amplitude(full_scale_dbm) / full_scale
         return declared, declared
     if scale is None:
         return 1.0, None
@@ -87,7 +88,8 @@ def resolve_scale(
             raise ValueError(f'scale is {scale!r}: "auto", a number [sqrt(W)/LSB] or None is needed')
         if full_scale is None:
             return 1.0, 1.0
-        found = _power_of_two(peak(cube), full_scale)
+        level = cube.radar.adc.full_scale_dbm
+        found = _power_of_two(peak(cube), full_scale) if level is None else _tone_amplitude(level) / full_scale
         return found, found
     if not _is_number(scale) or not 1e-30 <= scale <= 1e30:
         raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")
@@ -97,6 +99,11 @@ def resolve_scale(
 def peak(cube: AdcCube) -> float:
     """Largest |I| or |Q| of all frames [sqrt(W)]."""
     return max(float(np.abs(frame.view(np.float32)).max()) for frame in frames_of(cube))
+
+
+def _tone_amplitude(level: float) -> float:
+    """Amplitude [sqrt(W)] of a complex tone of `level` [dBm]."""
+    return float(10.0 ** ((level - 30.0) / 20.0))
 
 
 def _power_of_two(largest: float, full_scale: int) -> float:

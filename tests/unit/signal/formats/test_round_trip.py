@@ -119,6 +119,12 @@ def test_full_scale_in_dbm_is_the_power_of_a_tone_that_fills_the_converter(name:
     assert (report.scale * FULL_SCALE[name]) ** 2 == pytest.approx(1e-4)  # -10 dBm is 0.1 mW
 
 
+def test_a_radar_with_a_fixed_full_scale_gives_the_scale(tmp_path: Path) -> None:
+    radar = replace(awr1843(), adc=replace(awr1843().adc, full_scale_dbm=-20.0))
+    report = write_capture(lsb_cube(radar, 1, 100, scale=1e-9), tmp_path)
+    assert report.full_scale_dbm == pytest.approx(-20.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("name", INTEGER)
 def test_samples_without_units_stay_in_lsb(name: str, tmp_path: Path) -> None:
     cube = lsb_cube(RADARS[name], 2, FULL_SCALE[name])
