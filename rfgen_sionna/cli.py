@@ -1,4 +1,4 @@
-"""The command line: `rfgen generate`, `rfgen radars`, `rfgen show`."""
+"""The command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -148,6 +148,55 @@ def show(
     _out.print(escape(text), soft_wrap=True)
     if pictures:
         _draw(file, overwrite)
+
+
+@app.command(
+    epilog="""[bold]Examples[/bold]
+
+rfgen export jacks.h5 --format dca1000 --output captures/
+
+rfgen export jacks.h5 --format matlab --output jacks.mat
+
+rfgen export jacks.h5 --format dca1000 --output captures/ --scale=-20dBm"""
+)
+def export(
+    file: Annotated[Path, typer.Argument(help="A file that `rfgen generate` wrote.", show_default=False)],
+    format: Annotated[
+        str, typer.Option("--format", help="dca1000, cascade, position2go, rfgenesis or matlab.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option(help="Data file, or folder for the files.", show_default=False)],
+    scale: Annotated[
+        str,
+        typer.Option(help='"auto", a number in √W per LSB, or the full scale as a power, such as -20dBm.'),
+    ] = "auto",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+) -> None:
+    """Write the samples as the files that a radar's own tools write."""
+    from rfgen_sionna.dataset import open_run
+    from rfgen_sionna.records import AdcCube
+    from rfgen_sionna.signal.formats import write_capture
+
+    options = _scale(scale)
+    with open_run(file) as run, _out.status("exporting"):
+        # The samples stay on the disk: a frame at a time is read, scaled and written.
+        cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
+        report = write_capture(cube, output, format, overwrite=overwrite, **options)
+    for path in report.paths:
+        _wrote(path)
+    level = "" if report.full_scale_dbm is None else f", full scale {report.full_scale_dbm:.1f} dBm"
+    _out.print(f"{report.frames} frames, {report.scale:g} √W per LSB{level}, {report.clipped} values clipped")
+
+
+def _scale(text: str) -> dict[str, Any]:
+    number, decibels = text.strip().lower(), False
+    if number == "auto":
+        return {}
+    if number.endswith("dbm"):
+        number, decibels = number.removesuffix("dbm"), True
+    try:
+        return {"full_scale_dbm" if decibels else "scale": float(number)}
+    except ValueError:
+        raise ValueError(f"--scale: {text!r} is not auto, a number of √W per LSB, or a power such as -20dBm") from None
 
 
 def _draw(file: Path, overwrite: bool) -> None:

@@ -15,6 +15,7 @@ import pytest
 from rfgen_sionna import cli
 from rfgen_sionna.dataset import Run, RunInfo, RunWriter, open_run
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.signal.formats import read_capture
 
 
 class Rfgen:
@@ -196,7 +197,33 @@ def test_radars_are_listed_with_what_follows_from_them(rfgen: Rfgen) -> None:
     assert "di_gesture" in out
 
 
-@pytest.mark.parametrize("command", [[], ["generate"], ["radars"], ["show"]])
+def test_export_writes_what_the_radar_itself_would(rfgen: Rfgen, tmp_path: Path) -> None:
+    write_run(tmp_path / "run.h5", "a person walking")
+    code, out, err = rfgen("export", "run.h5", "--format", "dca1000", "--output", "capture")
+    assert code == 0, err
+    assert "wrote capture/adc_data.bin" in out
+    assert "2 frames" in out
+    assert "0 values clipped" in out
+    back = read_capture(tmp_path / "capture")
+    with open_run(tmp_path / "run.h5") as run:
+        full = run.cube()
+    assert np.abs(back.data - full.data).max() < 1e-4 * np.abs(full.data).max()
+    assert (back.radar, back.seed) == (full.radar, full.seed)
+    code, out, err = rfgen("export", "run.h5", "--format", "dca1000", "--output", "loud", "--scale=-95dBm")
+    assert code == 0, err
+    assert "full scale -95.0 dBm" in out
+    assert ", 0 values clipped" not in out
+    code, _, err = rfgen("export", "run.h5", "--format", "dca1000", "--output", "capture")
+    assert code == 2
+    assert "adc_data.bin' exists" in err
+    for option in (["--format", "wav"], ["--format", "matlab", "--scale", "much"]):
+        code, _, err = rfgen("export", "run.h5", "--output", "other", *option)
+        assert code == 2
+        assert option[-1] in err
+        assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("command", [[], ["generate"], ["radars"], ["show"], ["export"]])
 def test_help_teaches(rfgen: Rfgen, command: list[str]) -> None:
     code, out, _ = rfgen(*command, "--help")
     assert code == 0
