@@ -1,8 +1,9 @@
 """Radars: configuration, element patterns, derived limits. Pure NumPy."""
 
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.pattern import ElementPattern
+from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern
 from rfgen_sionna.radar.radar import Radar
+from rfgen_sionna.radar.table import TablePattern
 from rfgen_sionna.radar.waveform import Waveform
 
-__all__ = ["Adc", "ElementPattern", "Radar", "Waveform"]
+__all__ = ["Adc", "ElementPattern", "NamedPattern", "Radar", "TablePattern", "Waveform"]

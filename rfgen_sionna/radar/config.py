@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +33,12 @@ _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
         "rx_positions_half_wavelengths": (list,),
         "rx_positions_m": (list,),
         "polarization": (str,),
+        "tx_polarization": (str,),
+        "rx_polarization": (str,),
     },
     "pattern": {
+        "kind": (str,),
+        "file": (str,),
         "peak_gain_dbi": _NUMBER,
         "azimuth_deg": (list,),
         "azimuth_db": (list,),
@@ -56,9 +62,16 @@ _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
     },
 }
 
-_UNITS_OF_LENGTH = ("half_wavelengths", "m")
-_OPTIONAL = {"array": {"design_frequency_hz"} | {f"{e}_positions_{u}" for e in ("tx", "rx") for u in _UNITS_OF_LENGTH}}
-"""Keys that a section may leave out; what must stand in their stead is checked where they are read."""
+_POSITIONS = {
+    element: tuple(f"{element}_positions_{unit}" for unit in ("half_wavelengths", "m")) for element in ("tx", "rx")
+}
+_POLARIZATIONS = ("polarization", "tx_polarization", "rx_polarization")
+_CUTS = ("peak_gain_dbi", "azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
+_OPTIONAL: dict[str, set[str]] = {
+    "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS},
+    "pattern": {"kind", "file", *_CUTS},
+}
+"""Keys that a section may leave out; which of them it must have is checked section by section."""
 
 
 class RadarConfigError(ValueError):
@@ -127,6 +140,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
     for section in ("array", "pattern", "transmitter", "receiver", "adc"):
         _check(table[section], section, where)
     _check_array(table["array"], where)
+    _check_pattern(table["pattern"], where)
     if not table["preset"]:
         raise RadarConfigError(f"{where}: at least one [preset.NAME] is needed")
     for name, preset in table["preset"].items():
@@ -153,7 +167,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
             raise RadarConfigError(f"{where}: [source] names '{key}', which is not in the file")
     for section in ("array", "pattern", "transmitter", "receiver", "adc"):
         for key in table[section]:
-            if key.endswith(("_names", "_deg")):
+            if key.endswith(("_names", "_deg")) or key == "kind":
                 continue
             if f"{section}.{key}" not in sourced and section not in sourced:
                 raise RadarConfigError(
@@ -165,9 +179,8 @@ def check_config(table: dict[str, Any], where: str) -> None:
 
 
 def _check_array(array: dict[str, Any], where: str) -> None:
-    """Positions in one unit, and the wavelength that they are counted in."""
-    for element in ("tx", "rx"):
-        known = [f"{element}_positions_{unit}" for unit in _UNITS_OF_LENGTH]
+    """Positions in one unit and the wavelength that they are counted in; polarisation of both ends."""
+    for known in _POSITIONS.values():
         given = [key for key in known if key in array]
         if len(given) != 1:
             raise RadarConfigError(
@@ -176,3 +189,61 @@ def _check_array(array: dict[str, Any], where: str) -> None:
             )
         if given[0].endswith("half_wavelengths") and "design_frequency_hz" not in array:
             raise RadarConfigError(f"{where}: 'array.design_frequency_hz' is missing; array.{given[0]} counts in it")
+    both, *each = _POLARIZATIONS
+    given = [key for key in _POLARIZATIONS if key in array]
+    if given not in ([both], each):
+        raise RadarConfigError(
+            f"{where}: [array] has {' and '.join(given) or 'no polarisation'}; either '{both}' or both of "
+            f"'{each[0]}' and '{each[1]}' are needed"
+        )
+
+
+def _check_pattern(pattern: dict[str, Any], where: str) -> None:
+    """The keys that go with the kind of pattern."""
+    kind = pattern.get("kind", "cuts")
+    needed, optional = {"cuts": (_CUTS, ()), "table": (("file",), ("peak_gain_dbi",))}.get(kind, ((), ()))
+    if not (needed or kind.startswith("sionna:")):
+        raise RadarConfigError(f"{where}: 'pattern.kind' is {kind!r}; 'cuts', 'table' or 'sionna:NAME' is needed")
+    for key in needed:
+        if key not in pattern:
+            raise RadarConfigError(f"{where}: 'pattern.{key}' is missing (needed: {', '.join(needed)})")
+    for key in pattern:
+        if key not in ("kind", *needed, *optional):
+            raise RadarConfigError(f"{where}: 'pattern.{key}' does not go with pattern.kind = '{kind}'")
+
+
+def overridden(table: dict[str, Any], overrides: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The table with other values under dotted keys, checked again.
+
+    Parameters
+    ----------
+    overrides
+        Key as in the file ("receiver.noise_figure_db", "preset.mmmesh.num_loops") to value. "pattern" with a table of
+        its own replaces the whole section; None takes a key out, as "array.polarization" must be for two of its own.
+
+    Raises
+    ------
+    RadarConfigError
+        If the key is none of the file format, or the value does not suit it.
+    """
+    changed = copy.deepcopy(table)
+    for dotted, value in overrides.items():
+        *sections, last = str(dotted).split(".")
+        inner = changed
+        for name in sections:
+            inner = inner.get(name)  # type: ignore[assignment]
+            if not isinstance(inner, dict):
+                raise RadarConfigError(f"{where}: overrides has the unknown key '{dotted}': there is no table '{name}'")
+        inner.pop(last, None)
+        source = changed["source"]
+        for key in [key for key in source if key == dotted or key.startswith(f"{dotted}.")]:
+            del source[key]
+        if value is not None:
+            inner[last] = copy.deepcopy(value)
+            if sections or isinstance(value, dict):
+                source[".".join([*sections[:2], last][:2])] = "override"
+    try:
+        check_config(changed, where)
+    except RadarConfigError as error:
+        raise RadarConfigError(f"{error} (overrides: {', '.join(map(str, overrides))})") from error
+    return changed

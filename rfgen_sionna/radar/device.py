@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError
-from rfgen_sionna.radar.pattern import ElementPattern
+from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
+from rfgen_sionna.radar.table import read_table
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
@@ -53,10 +55,6 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
     full_scale = config["adc"]["full_scale_dbm"]
     if isinstance(full_scale, str) and full_scale != "auto":
         raise RadarConfigError(f"{where}: 'adc.full_scale_dbm' is {full_scale!r}; a number [dBm] or \"auto\" is needed")
-    cuts = {
-        key: tuple(float(value) for value in config["pattern"][key])
-        for key in ("azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
-    }
     return {
         "name": config["name"],
         "preset": preset,
@@ -70,8 +68,9 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
         "rx_names": tuple(array["rx_names"]),
         "tx_positions": tx_positions[[names.index(tx) for tx in fired]],
         "rx_positions": rx_positions,
-        "pattern": ElementPattern(float(config["pattern"]["peak_gain_dbi"]), **cuts),
-        "polarization": array["polarization"],
+        "pattern": _pattern(config["pattern"], Path(where).parent, chirp["start_frequency_hz"]),
+        "tx_polarization": array.get("tx_polarization", array.get("polarization")),
+        "rx_polarization": array.get("rx_polarization", array.get("polarization")),
         "tx_power_dbm": float(config["transmitter"]["power_dbm"]),
         "noise_figure_db": float(config["receiver"]["noise_figure_db"]),
         "temperature": float(config["receiver"]["temperature_k"]),
@@ -126,3 +125,18 @@ def _positions(array: dict[str, Any], element: str, where: str) -> FloatArray:
     if len(names) != len(positions) or len(set(names)) != len(names):
         raise RadarConfigError(f"{where}: array.{element}_names must name each {element} position once, got {names}")
     return unit * np.array(positions, dtype=np.float64).reshape(-1, 3)
+
+
+def _pattern(pattern: dict[str, Any], folder: Path, frequency: float) -> Pattern:
+    """Element pattern of a checked section; files are looked for beside the radar's own."""
+    kind = pattern.get("kind", "cuts")
+    if kind == "table":
+        peak = pattern.get("peak_gain_dbi")
+        return read_table(folder / pattern["file"], frequency, None if peak is None else float(peak))
+    if kind != "cuts":
+        return NamedPattern(kind)
+    cuts = {
+        key: tuple(float(value) for value in pattern[key])
+        for key in ("azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
+    }
+    return ElementPattern(float(pattern["peak_gain_dbi"]), **cuts)

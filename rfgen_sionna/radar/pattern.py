@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from rfgen_sionna.radar.table import TablePattern
 from rfgen_sionna.records import FloatArray
+
+PREFIX = "sionna:"
+"""How the name of a pattern in Sionna's registry begins."""
 
 
 @dataclass(frozen=True)
@@ -61,3 +67,69 @@ class ElementPattern:
     def amplitude(self, direction: FloatArray) -> FloatArray:
         """Field gain, the square root of the power gain; shape of `gain_db`."""
         return np.asarray(10.0 ** (self.gain_db(direction) / 20.0), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class NamedPattern:
+    """A pattern of Sionna's registry by its name; :func:`rfgen_sionna.scene.tabulated` looks it up."""
+
+    name: str
+    """For instance "sionna:tr38901"."""
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name.startswith(PREFIX) and len(self.name) > len(PREFIX)):
+            raise ValueError(f"pattern.name is {self.name!r}: '{PREFIX}' and the name of a pattern are needed")
+
+    @property
+    def peak_gain_dbi(self) -> float:
+        raise self._unknown()
+
+    def gain_db(self, direction: FloatArray) -> FloatArray:
+        """Not known before the pattern has been looked up: ValueError."""
+        raise self._unknown()
+
+    def amplitude(self, direction: FloatArray) -> FloatArray:
+        """Not known before the pattern has been looked up: ValueError."""
+        raise self._unknown()
+
+    def _unknown(self) -> ValueError:
+        return ValueError(
+            f"pattern '{self.name}' is a name in Sionna's registry: rfgen_sionna.scene.tabulated(radar) looks it up, "
+            "as Simulator does by itself"
+        )
+
+
+Pattern = ElementPattern | TablePattern | NamedPattern
+
+
+def pattern_record(pattern: Pattern) -> dict[str, Any]:
+    """The pattern as JSON-able values; a table that a name stands for is only named."""
+    if isinstance(pattern, NamedPattern) or (isinstance(pattern, TablePattern) and pattern.name):
+        return {"kind": pattern.name}
+    kind = "table" if isinstance(pattern, TablePattern) else "cuts"
+    fields = {name: getattr(pattern, name) for name in pattern.__dataclass_fields__ if name != "name"}
+    return {"kind": kind} | {name: _listed(value) for name, value in fields.items()}
+
+
+def pattern_from_record(record: dict[str, Any], keys: Callable[[Any, Iterable[str]], dict[str, Any]]) -> Pattern:
+    """Inverse of :func:`pattern_record`; `keys` checks a table against the names it may have. No kind means cuts."""
+    record = dict(record) if isinstance(record, Mapping) else record
+    kind = record.pop("kind", "cuts") if isinstance(record, dict) else "cuts"
+    if isinstance(kind, str) and kind.startswith(PREFIX):
+        keys(record, ())
+        return NamedPattern(kind)
+    if kind == "table":
+        table = keys(record, ("azimuth_deg", "elevation_deg", "gain_dbi"))
+        return TablePattern(**{name: _frozen(value) for name, value in table.items()})
+    if kind == "cuts":
+        cuts = keys(record, tuple(ElementPattern.__dataclass_fields__))
+        return ElementPattern(**{name: _frozen(value) for name, value in cuts.items()})
+    raise ValueError(f"pattern.kind is {kind!r}; allowed: 'cuts', 'table', '{PREFIX}NAME'")
+
+
+def _listed(value: Any) -> Any:
+    return [_listed(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

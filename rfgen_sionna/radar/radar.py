@@ -5,50 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config import RadarConfigError, read_config
+from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.device import radar_fields
-from rfgen_sionna.radar.pattern import ElementPattern
+from rfgen_sionna.radar.pattern import Pattern, pattern_from_record, pattern_record
+from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.resources import available, resolve
-
-Vector = tuple[float, float, float]
-
-POLARIZATIONS: dict[str, Vector] = {
-    "V": (0.0, 0.0, 1.0),
-    "H": (0.0, 1.0, 0.0),
-    "+45": (0.0, float(np.sqrt(0.5)), float(np.sqrt(0.5))),
-    "-45": (0.0, -float(np.sqrt(0.5)), float(np.sqrt(0.5))),
-}
-"""Direction of the element's electric field at boresight, device frame."""
-
-
-def rotation_matrix(orientation: Vector) -> FloatArray:
-    """(3, 3) rotation from the device to the world frame for (yaw, pitch, roll) [rad], Sionna's Rz Ry Rx."""
-    (ca, cb, cc), (sa, sb, sc) = np.cos(orientation), np.sin(orientation)
-    return np.array(
-        [
-            [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
-            [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
-            [-sb, cb * sc, cb * cc],
-        ]
-    )
-
-
-def _vector(name: str, value: Any) -> Vector:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed") from None
-    if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed")
-    return float(array[0]), float(array[1]), float(array[2])
 
 
 def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Any]:
@@ -78,8 +48,9 @@ class Radar:
     """(tx, 3) [m], device frame."""
     rx_positions: FloatArray
     """(rx, 3) [m], device frame."""
-    pattern: ElementPattern
-    polarization: str
+    pattern: Pattern
+    tx_polarization: str
+    rx_polarization: str
     tx_power_dbm: float
     """Per Tx element [dBm]."""
     noise_figure_db: float
@@ -115,16 +86,17 @@ class Radar:
             raise ValueError(
                 f"radar has {len(self.tx_positions)} Tx elements; waveform.tx_order fires {len(self.waveform.tx_order)}"
             )
-        if self.polarization not in POLARIZATIONS:
-            raise ValueError(f"radar.polarization is {self.polarization!r}; allowed: {', '.join(POLARIZATIONS)}")
+        for name in ("tx_polarization", "rx_polarization"):
+            if getattr(self, name) not in POLARIZATIONS:
+                raise ValueError(f"radar.{name} is {getattr(self, name)!r}; allowed: {', '.join(POLARIZATIONS)}")
         if not (np.isfinite(self.tx_power_dbm) and -60 <= self.tx_power_dbm <= 80):
             raise ValueError(f"radar.tx_power_dbm is {self.tx_power_dbm!r}: a value in -60 … 80 dBm is needed")
         if not (np.isfinite(self.noise_figure_db) and 0 <= self.noise_figure_db <= 60):
             raise ValueError(f"radar.noise_figure_db is {self.noise_figure_db!r}: a value in 0 … 60 dB is needed")
         if not (np.isfinite(self.temperature) and 0 <= self.temperature <= 2000):
             raise ValueError(f"radar.temperature is {self.temperature!r}: a value in 0 … 2000 K is needed")
-        object.__setattr__(self, "position", _vector("position", self.position))
-        object.__setattr__(self, "orientation", _vector("orientation", self.orientation))
+        object.__setattr__(self, "position", vector("position", self.position))
+        object.__setattr__(self, "orientation", vector("orientation", self.orientation))
 
     # -- making one ---------------------------------------------------------------------------------------
 
@@ -142,6 +114,7 @@ class Radar:
         position: Vector = (0.0, 0.0, 0.0),
         orientation: Vector = (0.0, 0.0, 0.0),
         look_at: Vector | None = None,
+        overrides: Mapping[str, Any] | None = None,
     ) -> Radar:
         """Read a radar from `radars/<name>.toml` or from a TOML file of your own.
 
@@ -155,6 +128,9 @@ class Radar:
             World position [m]; yaw, pitch, roll [rad] in Sionna's convention.
         look_at
             World point [m] that the boresight shall hit; replaces `orientation`, without roll.
+        overrides
+            Values to take instead of the file's, under its dotted keys: `{"receiver.noise_figure_db": 12.0,
+            "pattern": {"kind": "sionna:tr38901"}}`. They are checked as the file is.
 
         Raises
         ------
@@ -171,6 +147,8 @@ class Radar:
             shipped = ", ".join(available("radars"))
             raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {shipped}")
         config = read_config(path)
+        if overrides:
+            config = overridden(config, overrides, str(path))
         try:
             made = cls(**radar_fields(config, preset, str(path)))
         except RadarConfigError:
@@ -187,13 +165,10 @@ class Radar:
         look_at: Vector | None = None,
     ) -> Radar:
         """The same radar elsewhere; `look_at` [m] replaces `orientation`, without roll."""
-        position = _vector("position", self.position if position is None else position)
-        orientation = _vector("orientation", self.orientation if orientation is None else orientation)
+        position = vector("position", self.position if position is None else position)
+        orientation = vector("orientation", self.orientation if orientation is None else orientation)
         if look_at is not None:
-            x, y, z = np.subtract(_vector("look_at", look_at), position)
-            if np.hypot(np.hypot(x, y), z) < 1e-9:
-                raise ValueError(f"radar.look_at is the radar's own position {position}: choose another point")
-            orientation = (float(np.arctan2(y, x)), float(-np.arctan2(z, np.hypot(x, y))), 0.0)
+            orientation = look_at_angles(position, vector("look_at", look_at))
         return replace(self, position=position, orientation=orientation)
 
     # -- derived ------------------------------------------------------------------------------------------
@@ -214,9 +189,14 @@ class Radar:
         return self.rx_positions @ self.rotation.T + np.asarray(self.position)
 
     @property
-    def field_direction(self) -> FloatArray:
-        """(3,) direction of the elements' electric field at boresight, world frame."""
-        return self.rotation @ np.asarray(POLARIZATIONS[self.polarization])
+    def tx_field(self) -> FloatArray:
+        """(3,) direction of the Tx elements' electric field at boresight, world frame."""
+        return self.rotation @ np.asarray(POLARIZATIONS[self.tx_polarization])
+
+    @property
+    def rx_field(self) -> FloatArray:
+        """(3,) direction of the Rx elements' electric field at boresight, world frame."""
+        return self.rotation @ np.asarray(POLARIZATIONS[self.rx_polarization])
 
     @property
     def virtual_positions(self) -> FloatArray:
@@ -266,12 +246,9 @@ class Radar:
             "rx_names": list(self.rx_names),
             "tx_positions": self.tx_positions.tolist(),
             "rx_positions": self.rx_positions.tolist(),
-            "pattern": {
-                key: list(value) if isinstance(value, tuple) else value
-                for key in ElementPattern.__dataclass_fields__
-                for value in [getattr(self.pattern, key)]
-            },
-            "polarization": self.polarization,
+            "pattern": pattern_record(self.pattern),
+            "tx_polarization": self.tx_polarization,
+            "rx_polarization": self.rx_polarization,
             "tx_power_dbm": self.tx_power_dbm,
             "noise_figure_db": self.noise_figure_db,
             "temperature": self.temperature,
@@ -283,13 +260,14 @@ class Radar:
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:
         """Inverse of :meth:`to_dict`."""
+        if isinstance(record, Mapping) and "polarization" in record:  # older runs have one for both ends
+            record = dict(record)
+            record["tx_polarization"] = record["rx_polarization"] = record.pop("polarization")
         record = _keys("radar record", record, cls.__dataclass_fields__, optional=("position", "orientation", "adc"))
         waveform = _keys("radar record: waveform", record["waveform"], Waveform.__dataclass_fields__)
-        pattern = _keys("radar record: pattern", record["pattern"], ElementPattern.__dataclass_fields__)
-        cuts: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in pattern.items()}
         fields: dict[str, Any] = record | {
             "waveform": Waveform(**waveform),
-            "pattern": ElementPattern(**cuts),
+            "pattern": pattern_from_record(record["pattern"], partial(_keys, "radar record: pattern")),
         }
         if "adc" in record:  # records of older runs have none
             fields["adc"] = Adc(**_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facet import FacetGains, facet_gains
 
-MAX_ORDER = 5
+MAX_ORDER = 8
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class BandTracer:
         self._origin = np.asarray(radar.position)
         self._tx = radar.tx_world - self._origin
         self._rx = radar.rx_world - self._origin
-        self._field = radar.field_direction
+        self._fields = radar.tx_field, radar.rx_field
         self._rtol = rtol
         self._pattern, self._rotation = radar.pattern, radar.rotation
 
@@ -54,9 +56,7 @@ class BandTracer:
             permittivity[:, chosen] = material.relative_permittivity(frequencies)[:, None]
             permeability[:, chosen] = material.relative_permeability(frequencies)[:, None]
         tx, rx = (self._tx[:1], self._rx[:1]) if single else (self._tx, self._rx)
-        return facet_gains(
-            corners - self._origin, tx, rx, self._field, self._field, permittivity, permeability, frequencies
-        )
+        return facet_gains(corners - self._origin, tx, rx, *self._fields, permittivity, permeability, frequencies)
 
     def __call__(self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, order: int) -> BandGains:
         """Gains of `corners` (facet, 3, 3) [m, world]; facet i is of `materials[index[i]]`.
@@ -94,6 +94,7 @@ class BandTracer:
             )
             if _rms((fitted * phasor).sum(axis=1) - truth) <= self._rtol * scale:
                 return order
+        _LOG.warning("the gains of facets change too fast over the band for %d coefficients at rtol %g", order, self._rtol)
         return MAX_ORDER
 
 

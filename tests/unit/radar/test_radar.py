@@ -51,7 +51,7 @@ def test_element_positions_turn_and_move_with_the_radar(radar: Radar) -> None:
     placed = radar.placed(position=(1.0, 2.0, 3.0), look_at=(1.0, 5.0, 3.0))  # looks along +y: its left is -x
     np.testing.assert_allclose(placed.tx_world[0], [1.0 - radar.tx_positions[0, 1], 2.0, 3.0], atol=1e-12)
     np.testing.assert_allclose(placed.rx_world[0], [1.0 - radar.rx_positions[0, 1], 2.0, 3.0], atol=1e-12)
-    np.testing.assert_allclose(placed.field_direction, [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(placed.tx_field, [0, 0, 1], atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -2, 0), (1, 1, 1), (0, 0, 1), (0, 0, -3)])
@@ -115,7 +115,7 @@ def test_a_radar_cannot_look_at_itself() -> None:
         ({"tx_positions": np.eye(2, 3), "tx_names": ("a", "b")}, "2 Tx elements; waveform.tx_order fires 3"),
         ({"rx_names": ("a", "b")}, "rx_names"),
         ({"rx_names": ("a", "b", "c", "a")}, "rx_names"),
-        ({"polarization": "RHCP"}, r"'RHCP'; allowed: V, H"),
+        ({"rx_polarization": "RHCP"}, r"'RHCP'; allowed: V, H"),
         ({"tx_power_dbm": 1e3}, "tx_power_dbm is 1000.0"),
         ({"noise_figure_db": -1.0}, "noise_figure_db is -1.0"),
         ({"temperature": float("nan")}, "temperature is nan"),
