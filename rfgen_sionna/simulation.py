@@ -19,7 +19,7 @@ from rfgen_sionna.records import AdcCube, FloatArray, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.clearance import CLEARANCE, check_radar_clear
 from rfgen_sionna.scene.load import RadarScene, load_scene
-from rfgen_sionna.signal import add_thermal_noise, synthesize
+from rfgen_sionna.signal import Receiver, receive, synthesize
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport
 
 if TYPE_CHECKING:
@@ -30,6 +30,9 @@ Progress = Callable[[int, int], None]
 
 CHECK_STEP = 0.05
 """Time [s] between the instants of a run at which the actors' places are checked before the work starts."""
+HIDING_INSTANTS = 9
+"""Instants of a run, and below them points of an actor, at which it is looked for behind the scene's surfaces."""
+HIDING_POINTS = 64
 MIN_CHECK_STEP = 1e-4
 """Shortest such time where an actor passes the radar [s]."""
 
@@ -44,6 +47,10 @@ class Frame:
     samples: NDArray[np.complex128]
     """(chirp, tx, rx, sample) in square roots of watts."""
     report: TraceReport
+    full_scale: float | None = None
+    """Largest I or Q of the ADC [sqrt(W)]; None where the samples are not quantised."""
+    clipped: float = 0.0
+    """Share of the words of I and Q that were beyond the ADC's range."""
 
 
 class Simulator:
@@ -119,6 +126,7 @@ class Simulator:
         start: float = 0.0,
         noise: bool = True,
         seed: int = 0,
+        receiver: Receiver | None = None,
         progress: Progress | None = None,
     ) -> AdcCube:
         """Samples of all frames that fit into `duration` [s].
@@ -130,9 +138,13 @@ class Simulator:
         start
             Start of the first frame [s] on the actors' clock.
         noise
-            Whether thermal noise is added, drawn from `seed`.
+            Whether the receiver is noisy. False takes the thermal noise out of `receiver`; without a `receiver` the
+            samples are those of an ideal one, neither noisy nor quantised.
         seed
-            Seed of the noise; the same seed gives the same samples to the bit.
+            Seed of all that the receiver draws; the same seed gives the same samples to the bit.
+        receiver
+            The receiver's impairments; None is `Receiver()`: thermal noise and the radar's ADC. An automatic full scale
+            is set from the first frame and kept.
         progress
             Called after each frame.
         """
@@ -140,24 +152,46 @@ class Simulator:
         waveform, radar = self.radar.waveform, self.radar
         shape = (len(times), waveform.num_loops, len(radar.tx_names), len(radar.rx_names), waveform.num_samples)
         data = np.empty(shape, dtype=np.complex64)
-        for frame in self.frames(duration, start=start, noise=noise, seed=seed):
+        for frame in self.frames(duration, start=start, noise=noise, seed=seed, receiver=receiver):
             data[frame.index] = frame.samples
             if progress is not None:
                 progress(frame.index + 1, len(times))
-        return AdcCube(data, radar, times, seed if noise else None)
+        return AdcCube(data, radar, times, seed if noise or receiver is not None else None)
 
-    def frames(self, duration: float, *, start: float = 0.0, noise: bool = True, seed: int = 0) -> Iterator[Frame]:
+    def frames(
+        self,
+        duration: float,
+        *,
+        start: float = 0.0,
+        noise: bool = True,
+        seed: int = 0,
+        receiver: Receiver | None = None,
+    ) -> Iterator[Frame]:
         """The frames of :meth:`adc` one by one; memory does not grow with their number."""
         if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
             raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
+        if receiver is not None and not isinstance(receiver, Receiver):
+            raise TypeError(f"receiver is a {type(receiver).__name__}: a Receiver or None is needed")
+        if receiver is None:
+            receiver = Receiver() if noise else Receiver.ideal()
+        elif not noise:
+            receiver = receiver.without_noise()
+        receiver.check(self.radar)
         times = self.frame_times(duration, start)
         begin, end = float(times[0]), float(times[-1]) + self.radar.waveform.frame_length
         self._check_places(begin, end)
         self._warn_frozen(begin, end)
-        return self._frames(times, noise, int(seed))
+        for actor in self.actors:
+            if self.hidden(actor, begin, end):
+                warnings.warn(
+                    f"actor '{actor.name}' is behind the scene's surfaces all along: the radar receives nothing of it",
+                    stacklevel=2,
+                )
+        return self._frames(times, receiver, int(seed))
 
-    def _frames(self, times: NDArray[np.float64], noise: bool, seed: int) -> Iterator[Frame]:
+    def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int) -> Iterator[Frame]:
         eps = max(0.3 * self.rtol, 1e-9)
+        full_scale = None
         for index, begin in enumerate(times):
             traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length)
             if index == 0:
@@ -166,9 +200,18 @@ class Simulator:
             samples = still + synthesize(self.radar, traced.moving, float(begin), eps=eps)
             if traced.shadow.num_paths:
                 samples += synthesize(self.radar, traced.shadow, float(begin), eps=eps)
-            if noise:
-                add_thermal_noise(samples, self.radar, seed, index)
-            yield Frame(index, float(begin), samples, traced.report)
+            capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
+            full_scale = capture.full_scale
+            yield Frame(index, float(begin), capture.samples, traced.report, full_scale, capture.clipped)
+
+    def hidden(self, actor: Actor, start: float, stop: float) -> bool:
+        """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""
+        for t in np.linspace(start, stop, HIDING_INSTANTS):
+            vertices = actor.vertices(float(t))
+            points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
+            if not self.tracer.behind_scene(points).all():
+                return False
+        return True
 
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""

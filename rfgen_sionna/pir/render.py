@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -125,18 +126,24 @@ def check_view(
     resolution: tuple[int, int], fov_deg: float | tuple[float, float]
 ) -> tuple[int, int, tuple[float, float]]:
     """Rows, columns and (horizontal, vertical) field of view [degrees], or a ValueError that says what is allowed."""
-    if len(resolution) != 2 or not all(isinstance(n, (int, np.integer)) and 1 <= n <= 4096 for n in resolution):
+    try:
+        rows, columns = (operator.index(n) for n in resolution if not isinstance(n, bool))
+    except (TypeError, ValueError):
+        rows = columns = 0
+    if not (1 <= rows <= 4096 and 1 <= columns <= 4096):
         raise ValueError(f"resolution is {resolution!r}: (rows, columns), whole numbers in 1 … 4096, are needed")
-    rows, columns = int(resolution[0]), int(resolution[1])
-    if isinstance(fov_deg, (int, float, np.floating)):
-        horizontal = float(fov_deg)
-        if not 0 < horizontal < 180:
-            raise ValueError(f"fov_deg is {fov_deg!r}: an angle above 0 and below 180 degrees is needed")
-        vertical = math.degrees(2 * math.atan(math.tan(math.radians(horizontal) / 2) * rows / columns))
-    else:
-        horizontal, vertical = (float(angle) for angle in fov_deg)
-        if not (0 < horizontal < 180 and 0 < vertical < 180):
-            raise ValueError(f"fov_deg is {fov_deg!r}: angles above 0 and below 180 degrees are needed")
+    try:
+        angles = np.asarray(fov_deg, dtype=np.float64)
+    except (TypeError, ValueError):
+        angles = np.array([])
+    if isinstance(fov_deg, bool) or angles.shape not in ((), (2,)) or not ((angles > 0) & (angles < 180)).all():
+        raise ValueError(
+            f"fov_deg is {fov_deg!r}: an angle above 0 and below 180 degrees, or (horizontal, vertical), is needed"
+        )
+    if angles.shape == (2,):
+        return rows, columns, (float(angles[0]), float(angles[1]))
+    horizontal = float(angles)
+    vertical = math.degrees(2 * math.atan(math.tan(math.radians(horizontal) / 2) * rows / columns))
     return rows, columns, (horizontal, vertical)
 
 

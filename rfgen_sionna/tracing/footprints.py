@@ -63,7 +63,7 @@ def trace_footprints(
     nodes = nodes.reshape(-1, 3)
     rays, vertices, velocities = tracer.geometry(t)
     hits = rays.first_hit(viewpoint, directions)
-    ray = np.flatnonzero((hits.object >= 0) & (hits.distance < tracer.radar.max_range))
+    ray = np.flatnonzero(hits.object >= 0)
     if len(ray) == 0:
         return Footprints(ray.astype(np.int32), np.zeros(0, np.complex128), np.zeros(0), np.zeros(0))
     rim = rays.first_hit(viewpoint, nodes)

@@ -69,7 +69,10 @@ class StaticTrace:
                 return np.ones(len(distance), dtype=np.bool_)
             axis /= length
             opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
-            index = np.flatnonzero(distance + radius > reach.min())
+            if opening > 0.45 * np.pi:  # a cone this wide need not hold the triangles between its directions
+                return np.ones(len(distance), dtype=np.bool_)
+            # A triangle comes nearer than its corners, but not than the plane across the axis through the nearest one.
+            index = np.flatnonzero(distance + radius > (offset @ axis).min())
             off_axis = np.arccos(np.clip(direction[index] @ axis, -1.0, 1.0))
             margin = np.arctan2(radius[index], distance[index]) + 1e-3
             behind[index[off_axis <= opening + margin]] = True

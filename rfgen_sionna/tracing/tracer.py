@@ -65,7 +65,8 @@ class Tracer:
     """Traces one radar in one scene with its actors.
 
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
-    and what they hide is traced anew.
+    and what they hide is traced anew. First order: every surface reflects with the Fresnel coefficients of its front as
+    that of a half-space; slabs, roughness and further bounces are not traced.
 
     Parameters
     ----------
@@ -87,14 +88,25 @@ class Tracer:
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol)
-        self._moving_order: int | None = None
         self._positions: dict[float, list[FloatArray]] = {}
 
     @cached_property
     def static(self) -> StaticTrace:
         """The static scene, traced at first use."""
-        rays = RayScene(self._static_meshes, origin=self._viewpoint) if self._static_meshes else None
-        return trace_static(self.surfaces, rays, self._band, self._viewpoint, self.rtol, self.radar.max_range)
+        return trace_static(
+            self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
+        )
+
+    @cached_property
+    def _static_rays(self) -> RayScene | None:
+        """The static meshes alone; None where there are none."""
+        return RayScene(self._static_meshes, origin=self._viewpoint) if self._static_meshes else None
+
+    def behind_scene(self, points: FloatArray) -> NDArray[np.bool_]:
+        """(point,) whether the static scene stands between the radar and each of `points` (point, 3) [m]."""
+        if self._static_rays is None:
+            return np.zeros(len(points), dtype=np.bool_)
+        return self._static_rays.occluded(self._viewpoint, points)
 
     @cached_property
     def _rays(self) -> RayScene:
@@ -119,7 +131,7 @@ class Tracer:
         knots = np.array([start])
         if self.actors:
             knots = choose_knots(
-                lambda t: np.concatenate(self._vertices(t)),
+                self._vertices,
                 self._viewpoint,
                 start,
                 stop,
@@ -206,9 +218,8 @@ class Tracer:
         materials = tuple(surface.material for surface in surfaces)
         kept = np.flatnonzero((fraction > 0).any(axis=1))
         facets, fraction = [each.take(kept) for each in stacked], fraction[kept]
-        if self._moving_order is None and len(kept):
-            self._moving_order = self._band.order_for(facets[0].corners, materials, facets[0].surface, fraction[:, 0])
-        order = self._moving_order or 1
+        middle = len(instants) // 2
+        order = self._band.order_for(facets[middle].corners, materials, facets[middle].surface, fraction[:, middle])
         shape = (len(self.radar.tx_positions), len(self.radar.rx_positions), len(kept))
         coefficients = np.empty((order, *shape, len(instants)), dtype=np.complex128)
         for k, each in enumerate(facets):

@@ -349,3 +349,10 @@ def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, fold
     with rfgen.open_run(folder / "cli.h5") as run:
         assert run.adc.shape == (1, 8, 2, 4, 64)
         assert run.seeds["motion"] == 2
+
+
+def test_a_person_behind_the_wall_is_refused(tmp_path):
+    """The living room ends 5.4 m from the radar: nobody is seen 8 m away."""
+    with pytest.raises(ValueError, match=r"distance is 8 m: the surfaces of scene 'living_room' hide the person"):
+        rfgen.generate("a person pushing, 8 m away", environment="a living room", output=tmp_path / "run.h5")
+    assert not list(tmp_path.iterdir())

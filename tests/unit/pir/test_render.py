@@ -94,6 +94,13 @@ def test_nothing_there(radar):
         ({"resolution": (5, 5000)}, "resolution is"),
         ({"fov_deg": 180}, "fov_deg is 180"),
         ({"fov_deg": (60, -1)}, "fov_deg is"),
+        ({"fov_deg": "wide"}, "fov_deg is 'wide'"),
+        ({"fov_deg": (60,)}, "fov_deg is"),
+        ({"fov_deg": None}, "fov_deg is None"),
+        ({"resolution": 8}, "resolution is 8"),
+        ({"resolution": None}, "resolution is None"),
+        ({"resolution": (True, 8)}, "resolution is"),
+        ({"resolution": (8.5, 8)}, "resolution is"),
     ],
 )
 def test_bad_view(radar, options, message):

@@ -1,0 +1,65 @@
+"""Knots: as many as the motion asks for, whatever its rhythm, for each mesh by itself."""
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna.tracing.knots import choose_knots
+
+FREQUENCY = 77e9
+K = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT
+STILL = np.array([[2.0, 0.5, 0.0], [2.1, 0.5, 0.0], [2.0, 0.6, 0.1]])
+
+
+def knots_of(*shifts, tolerance=3e-3, stop=27.648e-3, spacing=7e-3):
+    """Knots for meshes of three vertices that are shifted along x by functions of the time [m]."""
+
+    def positions(t):
+        return [STILL + [shift(t), 0, 0] for shift in shifts]
+
+    return choose_knots(positions, np.zeros(3), 0.0, stop, FREQUENCY, tolerance, spacing)
+
+
+def error_of(shift, knots):
+    t = np.linspace(0, 27.648e-3, 301)
+    return K * np.abs(knot_weights(knots, t) @ np.array([shift(x) for x in knots]) - np.array([shift(x) for x in t])).max()
+
+
+def test_nothing_moves_one_knot():
+    assert len(knots_of(lambda t: 0.0)) == 1
+    assert len(knots_of()) == 1
+
+
+def test_steady_motion_gets_the_widest_gaps():
+    """At constant speed only what visibility asks for: 7 ms at most."""
+    assert len(knots_of(lambda t: 1.5 * t)) == 5
+    assert len(knots_of(lambda t: 1.5 * t, spacing=1.0)) == 3
+
+
+@pytest.mark.parametrize("frequency", [20.0, 60.0, 284.35, 288.85, 8 / 27.648e-3, 11 / 27.648e-3])
+def test_vibration_is_followed_whatever_its_rhythm(frequency):
+    """0.1 mm, in step with evenly spaced knots or not."""
+
+    def shift(t):
+        return 1e-4 * np.sin(2 * np.pi * frequency * t)
+
+    knots = knots_of(shift)
+    assert len(knots) > 3
+    assert error_of(shift, knots) < 0.03
+
+
+def test_a_still_crowd_hides_no_mover():
+    """A fast mesh gets its knots beside any number of still ones."""
+
+    def fast(t):
+        return 0.05 * np.sin(2 * np.pi * 12 * t)
+
+    alone = knots_of(fast)
+    np.testing.assert_array_equal(knots_of(*[lambda t: 0.0] * 50, fast), alone)
+    assert error_of(fast, alone) < 0.03
+
+
+def test_a_kink_is_said_and_costs_no_more_than_it_may(caplog):
+    knots = knots_of(lambda t: 2.0 * min(t, 0.011))
+    assert len(knots) <= 65
+    assert "not smooth" in caplog.text
