@@ -119,8 +119,8 @@ def generate(
     simulator = Simulator(scene, radar, [person], rtol=rtol)
     if simulator.hidden(person, 0.0, duration):
         raise ValueError(
-            f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; choose "
-            "another distance or environment"
+            f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; "
+            "choose another distance or environment"
         )
 
     info = RunInfo(

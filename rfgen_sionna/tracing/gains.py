@@ -94,7 +94,7 @@ class BandTracer:
             )
             if _rms((fitted * phasor).sum(axis=1) - truth) <= self._rtol * scale:
                 return order
-        _LOG.warning("the gains of facets change too fast over the band for %d coefficients at rtol %g", order, self._rtol)
+        _LOG.warning("rtol %g: facets change too fast over the band for %d coefficients", self._rtol, MAX_ORDER)
         return MAX_ORDER
 
 

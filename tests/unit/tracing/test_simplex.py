@@ -15,9 +15,8 @@ def quadrature(p, n=160):
     corner = np.stack([1 - s, s * (1 - t), s * t])
     phasor = w * np.exp(-1j * np.tensordot(p, corner, axes=1))
     pairs = ((1, 2), (0, 2), (0, 1))
-    return np.array(
-        [phasor.sum(), *((corner[i] * phasor).sum() for i in range(3)), *((corner[i] * corner[k] * phasor).sum() for i, k in pairs)]
-    )
+    corners = [(corner[i] * phasor).sum() for i in range(3)]
+    return np.array([phasor.sum(), *corners, *((corner[i] * corner[k] * phasor).sum() for i, k in pairs)])
 
 
 PHASES = [
