@@ -1,0 +1,29 @@
+"""The receiver: impairments from the antennas to the ADC's words, each a small configuration of its own.
+
+All levels are referred to the receiver input, where samples are square roots of watts.
+"""
+
+from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
+from rfgen_sionna.signal.receiver.converter import Capture, convert
+from rfgen_sionna.signal.receiver.interference import Interferer
+from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
+from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
+from rfgen_sionna.signal.receiver.receiver import Receiver, receive
+from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias
+
+__all__ = [
+    "Capture",
+    "Chassis",
+    "Coupling",
+    "DcOffset",
+    "Interferer",
+    "IqImbalance",
+    "Leakage",
+    "Mismatch",
+    "PhaseNoise",
+    "RampError",
+    "RangeBias",
+    "Receiver",
+    "convert",
+    "receive",
+]

@@ -1,0 +1,163 @@
+"""Phase errors that depend on a path's delay, applied to samples that are sums over paths.
+
+A path of delay tau has the beat frequency mu tau, so the discrete Fourier transform of a chirp sorts its paths by
+delay. The error factor exp(j [phi(t) - phi(t - tau)]) is smooth in tau; it is expanded in Lagrange polynomials
+l_j(tau) on Chebyshev nodes tau_j, which turns the sum over paths into few products:
+
+    y(t) = sum_j exp(j [phi(t) - phi(t - tau_j)]) s_j(t),   s_j = inverse transform of l_j(f / mu) S(f).
+
+A path between two bins would leak into others, so chirps are made periodic first (:mod:`.extension`). The products are
+taken on a grid of twice the sample rate, and the receiver's IF filter takes away what they put outside of the range
+window. `y - s` is what is returned: without an error nothing changes.
+
+What is approximate: Doppler moves a beat frequency by a fraction of a bin, and a delay with it by 1e-16 s or so; and
+what the extension leaves of the leakage. The tests hold the result against the sum path by path. Paths of the device
+itself have known delays, which are used instead of the transform's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.signal.receiver.extension import fill_gap, gap_length
+from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
+from rfgen_sionna.signal.receiver.statics import StaticPath, tone
+from rfgen_sionna.signal.receiver.streams import frame_stream
+
+NEGATIVE_SHARE = 1 / 32
+"""Share of the range window that counts as just below zero: approaching targets, and what leaks from near ones."""
+_ROWS = 2_000_000  # grid points of all channels at a time: bounds the memory to about 200 MB
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The ADC window at twice the sample rate, and the beat frequencies that the range window holds."""
+
+    gap: int
+    """Samples of the extension, half of them before the window."""
+    times: FloatArray
+    """(2 extended sample,) after the start of the ramp [s]."""
+    fade: FloatArray
+    """(2 extended sample,) one within the ADC window, zero where the period ends."""
+    bins: FloatArray
+    """(extended sample,) beat frequencies in units of 1 / extended length, ascending in delay."""
+    delays: FloatArray
+    """(extended sample,) their delays [s]."""
+    nodes: FloatArray
+    """(node,) [s]"""
+
+    @classmethod
+    def of(cls, radar: Radar, variation: float, swing: float) -> _Grid:
+        """Nodes for errors that vary with `variation` [Hz] and reach `swing` [rad]."""
+        waveform = radar.waveform
+        rate, slope = waveform.sample_rate, waveform.slope
+        gap = gap_length(waveform.num_samples)
+        count = waveform.num_samples + gap
+        first = -round(NEGATIVE_SHARE * count)
+        steps = np.arange(first, first + count)
+        delays = np.asarray(steps * rate / (count * abs(slope)), dtype=np.float64)
+        # exp(j a x) on -1 … 1 converges beyond a + O(a^(1/3)) nodes.
+        turn = math.pi * variation * rate / abs(slope) + swing
+        nodes = math.ceil(turn + 4 * turn ** (1 / 3) + 9)
+        x = np.cos(math.pi * (np.arange(nodes) + 0.5) / nodes)
+        middle, half = 0.5 * (delays[0] + delays[-1]), max(0.5 * (delays[-1] - delays[0]), 1e-15)
+        places = np.arange(2 * count) / 2 - gap // 2  # in samples of the window
+        outside = np.maximum(0, np.maximum(-places, places - (waveform.num_samples - 1)))
+        fade = np.cos(0.5 * math.pi * np.clip(outside / (gap / 2), 0, 1)) ** 2 if gap else np.ones(2 * count)
+        times = waveform.adc_start_time + places / rate
+        bins = np.asarray(steps * np.sign(slope), dtype=np.float64)
+        return cls(gap, times, fade, bins, delays, np.asarray(middle + half * x))
+
+    def weights(self, delays: FloatArray) -> FloatArray:
+        """(node, ...) Lagrange polynomials of the nodes at `delays` (...) [s]."""
+        middle, half = 0.5 * (self.delays[0] + self.delays[-1]), max(0.5 * (self.delays[-1] - self.delays[0]), 1e-15)
+        count = len(self.nodes)
+        orders = np.arange(count)
+        angle = np.arccos(np.clip((delays - middle) / half, -1, 1))
+        at_nodes = np.cos(np.outer(math.pi * (np.arange(count) + 0.5) / count, orders)) * (2 / count)
+        at_nodes[:, 0] *= 0.5
+        return np.tensordot(at_nodes, np.cos(orders[(...,) + (None,) * np.ndim(delays)] * angle), axes=1)
+
+
+def generator_error(
+    samples: ComplexArray,
+    statics: Sequence[StaticPath],
+    radar: Radar,
+    ramp: RampError | None,
+    noise: PhaseNoise | None,
+    seed: int,
+    frame: int,
+) -> ComplexArray:
+    """What the generator's phase error adds to `samples` and to the device's own paths, of which `samples` is free.
+
+    Parameters
+    ----------
+    samples
+        (chirp, tx, rx, sample) [sqrt(W)].
+    statics
+        The device's own paths.
+    radar
+        A waveform with a slope: without one a transform does not tell delays apart.
+
+    Returns
+    -------
+    (chirp, tx, rx, sample) [sqrt(W)].
+    """
+    waveform = radar.waveform
+    chirps, slots, receivers, inner = samples.shape
+    largest = waveform.sample_rate / abs(waveform.slope)
+    swing = 1.0
+    if ramp is not None:
+        swing += math.pi * largest * float(np.abs(ramp.frequency(radar, waveform.sample_times)).max())
+    variation = max(0.0 if ramp is None else ramp.variation(radar), 0.0 if noise is None else waveform.sample_rate)
+    grid = _Grid.of(radar, variation, swing)
+    count = inner + grid.gap
+    steady = np.zeros(2 * count)
+    extended = fill_gap(samples)
+    window = slice(grid.gap // 2, grid.gap // 2 + inner)
+    weights = grid.weights(grid.delays)
+    own = [(path.amplitude * tone(radar, grid.times, path.delay), grid.weights(path.delay)) for path in statics]
+    rng = frame_stream(seed, "phase_noise", frame)
+    period = 2 * count / waveform.sample_rate
+    offsets = np.arange(2 * count + 1) / period
+    wide_bins, bins = (grid.bins % (2 * count)).astype(int), (grid.bins % count).astype(int)
+
+    out = np.empty_like(samples)
+    rows = max(1, _ROWS // (slots * receivers * 2 * count))
+    for first in range(0, chirps, rows):
+        part = extended[first : first + rows]
+        spectrum = fft.fft(part, axis=-1)[..., bins]
+        drawn = None if noise is None else noise.draw(rng, len(part) * slots, period, 4 * count)
+        now = steady if drawn is None else _on_grid(drawn, 2 * count)
+        if ramp is not None:
+            now = now + ramp.phase(radar, grid.times)
+        change = np.zeros((*part.shape[:-1], 2 * count), dtype=np.complex128)
+        wide = np.zeros_like(change)
+        for node, delay in enumerate(grid.nodes):
+            before = steady if drawn is None else _on_grid(drawn * np.exp(-2j * math.pi * offsets * delay), 2 * count)
+            if ramp is not None:
+                before = before + ramp.phase(radar, grid.times - delay)
+            error = np.expm1(1j * (now - before)).reshape((-1, slots, 1, 2 * count) if drawn is not None else -1)
+            wide[..., wide_bins] = 2 * spectrum * weights[node]
+            band = fft.ifft(wide, axis=-1)
+            for signal, share in own:
+                band += signal * share[node][..., None]
+            change += error * band
+        change *= grid.fade
+        kept = np.zeros_like(part)
+        kept[..., bins] = 0.5 * fft.fft(change, axis=-1)[..., wide_bins]
+        out[first : first + rows] = fft.ifft(kept, axis=-1)[..., window]
+    return out
+
+
+def _on_grid(coefficients: ComplexArray, count: int) -> FloatArray:
+    """(chirp, count) first half of the period of the real series with these coefficients."""
+    length = 2 * (coefficients.shape[-1] - 1)
+    return np.asarray(fft.irfft(coefficients * (length / 2), n=length, axis=-1)[..., :count])

@@ -1,0 +1,47 @@
+"""Checks of the numbers that a receiver is configured with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray
+
+
+def check_number(what: str, value: Any, low: float, high: float, unit: str) -> None:
+    """Raise unless `value` is a finite number in `low` … `high`."""
+    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not (number and np.isfinite(value) and low <= value <= high):
+        raise ValueError(f"{what} is {value!r}: a value in {low:g} … {high:g}{unit and ' '}{unit} is needed")
+
+
+def check_numbers(what: str, values: Any, low: float, high: float, unit: str) -> tuple[float, ...]:
+    """`values` as a tuple of floats, each of them checked."""
+    if isinstance(values, str) or not np.iterable(values):
+        raise ValueError(f"{what} is {values!r}: a list of values in {low:g} … {high:g} {unit} is needed")
+    for index, value in enumerate(values):
+        check_number(f"{what}[{index}]", value, low, high, unit)
+    return tuple(float(value) for value in values)
+
+
+def number_or_numbers(what: str, value: Any, low: float, high: float, unit: str) -> float | tuple[float, ...]:
+    """One number for all elements, or one for each; checked."""
+    if np.iterable(value) and not isinstance(value, str):
+        return check_numbers(what, value, low, high, unit)
+    check_number(what, value, low, high, unit)
+    return float(value)
+
+
+def per_element(what: str, value: float | tuple[float, ...], names: tuple[str, ...]) -> FloatArray:
+    """(element,) from one number for all elements or one for each.
+
+    Raises
+    ------
+    ValueError
+        If there is another number of values than of elements.
+    """
+    values = np.asarray(value, dtype=np.float64)
+    if values.ndim and len(values) != len(names):
+        raise ValueError(f"{what} has {len(values)} values: one, or one for each of {', '.join(names)}, is needed")
+    return np.broadcast_to(values, (len(names),))

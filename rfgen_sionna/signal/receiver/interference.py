@@ -1,0 +1,187 @@
+"""Chirps of another FMCW radar that cross the receiver's band.
+
+The mixer takes the other radar's chirp down to the difference of the two ramps, f_b(t) = f(t) - f'(t - t'), which runs
+through the IF band at the difference of the slopes: a burst of length B_if / |mu - mu'|. It is computed on a grid fine
+enough for the part of that run that the IF filter lets through, filtered and taken down to the ADC's rate.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.signal.receiver.fields import check_number, check_numbers
+from rfgen_sionna.signal.receiver.streams import device_stream, frame_stream
+
+OVERSAMPLING = 8
+IF_SHARE = 0.9
+"""Share of the complex sample rate that the IF filter passes unless told otherwise."""
+TRANSITION_SHARE = 0.1
+"""Width of the filter's edges as a share of the sample rate."""
+REJECTION_DB = 70.0
+_PAIRS = 256  # bursts at a time
+
+
+@dataclass(frozen=True)
+class Interferer:
+    """Another FMCW radar in the surroundings, not synchronised with this one.
+
+    Its ramps start with a random phase. Its direct path is what counts: one way, from its Tx elements' common place.
+    """
+
+    radar: Radar
+    """Its waveform, pose, power and element pattern."""
+    received_dbm: float | None = None
+    """Power at an Rx port [dBm]; None takes Friis' equation, with patterns and polarisations of both radars."""
+    start: float | None = None
+    """Start of its first frame after that of the own first one [s]; None draws one within its frame period."""
+    if_band_hz: tuple[float, float] | None = None
+    """Edges (-6 dB) of the receiver's IF band on the targets' side [Hz]; None: 0 to 0.9 of the sample rate."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.radar, Radar):
+            raise TypeError(f"interferer.radar is a {type(self.radar).__name__}: a Radar is needed")
+        if self.received_dbm is not None:
+            check_number("interferer.received_dbm", self.received_dbm, -250, 60, "dBm")
+        if self.start is not None:
+            check_number("interferer.start", self.start, -1e6, 1e6, "s")
+        if self.if_band_hz is not None:
+            band = check_numbers("interferer.if_band_hz", self.if_band_hz, -1e10, 1e10, "Hz")
+            if len(band) != 2 or band[0] >= band[1]:
+                raise ValueError(f"interferer.if_band_hz is {band!r}: two frequencies, the lower one first, are needed")
+            object.__setattr__(self, "if_band_hz", band)
+
+    def check(self, radar: Radar) -> None:
+        """Raise if there is no direction to the other radar, or the band does not fit the sample rate."""
+        if math.dist(self.radar.position, radar.position) < 1e-3:
+            raise ValueError(f"interferer.radar is at {self.radar.position} m, the radar's own place: put it elsewhere")
+        low, high = self.band(radar)
+        rate = radar.waveform.sample_rate
+        if high - low > (1 - TRANSITION_SHARE) * rate * (1 + 1e-9):
+            raise ValueError(
+                f"interferer.if_band_hz is {(low, high)!r}, {high - low:g} Hz wide; at most "
+                f"{(1 - TRANSITION_SHARE) * rate:g} Hz fit the sample rate of {rate:g} Hz without aliases"
+            )
+
+    def band(self, radar: Radar) -> tuple[float, float]:
+        """Edges of the IF band on the targets' side [Hz]."""
+        return self.if_band_hz or (0.0, IF_SHARE * radar.waveform.sample_rate)
+
+    def direction(self, radar: Radar) -> FloatArray:
+        """(3,) unit vector towards the other radar, in the device frame of `radar`."""
+        line = np.subtract(self.radar.position, radar.position)
+        return np.asarray(line / np.linalg.norm(line) @ radar.rotation)
+
+    def amplitude(self, radar: Radar) -> float:
+        """At an Rx port [sqrt(W)]: P G G' (wavelength / 4 pi R)^2 and the cosine between the two fields."""
+        if self.received_dbm is not None:
+            return float(10.0 ** ((self.received_dbm - 30) / 20))
+        line = np.subtract(self.radar.position, radar.position)
+        distance = float(np.linalg.norm(line))
+        line = line / distance
+        gains = float(radar.pattern.amplitude(line @ radar.rotation)) * float(
+            self.radar.pattern.amplitude(-line @ self.radar.rotation)
+        )
+        fields = []
+        for field in (radar.rx_field, self.radar.tx_field):
+            across = field - (field @ line) * line
+            fields.append(across / max(float(np.linalg.norm(across)), 1e-12))
+        aligned = abs(float(fields[0] @ fields[1]))
+        power = 1e-3 * 10.0 ** (self.radar.tx_power_dbm / 10)
+        return math.sqrt(power) * gains * aligned * self.radar.wavelength / (4 * math.pi * distance)
+
+    def samples(self, radar: Radar, *, seed: int, frame: int, index: int = 0) -> ComplexArray:
+        """(chirp, tx, rx, sample) at the ADC of `radar`; `index` tells several interferers' draws apart."""
+        name = f"interference.{index}"
+        period = self.radar.waveform.frame_period
+        start = self.start
+        if start is None:
+            start = float(device_stream(seed, name).uniform(0, period))
+        rng = frame_stream(seed, name, frame)
+        waveform = radar.waveform
+        steering = self.amplitude(radar) * np.exp(
+            -2j * math.pi / radar.wavelength * (radar.rx_positions @ self.direction(radar))
+        )
+        bursts = np.zeros((*waveform.chirp_times.shape, waveform.num_samples), dtype=np.complex128)
+        chirps, ramps = self._crossings(radar, frame * waveform.frame_period - start)
+        phases = rng.uniform(0, 2 * math.pi, len(chirps))
+        flat = bursts.reshape(-1, waveform.num_samples)
+        for first in range(0, len(chirps), _PAIRS):
+            part = slice(first, first + _PAIRS)
+            np.add.at(flat, chirps[part], self._bursts(radar, ramps[part], phases[part]))
+        return np.asarray(bursts[:, :, None, :] * steering[:, None])
+
+    def _crossings(self, radar: Radar, clock: float) -> tuple[NDArray[np.intp], FloatArray]:
+        """Own chirps (flat index) that meet a ramp in the band, and when that starts after their own ramp [s].
+
+        `clock` is the start of the own frame after that of the other's first one [s].
+        """
+        own, other = radar.waveform, self.radar.waveform
+        margin = _filter(radar, self.band(radar))[0]
+        begin, end = own.adc_start_time - margin, own.adc_start_time + own.num_samples / own.sample_rate + margin
+        starts = np.sort(other.chirp_times.ravel())
+        starts = np.concatenate([starts + shift * other.frame_period for shift in (-1, 0, 1)])
+        low, high = _span(radar, self.band(radar))
+        chirps, ramps = [], []
+        for chirp, t in enumerate(own.chirp_times.ravel() + clock):
+            cycle = math.floor(t / other.frame_period) * other.frame_period
+            local = starts + (cycle - t)
+            local = local[(local + other.ramp_end_time > begin) & (local < end)]
+            edges = np.stack([np.maximum(begin, local), np.minimum(end, local + other.ramp_end_time)])
+            beat = _beat(radar, self.radar, edges, local)
+            met = (beat.max(axis=0) > low) & (beat.min(axis=0) < high)
+            chirps += [chirp] * int(met.sum())
+            ramps += list(local[met])
+        return np.array(chirps, dtype=np.intp), np.array(ramps, dtype=np.float64)
+
+    def _bursts(self, radar: Radar, ramps: FloatArray, phases: FloatArray) -> ComplexArray:
+        """(burst, sample) of unit amplitude, filtered."""
+        own, other = radar.waveform, self.radar.waveform
+        margin, taps = _filter(radar, self.band(radar))
+        low, high = self.band(radar)
+        middle = 0.5 * (low + high) * np.sign(own.slope or 1.0)
+        rate = own.sample_rate * OVERSAMPLING
+        lead = round(margin * rate)
+        t = own.adc_start_time + np.arange(-lead, own.num_samples * OVERSAMPLING + lead) / rate
+        since = t - ramps[:, None]
+        # Cycles of the beat, less those of the band's middle, counted from the start of the own ramp.
+        start = _beat(radar, self.radar, np.zeros(1), ramps[:, None]) - middle
+        cycles = start * t + 0.5 * (own.slope - other.slope) * t**2
+        offset = np.abs(_beat(radar, self.radar, t, ramps[:, None]) - middle)
+        # What the grid cannot carry fades out where the filter takes it away anyway.
+        flat, gone = 0.25 * rate, 0.5 * rate
+        fade = 0.5 + 0.5 * np.cos(math.pi * np.clip((offset - flat) / (gone - flat), 0, 1))
+        on = (since >= 0) & (since <= other.ramp_end_time)
+        angle = 2 * math.pi * (cycles - np.rint(cycles)) + phases[:, None]
+        chirp = on * fade * np.exp(1j * angle)
+        filtered = signal.oaconvolve(chirp, taps[None, :], mode="valid", axes=-1)
+        filtered = filtered[:, : own.num_samples * OVERSAMPLING : OVERSAMPLING]
+        return np.asarray(filtered * np.exp(2j * math.pi * middle * own.sample_times))
+
+
+def _beat(radar: Radar, other: Radar, t: FloatArray, ramps: FloatArray) -> FloatArray:
+    """Frequency out of the mixer [Hz] at `t` after the start of the own ramp, the other's starting at `ramps` [s]."""
+    own, foreign = radar.waveform, other.waveform
+    return np.asarray(own.start_frequency + own.slope * t - foreign.start_frequency - foreign.slope * (t - ramps))
+
+
+def _span(radar: Radar, band: tuple[float, float]) -> tuple[float, float]:
+    """Frequencies that the fine grid carries [Hz]."""
+    middle = 0.5 * (band[0] + band[1]) * np.sign(radar.waveform.slope or 1.0)
+    half = 0.5 * radar.waveform.sample_rate * OVERSAMPLING
+    return middle - half, middle + half
+
+
+def _filter(radar: Radar, band: tuple[float, float]) -> tuple[float, FloatArray]:
+    """Half the length [s] and the taps of the low-pass about the middle of the band, on the fine grid."""
+    rate = radar.waveform.sample_rate * OVERSAMPLING
+    count, beta = signal.kaiserord(REJECTION_DB, 2 * TRANSITION_SHARE / OVERSAMPLING)
+    count |= 1
+    taps = signal.firwin(count, 0.5 * (band[1] - band[0]), window=("kaiser", beta), fs=rate)
+    return (count // 2) / rate, np.asarray(taps)

@@ -1,0 +1,182 @@
+"""The receiver as a whole: which impairments there are, and their order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from rfgen_sionna.radar import Adc, Radar
+from rfgen_sionna.records import ComplexArray
+from rfgen_sionna.signal.noise import add_thermal_noise
+from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
+from rfgen_sionna.signal.receiver.converter import Capture, convert
+from rfgen_sionna.signal.receiver.delay_bands import generator_error
+from rfgen_sionna.signal.receiver.interference import Interferer
+from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
+from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
+from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias, static_paths, tone
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """The hardware between the echoes and the ADC's words, in the order in which a signal meets it.
+
+    Everything is off but thermal noise and the radar's own ADC.
+    """
+
+    leakage: Leakage | None = None
+    chassis: Chassis | None = None
+    range_bias: RangeBias | None = None
+    ramp_error: RampError | None = None
+    phase_noise: PhaseNoise | None = None
+    interferers: tuple[Interferer, ...] = ()
+    coupling: Coupling | None = None
+    thermal_noise: bool = True
+    """kTBF of the radar's temperature, noise figure and sample rate."""
+    mismatch: Mismatch | None = None
+    iq_imbalance: IqImbalance | None = None
+    dc_offset: DcOffset | None = None
+    adc: Adc | Literal["radar"] | None = "radar"
+    """Converters; "radar" takes `radar.adc`, None leaves the samples as they are."""
+
+    def __post_init__(self) -> None:
+        kinds: dict[str, type] = {
+            "leakage": Leakage,
+            "chassis": Chassis,
+            "range_bias": RangeBias,
+            "ramp_error": RampError,
+            "phase_noise": PhaseNoise,
+            "coupling": Coupling,
+            "mismatch": Mismatch,
+            "iq_imbalance": IqImbalance,
+            "dc_offset": DcOffset,
+        }
+        for name, kind in kinds.items():
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, kind):
+                raise TypeError(f"receiver.{name} is {value!r}: None or a {kind.__name__} is needed")
+        if isinstance(self.interferers, Interferer):
+            object.__setattr__(self, "interferers", (self.interferers,))
+        try:
+            object.__setattr__(self, "interferers", tuple(self.interferers))
+        except TypeError:
+            raise TypeError(f"receiver.interferers is {self.interferers!r}: a list of Interferer is needed") from None
+        for other in self.interferers:
+            if not isinstance(other, Interferer):
+                raise TypeError(f"receiver.interferers holds {other!r}: an Interferer is needed")
+        if not isinstance(self.thermal_noise, bool):
+            raise TypeError(f"receiver.thermal_noise is {self.thermal_noise!r}: True or False is needed")
+        if not (self.adc is None or isinstance(self.adc, Adc) or self.adc == "radar"):
+            raise TypeError(f'receiver.adc is {self.adc!r}: an Adc, "radar" or None is needed')
+
+    @classmethod
+    def ideal(cls) -> Receiver:
+        """A receiver that changes nothing: switch on what is to be looked at with `dataclasses.replace`."""
+        return cls(thermal_noise=False, adc=None)
+
+    def without_noise(self) -> Receiver:
+        """The same receiver without thermal noise."""
+        return replace(self, thermal_noise=False)
+
+    def converter(self, radar: Radar) -> Adc | None:
+        """The ADC that is in effect for `radar`."""
+        return radar.adc if isinstance(self.adc, str) else self.adc
+
+    def check(self, radar: Radar) -> None:
+        """Raise if something does not fit `radar`, before any work is done.
+
+        Raises
+        ------
+        ValueError
+            Naming the field, its value and what is allowed.
+        """
+        static_paths(radar, self.leakage, self.chassis, self.range_bias)
+        if radar.waveform.slope == 0 and (self.ramp_error is not None or self.phase_noise is not None):
+            raise ValueError(
+                "waveform.slope is 0: receiver.ramp_error and receiver.phase_noise need a ramp, whose beat frequencies "
+                "tell delays apart"
+            )
+        for part in self._parts():
+            part.check(radar)
+
+    def _parts(self) -> Iterator[Any]:
+        for part in (self.coupling, self.mismatch, self.iq_imbalance, self.dc_offset, *self.interferers):
+            if part is not None:
+                yield part
+
+
+def receive(
+    samples: ComplexArray,
+    radar: Radar,
+    receiver: Receiver,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    full_scale: float | None = None,
+) -> Capture:
+    """What comes out of the receiver for the samples of one frame.
+
+    The order is that of the signal: leakage and chassis join the echoes, all of them late by the range bias; the
+    generator's ramp error and phase noise act on each by its delay; the Tx chains; interference; coupling of the Rx
+    antennas; thermal noise; the Rx chains, which noise goes through as well; IQ imbalance; DC offset; ADC.
+
+    Parameters
+    ----------
+    samples
+        (chirp, tx, rx, sample) of :func:`~rfgen_sionna.signal.synthesize`, in square roots of watts; left as they are.
+    seed, frame
+        Draws depend on these and on the name of the impairment alone, so that switching one on leaves the others'
+        as they were. What belongs to the device (mismatch, phase of the DC offset, the interferers' clocks) depends on
+        `seed` alone.
+    full_scale
+        Range of an automatic ADC [sqrt(W)], for instance that of the run's first frame; None sets it from this frame.
+
+    Raises
+    ------
+    ValueError
+        If the samples are not those of `radar`, or the receiver does not fit it.
+    """
+    shape = (*radar.waveform.chirp_times.shape, len(radar.rx_names), radar.waveform.num_samples)
+    if samples.shape != shape:
+        raise ValueError(f"samples have the shape {samples.shape}; radar '{radar.name}' makes {shape}")
+    for name, value in (("seed", seed), ("frame", frame)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+            raise ValueError(f"{name} is {value!r}: a whole number of at least 0 is needed")
+    receiver.check(radar)
+    seed, frame = int(seed), int(frame)
+    out = _generator(np.array(samples, dtype=np.complex128), radar, receiver, seed, frame)
+    tx_gain, rx_gain = (None, None) if receiver.mismatch is None else receiver.mismatch.factors(radar, seed)
+    if tx_gain is not None:
+        out *= tx_gain[:, None, None]
+    for index, other in enumerate(receiver.interferers):
+        out += other.samples(radar, seed=seed, frame=frame, index=index)
+    if receiver.coupling is not None:
+        out = receiver.coupling.apply(out)
+    if receiver.thermal_noise:
+        add_thermal_noise(out, radar, seed, frame)
+    if rx_gain is not None:
+        out *= rx_gain[:, None]
+    if receiver.iq_imbalance is not None:
+        out = receiver.iq_imbalance.apply(out, radar)
+    if receiver.dc_offset is not None:
+        out += receiver.dc_offset.offsets(radar, seed)[:, None]
+    adc = receiver.converter(radar)
+    return Capture(out) if adc is None else convert(out, radar, adc, full_scale)
+
+
+def _generator(samples: ComplexArray, radar: Radar, receiver: Receiver, seed: int, frame: int) -> ComplexArray:
+    """Echoes, leakage and chassis with the delay that they share and the generator's errors; `samples` may change."""
+    if receiver.range_bias is not None:
+        samples *= receiver.range_bias.phasor(radar)
+    statics = static_paths(radar, receiver.leakage, receiver.chassis, receiver.range_bias)
+    error = None
+    if receiver.ramp_error is not None or receiver.phase_noise is not None:
+        error = generator_error(samples, statics, radar, receiver.ramp_error, receiver.phase_noise, seed, frame)
+    for path in statics:
+        samples += path.amplitude * tone(radar, radar.waveform.sample_times, path.delay)
+    if error is not None:
+        samples += error
+    return samples
