@@ -224,8 +224,8 @@ def _knot_terms(
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
     """Knots [s] and there the three terms of :func:`_phase_terms`, (knot, path).
 
-    The terms are as smooth as the delay: splines through their values serve as well as values of the delay's spline, for
-    a fraction of the work. A single knot means a constant rate, and the terms are parabolas through three times.
+    The terms are as smooth as the delay: splines through their values serve as well as values of the delay's spline,
+    for a fraction of the work. A single knot means a constant rate, and the terms are parabolas through three times.
     """
     tau, rate = paths.tau[tx, rx], paths.tau_rate[tx, rx]
     if len(paths.times) == 1:
