@@ -18,6 +18,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, FloatArray, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.clearance import CLEARANCE, check_radar_clear
+from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.load import RadarScene, load_scene
 from rfgen_sionna.signal import Receiver, receive, synthesize
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport
@@ -89,7 +90,7 @@ class Simulator:
         if not (isinstance(rtol, (int, float, np.number)) and 1e-8 <= rtol <= 0.1):
             raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
         self.scene = load_scene(scene)
-        self.radar = radar
+        self.radar = tabulated(radar)
         self.actors = _with_unique_names(actors)
         self.rtol = float(rtol)
         self.scene.tune(radar.center_frequency)

@@ -5,6 +5,7 @@ Importing it imports neither Mitsuba nor Sionna; they start when a scene is firs
 
 from rfgen_sionna.scene.actor import Actor, rotation_matrix
 from rfgen_sionna.scene.clearance import check_radar_clear
+from rfgen_sionna.scene.devices import add_radar, tabulated
 from rfgen_sionna.scene.errors import BackendError, MaterialError, MaterialRangeWarning, MeshError, SceneError
 from rfgen_sionna.scene.load import RadarScene, StaticObject, available_scenes, load_scene
 from rfgen_sionna.scene.materials import MATERIALS, Material, canonical_name, material
@@ -25,6 +26,7 @@ __all__ = [
     "RigidMesh",
     "SceneError",
     "StaticObject",
+    "add_radar",
     "available_scenes",
     "canonical_name",
     "check_mesh",
@@ -33,4 +35,5 @@ __all__ = [
     "load_scene",
     "material",
     "rotation_matrix",
+    "tabulated",
 ]

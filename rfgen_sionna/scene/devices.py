@@ -1,0 +1,100 @@
+"""Radars as Sionna knows antennas: patterns of its registry, and devices for its own solvers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rfgen_sionna.radar import NamedPattern, Radar, TablePattern
+from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.load import RadarScene
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene.sionna_array import RadarReceiver, RadarTransmitter
+
+TABLE_STEP = 2.0
+"""Grid of the tables that patterns of the registry are turned into [degrees]; the 3GPP pattern errs by 0.003 dB."""
+
+
+def tabulated(radar: Radar) -> Radar:
+    """The same radar with the table that the name of its pattern stands for; any other radar as it is.
+
+    Patterns that were registered with `sionna.rt.register_antenna_pattern` count too.
+
+    Raises
+    ------
+    ValueError
+        If Sionna's registry has no such pattern.
+    """
+    if not isinstance(radar.pattern, NamedPattern):
+        return radar
+    ensure_backend()
+    import mitsuba as mi
+    from sionna.rt.antenna_pattern import antenna_pattern_registry as registry
+
+    from rfgen_sionna.scene.sionna_array import grid_directions
+
+    name = radar.pattern.name.partition(":")[2]
+    if name not in registry.list():
+        raise ValueError(
+            f"radar '{radar.name}': pattern '{radar.pattern.name}' is not in Sionna's registry; "
+            f"it has {', '.join(f'sionna:{known}' for known in registry.list())}"
+        )
+    azimuth, elevation, directions = grid_directions(TABLE_STEP)
+    theta = np.arccos(np.clip(directions[..., 2], -1.0, 1.0)).ravel()
+    phi = np.arctan2(directions[..., 1], directions[..., 0]).ravel()
+    fields = registry.get(name)(polarization="V")[0](mi.Float(theta), mi.Float(phi))
+    power = sum(np.square(part.numpy().astype(np.float64)) for field in fields for part in (field.real, field.imag))
+    with np.errstate(divide="ignore"):
+        gain = 10 * np.log10(np.broadcast_to(power, theta.shape).reshape(directions.shape[:2]))
+    return replace(radar, pattern=TablePattern.of(azimuth, elevation, gain, radar.pattern.name))
+
+
+def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) -> tuple[RadarTransmitter, RadarReceiver]:
+    """Put a radar into a Sionna scene as a transmitter and a receiver, ready for `sionna.rt.PathSolver`.
+
+    Element positions [m], orientation, element pattern, polarisation and power are the radar's own; path gains so found
+    include the element patterns. Call the solver with `synthetic_array=False`: the other way Sionna takes a plane wave
+    across the array, which errs by degrees of phase at indoor ranges.
+
+    Several radars of one kind may stand in a scene, each with its own pose. Sionna keeps one transmit and one receive
+    array for all devices of a scene, so that radars of different kinds need a scene each.
+
+    Parameters
+    ----------
+    scene
+        A scene of :func:`~rfgen_sionna.scene.load.load_scene`, or a `sionna.rt.Scene`.
+    name
+        The devices become `<name>_tx` and `<name>_rx`; the radar's own name if None.
+
+    Raises
+    ------
+    ValueError
+        If the scene has devices of that name, or arrays that are not this radar's.
+    """
+    ensure_backend()
+    from rfgen_sionna.scene.sionna_array import RadarArray, RadarReceiver, RadarTransmitter
+
+    radar = tabulated(radar)
+    inside = scene.sionna if isinstance(scene, RadarScene) else scene
+    name = radar.name if name is None else name
+    for ending, known in (("tx", inside.transmitters), ("rx", inside.receivers)):
+        if f"{name}_{ending}" in known:
+            raise ValueError(f"name is {name!r}: the scene has a device '{name}_{ending}' already; choose another name")
+    tx_fits = isinstance(inside.tx_array, RadarArray) and inside.tx_array.serves(radar, "tx")
+    rx_fits = isinstance(inside.rx_array, RadarArray) and inside.rx_array.serves(radar, "rx")
+    for end, fits, known in (("tx", tx_fits, inside.transmitters), ("rx", rx_fits, inside.receivers)):
+        if known and not fits:
+            raise ValueError(
+                f"radar '{radar.name}': the scene's {end}_array serves the devices {', '.join(known)} and has other "
+                "elements; Sionna keeps one array per scene: load the scene anew for this radar"
+            )
+    if not tx_fits:
+        inside.tx_array = RadarArray(radar, "tx")
+    if not rx_fits:
+        inside.rx_array = RadarArray(radar, "rx")
+    devices = RadarTransmitter(radar, f"{name}_tx"), RadarReceiver(radar, f"{name}_rx")
+    inside.add(list(devices))
+    return devices
