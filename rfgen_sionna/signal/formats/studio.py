@@ -128,7 +128,7 @@ def _device(
             if cascade
             else {
                 "rlDevLaneEnable_t": {"laneEn": "0x3"},
-                "rlDevLvdsLaneCfg_t": {"laneFmtMap": "0x0", "laneParamCfg": "0x1"},
+                "rlDevLvdsLaneCfg_t": {"laneFmtMap": 0, "laneParamCfg": "0x1"},
             }
         ),
         "monitoringConfig": {},

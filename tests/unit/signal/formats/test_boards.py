@@ -1,0 +1,210 @@
+"""Files as real boards leave them: no sidecar of ours, the tool's own JSON or XML, and what it leaves open."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.radar import Radar, Waveform
+from rfgen_sionna.records import AdcCube
+from rfgen_sionna.signal.formats import (
+    CaptureFormatError,
+    CaptureWarning,
+    open_capture,
+    radar_from_studio,
+    read_capture,
+    write_capture,
+)
+from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube, position2go
+
+
+def as_from_a_board(cube: AdcCube, folder: Path, capture_format: str) -> None:
+    write_capture(cube, folder, capture_format, scale=1.0)
+    for sidecar in folder.glob("*.rfgen.json"):
+        sidecar.unlink()
+
+
+def close(found: Waveform, wanted: Waveform) -> bool:
+    """Equal up to the digits that the tool's units leave."""
+    return all(
+        getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-9) for name in Waveform.__dataclass_fields__
+    )
+
+
+def change(path: Path, keys: list[Any], value: Any) -> None:
+    config = json.loads(path.read_text())
+    at = config
+    for key in keys[:-1]:
+        at = at[key]
+    if value is None:
+        del at[keys[-1]]
+    else:
+        at[keys[-1]] = value
+    path.write_text(json.dumps(config))
+
+
+RF = ["mmWaveDevices", 0, "rfConfig"]
+RAW = ["mmWaveDevices", 0, "rawDataCaptureConfig"]
+PROFILE = [*RF, "rlProfiles", 0, "rlProfileCfg_t"]
+
+
+@pytest.mark.parametrize(
+    ("radar", "hardware"),
+    [
+        (awr1843(), Radar.load("awr1843", "mmmesh")),
+        (replace(Radar.load("awr1843", "di_gesture")), Radar.load("awr1843", "mmmesh")),
+        (cascade(), Radar.load("mmwcas")),
+    ],
+)
+def test_the_tools_own_json_gives_waveform_and_elements(tmp_path: Path, radar: Radar, hardware: Radar) -> None:
+    """DI-Gesture fires two of the three Tx of the hardware."""
+    capture_format = "cascade" if radar.name == "mmwcas" else "dca1000"
+    cube = lsb_cube(radar, 2, 32768)
+    as_from_a_board(cube, tmp_path, capture_format)
+    capture = open_capture(tmp_path, radar=hardware)
+    assert (capture.scale, capture.seed, capture.radar.tx_names) == (None, None, radar.tx_names)
+    assert close(capture.radar.waveform, radar.waveform)
+    np.testing.assert_array_equal(capture.radar.tx_positions, radar.tx_positions)
+    np.testing.assert_allclose(capture.frame_times, cube.frame_times - 1.5, atol=1e-9)
+    with pytest.warns(CaptureWarning, match="declares no scale"):
+        back = read_capture(tmp_path, radar=hardware)
+    np.testing.assert_array_equal(back.data, cube.data)
+
+
+def test_position2gos_own_xml_gives_the_ramp(tmp_path: Path) -> None:
+    cube = lsb_cube(position2go(), 3, 2048)
+    as_from_a_board(cube, tmp_path, "position2go")
+    capture = open_capture(tmp_path, radar=Radar.load("position2go"))
+    assert close(capture.radar.waveform, cube.radar.waveform)
+    assert capture.scale is None
+    np.testing.assert_array_equal(capture.cube().data, cube.data)
+
+
+def test_position2go_files_of_one_frame_each_are_a_sequence(tmp_path: Path) -> None:
+    cube = lsb_cube(position2go(), 3, 2048)
+    for frame in range(3):
+        one = replace(cube, data=cube.data[frame : frame + 1], frame_times=cube.frame_times[frame : frame + 1])
+        write_capture(one, tmp_path / f"run_{frame}.raw", "position2go", scale=1.0)
+    for sidecar in tmp_path.glob("*.rfgen.json"):
+        sidecar.unlink()
+    capture = open_capture(tmp_path, radar=cube.radar)
+    assert len(capture.paths) == len(capture) == 3
+    np.testing.assert_array_equal(capture.cube().data, cube.data)
+    np.testing.assert_allclose(capture.frame_times, [0, 0.1, 0.2])
+
+
+def test_without_a_word_on_the_radar_one_is_asked_for(tmp_path: Path, capture_format: str) -> None:
+    if capture_format == "matlab":
+        pytest.skip("holds its description itself")
+    radar = {"cascade": cascade(), "position2go": position2go()}.get(capture_format, awr1843())
+    cube = lsb_cube(radar, 2, 1000)
+    as_from_a_board(cube, tmp_path, capture_format)
+    with pytest.raises(CaptureFormatError, match=r"says which radar took it: pass radar="):
+        open_capture(tmp_path)
+    for config in [*tmp_path.glob("*.json"), *tmp_path.glob("*.xml")]:
+        config.unlink()
+    capture = open_capture(tmp_path, radar=radar)
+    assert capture.radar == radar
+    np.testing.assert_array_equal(capture.cube().data, cube.data)
+
+
+def test_a_board_that_ran_until_it_was_stopped(tmp_path: Path) -> None:
+    """numFrames is 0 then: the file tells."""
+    cube = lsb_cube(awr1843(), 3, 1000)
+    as_from_a_board(cube, tmp_path, "dca1000")
+    change(tmp_path / "adc_data.mmwave.json", [*RF, "rlFrameCfg_t", "numFrames"], 0)
+    assert len(open_capture(tmp_path, radar=awr1843())) == 3
+    change(tmp_path / "adc_data.mmwave.json", [*RF, "rlFrameCfg_t", "numFrames"], 4)
+    with pytest.raises(CaptureFormatError, match=r"4 frames of 1,152 bytes are 4,608: 1,152 bytes are missing"):
+        open_capture(tmp_path, radar=awr1843())
+
+
+def test_i_and_q_swapped(tmp_path: Path) -> None:
+    cube = lsb_cube(awr1843(), 1, 1000)
+    as_from_a_board(cube, tmp_path, "dca1000")
+    change(tmp_path / "adc_data.mmwave.json", [*RAW, "rlDevDataFmtCfg_t", "iqSwapSel"], 1)
+    swapped = open_capture(tmp_path, radar=awr1843()).frame(0)
+    np.testing.assert_array_equal(swapped, cube.data[0].imag + 1j * cube.data[0].real)
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        ([*RF, "waveformType"], "advancedFrameChirp", "waveformType is 'advancedFrameChirp'; supported"),
+        ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcOutFmt"], 0, "complex samples"),
+        ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcBits"], 1, "16 bits"),
+        ([*RF, "rlProfiles"], [], "rlProfiles has 0 profiles"),
+        ([*RF, "rlChirps", 1, "rlChirpCfg_t", "txEnable"], "0x3", "chirp 1 fires 2 Tx"),
+        ([*RF, "rlChanCfg_t"], None, "lacks 'rlChanCfg_t'"),
+        ([*RAW, "rlDevDataFmtCfg_t", "chInterleave"], 0, "chInterleave is 0; 1"),
+        ([*RAW, "rlDevLaneEnable_t", "laneEn"], "0xF", "laneEn is '0xF'; two lanes"),
+        ([*PROFILE, "numAdcSamples"], "many", "many"),
+        ([*PROFILE, "rampEndTime_usec"], 1.0, "ADC window ends"),
+        (["mmWaveDevices"], [], "mmWaveDevices has 0 entries; 1 needed"),
+    ],
+)
+def test_what_cannot_be_followed_is_named(tmp_path: Path, keys: list[Any], value: Any, message: str) -> None:
+    as_from_a_board(lsb_cube(awr1843(), 1, 100), tmp_path, "dca1000")
+    config = tmp_path / "adc_data.mmwave.json"
+    change(config, keys, value)
+    with pytest.raises(CaptureFormatError) as caught:
+        radar_from_studio(config, awr1843())
+    assert message in str(caught.value)
+    assert "adc_data.mmwave.json" in str(caught.value)
+
+
+def test_elements_that_the_hardware_lacks(tmp_path: Path) -> None:
+    as_from_a_board(lsb_cube(awr1843(), 1, 100), tmp_path, "dca1000")
+    with pytest.raises(CaptureFormatError, match="TX2 fires; radar 'awr1843' has TX1, TX3"):
+        open_capture(tmp_path, radar=Radar.load("awr1843", "di_gesture"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("RADAR_SIGNAL_I_AND_Q", "RADAR_SIGNAL_ONLY_I", "signalPart is 'RADAR_SIGNAL_ONLY_I'"),
+        ("samplerateHz", "rate", "lacks the element Device/AdcxmcEndpoint/AdcxmcConfiguration/samplerateHz"),
+        ("<rxMask>3<", "<rxMask>7<", "rxMask is 7"),
+        ("<numSamplesPerChirp>8<", "<numSamplesPerChirp>x<", "'x'"),
+        ("</Device>", "", "is not XML"),
+    ],
+)
+def test_an_xml_that_cannot_be_followed(tmp_path: Path, old: str, new: str, message: str) -> None:
+    as_from_a_board(lsb_cube(position2go(), 1, 100), tmp_path, "position2go")
+    path = tmp_path / "position2go.xml"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(CaptureFormatError) as caught:
+        open_capture(tmp_path, radar=position2go())
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e-9, 1e-3])
+def test_cascade_times_in_the_unit_of_the_host(tmp_path: Path, unit: float) -> None:
+    """Time stamps count from when the host was switched on, and their unit shows in the frame period."""
+    as_from_a_board(lsb_cube(cascade(), 3, 100), tmp_path, "cascade")
+    for index in tmp_path.glob("*_idx.bin"):
+        content = bytearray(index.read_bytes())
+        for frame, time in enumerate([77.0, 77.1, 77.3]):
+            at = 24 + 48 * frame + 32
+            content[at : at + 8] = round(time / unit).to_bytes(8, "little")
+        index.write_bytes(content)
+    np.testing.assert_allclose(open_capture(tmp_path, radar=cascade()).frame_times, [0, 0.1, 0.3], atol=1e-9)
+
+
+def test_cascade_files_allocated_in_advance_and_the_masters_index_alone(tmp_path: Path) -> None:
+    cube = lsb_cube(cascade(), 2, 100)
+    as_from_a_board(cube, tmp_path, "cascade")
+    for data in tmp_path.glob("*_data.bin"):
+        with data.open("ab") as stream:
+            stream.write(bytes(100_000))
+    for index in tmp_path.glob("slave*_idx.bin"):
+        index.unlink()
+    np.testing.assert_array_equal(
+        open_capture(tmp_path / "master_0000_data.bin", radar=cascade()).cube().data, cube.data
+    )
