@@ -30,8 +30,8 @@ VARIANTS = ("cuda_ad_mono_polarized", "llvm_ad_mono_polarized")
 
 _ENVIRONMENT = "DRJIT_LIBLLVM_PATH"
 _CURE = (
-    "Install LLVM 19 (Debian and Ubuntu: `apt-get install libllvm19`; where the distribution does not have it, the LLVM "
-    "project's own Debian packages do; conda: `conda install -c conda-forge 'libllvm19'`; macOS: "
+    "Install LLVM 19 (Debian and Ubuntu: `apt-get install libllvm19`; where the distribution does not have it, the "
+    "LLVM project's own Debian packages do; conda: `conda install -c conda-forge 'libllvm19'`; macOS: "
     f"`brew install llvm@19`), or set the environment variable {_ENVIRONMENT} to the file of an existing libLLVM of "
     f"version {OLDEST_LLVM} or later before Python starts."
 )
