@@ -42,7 +42,8 @@ def write_capture(
         One of `FORMATS`.
     scale
         [sqrt(W)/LSB]. "auto" is that of the radar's ADC where its full scale is fixed, else the smallest power of two
-        that clips nothing (1 in formats of floating-point numbers). None: the samples are in LSB already, and no scale is declared.
+        that clips nothing (1 in formats of floating-point numbers). None: the samples are in LSB already, and no scale
+        is declared.
     full_scale_dbm
         Instead of `scale`: power of a complex tone that just fills the converter [dBm].
     overwrite

@@ -96,10 +96,11 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     frames = whole_frames(data, data.stat().st_size, frame_size, known.frames, partial)
     receivers = channel_numbers(known.radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     loops, slots, channels, samples = shape
-    stored = np.memmap(data, dtype="<i2", mode="r", shape=(frames, loops, slots, channels, samples // 2, 2, 2))
+    packed = (loops, slots, channels, samples // 2, 2, 2)
 
     def frame(number: int) -> NDArray[Any]:
-        levels = stored[number].swapaxes(-1, -2).reshape(loops, slots, channels, samples, 2)
+        stored = np.memmap(data, dtype="<i2", mode="r", offset=number * frame_size, shape=packed)
+        levels = stored.swapaxes(-1, -2).reshape(loops, slots, channels, samples, 2)
         if swapped:
             levels = levels[..., ::-1]
         return element_order(complex_lsb(levels), known.radar, receivers)

@@ -98,9 +98,8 @@ def test_position2go_files_of_one_frame_each_are_a_sequence(tmp_path: Path) -> N
     np.testing.assert_allclose(capture.frame_times, [0, 0.1, 0.2])
 
 
+@pytest.mark.parametrize("capture_format", ["dca1000", "cascade", "position2go", "rfgenesis"])
 def test_without_a_word_on_the_radar_one_is_asked_for(tmp_path: Path, capture_format: str) -> None:
-    if capture_format == "matlab":
-        pytest.skip("holds its description itself")
     radar = {"cascade": cascade(), "position2go": position2go()}.get(capture_format, awr1843())
     cube = lsb_cube(radar, 2, 1000)
     as_from_a_board(cube, tmp_path, capture_format)
