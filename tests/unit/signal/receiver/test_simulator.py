@@ -1,0 +1,59 @@
+"""The simulator's runs go through the receiver."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.radar import Adc, Radar
+from rfgen_sionna.scene import Actor
+from rfgen_sionna.signal import DcOffset, Leakage, Mismatch, Receiver
+from rfgen_sionna.simulation import Simulator
+
+
+@pytest.fixture(scope="module")
+def simulator(tiny_toml):
+    radar = Radar.load(tiny_toml, position=(0, 0, 1), look_at=(3, 0, 1))
+    mesh = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
+    return Simulator(None, radar, [Actor.from_mesh(mesh, material="metal", position=(3, 0, 1), name="ball")], rtol=0.01)
+
+
+def test_noise_and_receiver_together(simulator):
+    """noise=False takes the thermal noise out of a receiver; without one it means an ideal receiver."""
+    clean = simulator.adc(0.05, noise=False)
+    offset = Receiver(dc_offset=DcOffset(-60.0, 0.0), adc=None)
+    quiet = simulator.adc(0.05, noise=False, receiver=offset).data
+    np.testing.assert_allclose(quiet - clean.data, np.sqrt(1e-9), rtol=1e-5)
+    noisy = simulator.adc(0.05, receiver=offset, seed=2)
+    alone = simulator.adc(0.05, receiver=Receiver(adc=None), seed=2)
+    np.testing.assert_allclose(noisy.data - alone.data, np.sqrt(1e-9), rtol=1e-5)
+    assert (clean.seed, noisy.seed) == (None, 2)
+    frames = list(simulator.frames(0.05, noise=False))
+    assert (frames[0].full_scale, frames[0].clipped) == (None, 0.0)
+
+
+def test_presets_quantise_with_one_scale_for_all_frames(simulator):
+    frames = list(simulator.frames(0.15, seed=1))
+    scales = {frame.full_scale for frame in frames}
+    assert len(scales) == 1
+    lsb = scales.pop() / 2**15
+    for frame in frames:
+        words = np.stack([frame.samples.real, frame.samples.imag]) / lsb
+        np.testing.assert_array_equal(words, np.rint(words))
+    coarse = list(simulator.frames(0.05, receiver=Receiver(adc=Adc(8, -120.0))))
+    assert coarse[0].clipped > 0.01
+    assert coarse[0].full_scale == pytest.approx(10 ** (-150 / 20))
+
+
+def test_a_device_keeps_its_faults_from_frame_to_frame(simulator):
+    receiver = Receiver(leakage=Leakage(-30), mismatch=Mismatch(gain_spread_db=1.0), thermal_noise=False, adc=None)
+    cube = simulator.adc(0.15, receiver=receiver, seed=4).data
+    np.testing.assert_allclose(cube[1], cube[0], rtol=1e-3, atol=1e-6 * np.abs(cube).max())
+
+
+def test_what_does_not_fit_is_refused_before_the_work(simulator):
+    with pytest.raises(TypeError, match="receiver is a str"):
+        simulator.frames(0.05, receiver="noisy")
+    with pytest.raises(ValueError, match=r"mismatch.rx_gain_db has 3 values"):
+        simulator.frames(0.05, receiver=replace(Receiver(), mismatch=Mismatch(rx_gain_db=(0, 1, 2))))
