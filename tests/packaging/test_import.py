@@ -83,7 +83,8 @@ import trimesh
 import rfgen_sionna as rfgen
 
 radar = rfgen.Radar.load("awr1843", "di_gesture", position=(0, 0, 1), look_at=(3, 0, 1))
-ball = rfgen.Actor.from_mesh(trimesh.creation.icosphere(2, 0.1), material="metal", position=(2, 0, 1), velocity=(1, 0, 0))
+mesh = trimesh.creation.icosphere(2, 0.1)
+ball = rfgen.Actor.from_mesh(mesh, material="metal", position=(2, 0, 1), velocity=(1, 0, 0))
 sim = rfgen.Simulator(None, radar, [ball], rtol=1e-2)
 print(sim.adc(0.05).data.shape, sim.paths(0.01).num_paths > 0, sim.pir(0.0, (16, 16)).energy.max() > 0)
 """
