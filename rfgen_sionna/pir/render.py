@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.radar.radar import POLARIZATIONS, Vector, rotation_matrix
+from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
 from rfgen_sionna.tracing.footprints import trace_footprints
 

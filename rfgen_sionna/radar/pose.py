@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rfgen_sionna.records import FloatArray
 
@@ -19,9 +20,10 @@ POLARIZATIONS: dict[str, Vector] = {
 """Direction of the element's electric field at boresight, device frame."""
 
 
-def rotation_matrix(orientation: Vector) -> FloatArray:
+def rotation_matrix(orientation: ArrayLike) -> FloatArray:
     """(3, 3) rotation from the device to the world frame for (yaw, pitch, roll) [rad], Sionna's Rz Ry Rx."""
-    (ca, cb, cc), (sa, sb, sc) = np.cos(orientation), np.sin(orientation)
+    angles = np.asarray(orientation, dtype=np.float64)
+    (ca, cb, cc), (sa, sb, sc) = np.cos(angles), np.sin(angles)
     return np.array(
         [
             [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],

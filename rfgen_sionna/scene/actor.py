@@ -9,22 +9,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
+from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import FloatArray, IntArray, MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
 
 Vector: TypeAlias = tuple[float, float, float]
 Pose: TypeAlias = "ArrayLike | tuple[ArrayLike, ArrayLike]"
-
-
-def rotation_matrix(orientation: ArrayLike) -> FloatArray:
-    """(3, 3) rotation from the object's frame to the world for (yaw, pitch, roll) [rad], Sionna's convention.
-
-    The object is turned about its x axis by roll, then about y by pitch, then about z by yaw.
-    """
-    return np.asarray(Rotation.from_euler("ZYX", np.asarray(orientation, np.float64)).as_matrix())
 
 
 @dataclass(frozen=True, eq=False)
