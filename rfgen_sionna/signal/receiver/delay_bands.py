@@ -18,10 +18,13 @@ itself have known delays, which are used instead of the transform's.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 
 from rfgen_sionna.radar import Radar
@@ -33,7 +36,7 @@ from rfgen_sionna.signal.receiver.streams import frame_stream
 
 NEGATIVE_SHARE = 1 / 32
 """Share of the range window that counts as just below zero: approaching targets, and what leaks from near ones."""
-_ROWS = 2_000_000  # grid points of all channels at a time: bounds the memory to about 200 MB
+_ROWS = 500_000  # grid points of all channels at a time: bounds the memory of a thread to about 50 MB
 
 
 @dataclass(frozen=True)
@@ -119,45 +122,73 @@ def generator_error(
     variation = max(0.0 if ramp is None else ramp.variation(radar), 0.0 if noise is None else waveform.sample_rate)
     grid = _Grid.of(radar, variation, swing)
     count = inner + grid.gap
-    steady = np.zeros(2 * count)
     extended = fill_gap(samples)
     window = slice(grid.gap // 2, grid.gap // 2 + inner)
-    weights = grid.weights(grid.delays)
-    own = [(path.amplitude * tone(radar, grid.times, path.delay), grid.weights(path.delay)) for path in statics]
-    rng = frame_stream(seed, "phase_noise", frame)
+    # In the order of a transform: beat frequencies from zero up, then those below zero.
+    wide_bins = (grid.bins % (2 * count)).astype(int)
+    order = np.argsort(wide_bins)
+    wide_bins, bins = wide_bins[order], (grid.bins[order] % count).astype(int)
+    above = int(np.count_nonzero(wide_bins < count))
+    weights = grid.weights(grid.delays[order]).astype(np.float32)
+    own = [
+        (
+            (path.amplitude * tone(radar, grid.times, path.delay)).astype(np.complex64),
+            grid.weights(path.delay).astype(np.float32),
+        )
+        for path in statics
+    ]
+    drawn = None
     period = 2 * count / waveform.sample_rate
+    if noise is not None:
+        rng = frame_stream(seed, "phase_noise", frame)
+        drawn = noise.draw(rng, chirps * slots, period, 4 * count).reshape(chirps, slots, 1, -1)
     offsets = np.arange(2 * count + 1) / period
-    wide_bins, bins = (grid.bins % (2 * count)).astype(int), (grid.bins % count).astype(int)
-
     out = np.empty_like(samples)
-    rows = max(1, _ROWS // (slots * receivers * 2 * count))
-    for first in range(0, chirps, rows):
-        part = extended[first : first + rows]
-        spectrum = fft.fft(part, axis=-1)[..., bins]
-        drawn = None if noise is None else noise.draw(rng, len(part) * slots, period, 4 * count)
-        now = steady if drawn is None else _on_grid(drawn, 2 * count)
-        if ramp is not None:
-            now = now + ramp.phase(radar, grid.times)
-        change = np.zeros((*part.shape[:-1], 2 * count), dtype=np.complex128)
+
+    def work(part: slice) -> None:
+        # The error is small against the samples: single precision is exact enough for it, its phase apart.
+        spectrum = (2 * fft.fft(extended[part], axis=-1)[..., bins]).astype(np.complex64)
+        chosen = None if drawn is None else drawn[part]
+        now = _phase(radar, grid.times, ramp, chosen)
+        change = np.zeros((*spectrum.shape[:-1], 2 * count), dtype=np.complex64)
         wide = np.zeros_like(change)
         for node, delay in enumerate(grid.nodes):
-            before = steady if drawn is None else _on_grid(drawn * np.exp(-2j * math.pi * offsets * delay), 2 * count)
-            if ramp is not None:
-                before = before + ramp.phase(radar, grid.times - delay)
-            error = np.expm1(1j * (now - before)).reshape((-1, slots, 1, 2 * count) if drawn is not None else -1)
-            wide[..., wide_bins] = 2 * spectrum * weights[node]
+            late = None if chosen is None else chosen * np.exp(-2j * math.pi * offsets * delay)
+            error = _phasor_less_one(now - _phase(radar, grid.times - delay, ramp, late))
+            np.multiply(spectrum[..., :above], weights[node, :above], out=wide[..., :above])
+            np.multiply(spectrum[..., above:], weights[node, above:], out=wide[..., count + above :])
             band = fft.ifft(wide, axis=-1)
             for signal, share in own:
                 band += signal * share[node][..., None]
-            change += error * band
-        change *= grid.fade
-        kept = np.zeros_like(part)
+            band *= error
+            change += band
+        change *= grid.fade.astype(np.float32)
+        kept = np.zeros_like(change, shape=(*spectrum.shape[:-1], count))
         kept[..., bins] = 0.5 * fft.fft(change, axis=-1)[..., wide_bins]
-        out[first : first + rows] = fft.ifft(kept, axis=-1)[..., window]
+        out[part] = fft.ifft(kept, axis=-1)[..., window]
+
+    rows = max(1, _ROWS // (slots * receivers * 2 * count))
+    parts = [slice(first, first + rows) for first in range(0, chirps, rows)]
+    with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
+        list(pool.map(work, parts))
+    return out
+
+
+def _phase(radar: Radar, times: FloatArray, ramp: RampError | None, drawn: ComplexArray | None) -> FloatArray:
+    """(..., time) phase error of the generator [rad]; `drawn` are Fourier coefficients of the noise at `times`."""
+    phase = np.zeros(len(times)) if ramp is None else ramp.phase(radar, times)
+    return phase if drawn is None else phase + _on_grid(drawn, len(times))
+
+
+def _phasor_less_one(phase: FloatArray) -> NDArray[np.complex64]:
+    """exp(j phase) - 1 without cancellation."""
+    out = np.empty(phase.shape, dtype=np.complex64)
+    single = phase.astype(np.float32)
+    out.real, out.imag = -2 * np.sin(0.5 * single) ** 2, np.sin(single)
     return out
 
 
 def _on_grid(coefficients: ComplexArray, count: int) -> FloatArray:
-    """(chirp, count) first half of the period of the real series with these coefficients."""
+    """(..., count) first half of the period of the real series with these coefficients."""
     length = 2 * (coefficients.shape[-1] - 1)
     return np.asarray(fft.irfft(coefficients * (length / 2), n=length, axis=-1)[..., :count])

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray
@@ -142,6 +141,8 @@ class Interferer:
 
     def _bursts(self, radar: Radar, ramps: FloatArray, phases: FloatArray) -> ComplexArray:
         """(burst, sample) of unit amplitude, filtered."""
+        from scipy.signal import oaconvolve
+
         own, other = radar.waveform, self.radar.waveform
         margin, taps = _filter(radar, self.band(radar))
         low, high = self.band(radar)
@@ -160,7 +161,7 @@ class Interferer:
         on = (since >= 0) & (since <= other.ramp_end_time)
         angle = 2 * math.pi * (cycles - np.rint(cycles)) + phases[:, None]
         chirp = on * fade * np.exp(1j * angle)
-        filtered = signal.oaconvolve(chirp, taps[None, :], mode="valid", axes=-1)
+        filtered = oaconvolve(chirp, taps[None, :], mode="valid", axes=-1)
         filtered = filtered[:, : own.num_samples * OVERSAMPLING : OVERSAMPLING]
         return np.asarray(filtered * np.exp(2j * math.pi * middle * own.sample_times))
 
@@ -180,8 +181,10 @@ def _span(radar: Radar, band: tuple[float, float]) -> tuple[float, float]:
 
 def _filter(radar: Radar, band: tuple[float, float]) -> tuple[float, FloatArray]:
     """Half the length [s] and the taps of the low-pass about the middle of the band, on the fine grid."""
+    from scipy.signal import firwin, kaiserord
+
     rate = radar.waveform.sample_rate * OVERSAMPLING
-    count, beta = signal.kaiserord(REJECTION_DB, 2 * TRANSITION_SHARE / OVERSAMPLING)
+    count, beta = kaiserord(REJECTION_DB, 2 * TRANSITION_SHARE / OVERSAMPLING)
     count |= 1
-    taps = signal.firwin(count, 0.5 * (band[1] - band[0]), window=("kaiser", beta), fs=rate)
+    taps = firwin(count, 0.5 * (band[1] - band[0]), window=("kaiser", beta), fs=rate)
     return (count // 2) / rate, np.asarray(taps)

@@ -24,7 +24,15 @@ from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias, st
 class Receiver:
     """The hardware between the echoes and the ADC's words, in the order in which a signal meets it.
 
-    Everything is off but thermal noise and the radar's own ADC.
+    Everything is off but thermal noise and the radar's own ADC. A board as it comes, with numbers of one's own:
+
+    >>> Receiver(
+    ...     leakage=Leakage(level_db=-30.0),
+    ...     range_bias=RangeBias(0.065),
+    ...     phase_noise=PhaseNoise(((1e5, -85.0), (1e6, -95.0), (1e7, -115.0))),
+    ...     mismatch=Mismatch(gain_spread_db=0.5, phase_spread_deg=5.0),
+    ... ).thermal_noise
+    True
     """
 
     leakage: Leakage | None = None
