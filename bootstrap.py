@@ -56,6 +56,7 @@ def main(arguments):
         create_environment()
         install_packages(EXTRAS[command])
         ensure_llvm()
+        prepare_bodies()
         if command == "demo":
             return run_demo(rest)
         if command == "test":
@@ -122,6 +123,17 @@ def ensure_llvm():
     cure = probe()
     if cure is not None:
         raise SetupError(cure + ("\n" + problem if problem else ""))
+
+
+def prepare_bodies():
+    """The body model's cache in the user's home, which its first start builds."""
+    stamp = VENV / "rfgen-bodies"
+    if stamp.exists():
+        return
+    with Step("body model (0.8 GB of cache, once)") as step:
+        load = "from rfgen_sionna.generative.bodies.anny_rig import load_model; load_model()"
+        step.run([executable("python"), "-c", load])
+    stamp.touch()
 
 
 def probe():
