@@ -154,11 +154,41 @@ def _search(
     visible = uy**2 + uz**2 <= 1
     uy, uz = uy[visible], uz[visible]
     beams = steering(radar, _direction(uy, uz)).reshape(len(uy), elements).conj()
-    cosines = np.empty((count, 2))
+    cosines, rivals = np.empty((count, 2)), np.empty((count, 2))
+    rivalled = np.zeros(count, dtype=bool)
+    grid = np.stack([uy, uz], axis=1)
     for start in range(0, count, 256):
         part = slice(start, start + 256)
-        first = np.abs(flat[part] @ beams.T).argmax(axis=1)
-        cosines[part] = np.stack([uy[first], uz[first]], axis=1)
+        response = np.abs(flat[part] @ beams.T)
+        first = response.argmax(axis=1)
+        cosines[part], best = grid[first], response.max(axis=1)
+        # Between two grid points the true peak may lie below a grating lobe on one: look at both more closely.
+        response[(np.abs(grid - grid[first][:, None]) <= 2.5 * np.maximum(step, 1e-9)).all(axis=-1)] = 0.0
+        rivals[part] = grid[response.argmax(axis=1)]
+        rivalled[part] = response.max(axis=1) > 0.7 * best
+    owner = np.concatenate([np.arange(count), np.flatnonzero(rivalled)])
+    cosines, power = _refine(
+        np.concatenate([cosines, rivals[rivalled]]),
+        step,
+        flat[owner],
+        None if distance is None else distance[owner],
+        radar,
+    )
+    # Of two as good as each other, as an array with wide gaps has them, the one nearer to boresight counts.
+    better = power[count:] > power[owner[count:]] * (1 + 1e-3)
+    as_good = power[count:] > power[owner[count:]] * (1 - 1e-3)
+    nearer = np.linalg.norm(cosines[count:], axis=1) < np.linalg.norm(cosines[owner[count:]], axis=1)
+    for index in count + np.flatnonzero(better | (as_good & nearer)):
+        cosines[owner[index]], power[owner[index]] = cosines[index], power[index]
+    u = _direction(cosines[:count, 0], cosines[:count, 1])
+    return np.arctan2(u[:, 1], u[:, 0]), np.arcsin(np.clip(u[:, 2], -1, 1)), power[:count]
+
+
+def _refine(
+    cosines: FloatArray, step: FloatArray, flat: ComplexChannels, distance: FloatArray | None, radar: Radar
+) -> tuple[FloatArray, FloatArray]:
+    """Direction cosines (n, 2) moved to the beam's peak nearby, and its power (n,); `step` is (2,)."""
+    count, elements = flat.shape
     offset = np.array([(a, b) for a in (-1, -0.5, 0, 0.5, 1) for b in (-1, -0.5, 0, 0.5, 1)])
     power = np.empty(count)
     for _ in range(8):
@@ -172,8 +202,7 @@ def _search(
         cosines = np.take_along_axis(trial, pick[:, None, None], axis=1)[:, 0]
         power = np.square(np.take_along_axis(response, pick[:, None], axis=1)[:, 0] / elements)
         step = step / 2
-    u = _direction(cosines[:, 0], cosines[:, 1])
-    return np.arctan2(u[:, 1], u[:, 0]), np.arcsin(np.clip(u[:, 2], -1, 1)), power
+    return cosines, power
 
 
 def _direction(uy: FloatArray, uz: FloatArray) -> FloatArray:

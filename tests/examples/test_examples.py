@@ -36,3 +36,32 @@ def test_awr1843_finds_the_ball_where_it_is(tmp_path: Path, options: list[str]) 
     with Image.open(tmp_path / "map.png") as picture:
         assert picture.width > 500
         assert len(picture.convert("RGB").getcolors(2**24)) > 100
+
+
+def drawn(picture: Path) -> bool:
+    with Image.open(picture) as image:
+        return image.width > 1200 and len(image.convert("RGB").getcolors(2**24)) > 100
+
+
+@pytest.mark.parametrize("options", [["--quick"], pytest.param([], marks=pytest.mark.slow)])
+def test_the_cascade_tells_apart_what_the_awr1843_does_not(tmp_path: Path, options: list[str]) -> None:
+    out = run("mmwcas.py", tmp_path / "maps.png", *options)
+    found = {
+        name: [float(a) for a in angles.split(",")] for name, angles in re.findall(r"(\w+) +\d+ at .*azimuth (.*)", out)
+    }
+    assert found["mmwcas"] == pytest.approx([-1.25, 1.25], abs=0.35)
+    assert found["awr1843"] == pytest.approx([0.0], abs=1.0)
+    assert drawn(tmp_path / "maps.png")
+
+
+@pytest.mark.parametrize("options", [["--quick"], pytest.param([], marks=pytest.mark.slow)])
+def test_position2go_finds_distance_speed_and_side(tmp_path: Path, options: list[str]) -> None:
+    out = run("position2go.py", tmp_path / "panels.png", *options)
+    range_, azimuth, velocity = map(float, re.search(r"found at ([\d.]+) m, (.+) deg, (.+) m/s", out).groups())
+    assert range_ == pytest.approx(4.0, abs=0.075)
+    assert azimuth == pytest.approx(20.0, abs=1.0)
+    assert velocity == pytest.approx(-2.0, abs=0.08)
+    wrong = dict(re.findall(r"(position2go\w*): .* (\d+) of \d+ wrong", out))
+    assert int(wrong["position2go"]) == 0
+    assert int(wrong["position2go_v11"]) >= 4  # beyond 53 degrees on either side
+    assert drawn(tmp_path / "panels.png")

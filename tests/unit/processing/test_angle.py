@@ -5,6 +5,7 @@ import pytest
 
 from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steering, unit_vectors
 from rfgen_sionna.processing.spectrum import range_doppler
+from rfgen_sionna.radar import Radar
 
 
 def channels_of(cube, radar, padding=2):
@@ -77,3 +78,19 @@ def test_bad_requests_are_named(mmmesh):
         find_directions(np.zeros((1, 2, 4), complex), mmmesh, 0.0)
     with pytest.raises(ValueError, match="ambiguities is -1"):
         find_directions(np.zeros((1, 3, 4), complex), mmmesh, 0.0, ambiguities=-1)
+
+
+@pytest.mark.parametrize(("name", "field"), [("position2go", 84), ("position2go_v11", 52)])
+def test_two_elements_far_to_the_side(name: str, field: int) -> None:
+    """A grating lobe just outside of the half sphere, or as good as the true peak, does not take its place.
+
+    7.75 mm apart two receivers cannot tell a sine from one that is a wavelength / 7.75 mm = 1.6 away: the answer is the
+    one nearer to boresight, so that up to asin(0.8) = 53 degrees it is right.
+    """
+    radar = Radar.load(name)
+    azimuth = np.radians(np.linspace(-field, field, 2 * field + 1))
+    rng = np.random.default_rng(3)
+    channels = steering(radar, unit_vectors(azimuth, 0.0))
+    channels = channels + 1e-3 * (rng.normal(size=channels.shape) + 1j * rng.normal(size=channels.shape))
+    found = find_directions(channels, radar, 0.0)
+    np.testing.assert_allclose(np.sin(found.azimuth), np.sin(azimuth), atol=0.01)
