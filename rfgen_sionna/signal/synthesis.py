@@ -181,6 +181,8 @@ def _channel(
     gains = _gains(radar, paths, amplitude, window, tx, rx)
     stacked_gains: NDArray[Any] = gains.transpose(0, 2, 1).astype(number)  # (order, time, path)
     loudness = np.abs(gains[0]).max(axis=1) ** 2
+    loudness /= max(float(loudness.sum()), 1e-300)
+    sizes = np.sqrt((np.abs(gains) ** 2).max(axis=2).sum(axis=1))
     single = len(paths.times) == 1
     knots, at_knots = _knot_terms(radar, paths, chirp_times + middle, middle, half, tx, rx)
 
@@ -191,23 +193,25 @@ def _channel(
         times = chirp_times[first : first + rows] + middle
         blend = knot_weights(knots, times)
         cycles, beat, quadratic = (blend @ term for term in at_knots)
-        # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand.
+        # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
         quadratic *= 0.5
         cycles += quadratic
+        shared = quadratic @ loudness
+        quadratic -= shared[:, None]
         phasor = _phasor(cycles, number)
-        powers = _quadratic_powers(2 * np.pi * _weighted_size(quadratic, loudness), eps)
-        orders = len(stacked_gains)
-        terms: NDArray[Any] = np.empty((len(times), orders * (powers + 1), paths.num_paths), dtype=number)
+        terms_of = _needed_terms(2 * np.pi * _weighted_size(quadratic, loudness), sizes, eps)
+        terms: NDArray[Any] = np.empty((len(times), len(terms_of), paths.num_paths), dtype=number)
         weights: NDArray[Any] = np.ones((len(times), 1), dtype=real) if single else blend.astype(real)
-        for order in range(orders):
-            np.multiply(weights @ stacked_gains[order], phasor, out=terms[:, order])
-        shapes = [u**order for order in range(orders)]  # row n is the function of u that term n carries
-        for power in range(1, powers + 1):
-            factor: NDArray[Any] = ((2j * np.pi / power) * quadratic).astype(number)
-            for order in range(orders):
-                now = power * orders + order
-                np.multiply(terms[:, now - orders], factor, out=terms[:, now])
-                shapes.append(shapes[now - orders] * (2 * u * u - 1))
+        chebyshev, shapes = 2 * u * u - 1, []  # row n of `shapes` is the function of u that term n carries
+        turn: NDArray[Any] = np.zeros(0)
+        for index, (order, power) in enumerate(terms_of):
+            if power == 0:
+                np.multiply(weights @ stacked_gains[order], phasor, out=terms[:, index])
+            else:
+                turn = (2j * np.pi * quadratic).astype(number) if turn.size == 0 else turn
+                np.multiply(terms[:, terms_of.index((order, power - 1))], turn, out=terms[:, index])
+                terms[:, index] /= power
+            shapes.append(u**order * chebyshev**power)
         points = _points(beat, window.step, real)
         if len(shapes) not in plans:
             plans[len(shapes)] = _plan(count, len(shapes), eps, number)
@@ -216,6 +220,7 @@ def _channel(
             plans[len(shapes)].setpts(points[row])
             modes = plans[len(shapes)].execute(terms[row] if len(shapes) > 1 else terms[row, 0])
             out[first + row] = (np.atleast_2d(modes) * shape).sum(axis=0)
+            out[first + row] *= np.exp(2j * np.pi * shared[row] * chebyshev)
     return out
 
 
@@ -251,20 +256,25 @@ def _phase_terms(
 
 
 def _weighted_size(values: FloatArray, loudness: FloatArray) -> float:
-    """Root mean square over the paths, weighted with their power, of the largest |value| that each has in any chirp."""
-    total = float(loudness.sum())
-    if total == 0.0:
-        return 0.0
-    return float(np.sqrt((loudness * np.abs(values).max(axis=0) ** 2).sum() / total))
+    """Root mean square over the paths, weighted with their share of the power, of each one's largest |value|."""
+    return float(np.sqrt((loudness * np.abs(values).max(axis=0) ** 2).sum()))
 
 
-def _quadratic_powers(angle: float, eps: float) -> int:
-    """Terms of exp(j angle T) that leave a remainder below eps."""
-    remainder, order = angle, 0
-    while remainder > eps and order < 40:
-        order += 1
-        remainder *= angle / (order + 1)
-    return order
+def _needed_terms(angle: float, sizes: FloatArray, eps: float) -> list[tuple[int, int]]:
+    """(order of the gain, power of the quadratic phase) of the terms that matter to `eps`.
+
+    exp(j angle T) leaves angle^(n+1) / (n+1)! after n powers; `sizes` are those of the gain's coefficients.
+    """
+    terms = []
+    for order, size in enumerate(sizes):
+        power, left = 0, size / max(float(sizes[0]), 1e-300) if order else 1.0
+        terms.append((order, 0))
+        left *= angle
+        while left > eps and power < 40:
+            power += 1
+            terms.append((order, power))
+            left *= angle / (power + 1)
+    return terms
 
 
 def _about_window_middle(
