@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +17,11 @@ from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, FloatArray, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
-from rfgen_sionna.scene.clearance import CLEARANCE, check_radar_clear
+from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear, check_way_clear
 from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.load import RadarScene, load_scene
 from rfgen_sionna.signal import Receiver, receive, synthesize
+from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport
 
 if TYPE_CHECKING:
@@ -118,7 +119,11 @@ class Simulator:
         check_view(resolution, fov_deg)
         instant = _time("t", t)
         view = self.radar.placed(position=position, orientation=orientation)
-        return render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation)
+        pir = render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation)
+        if self.radar.trajectory is None:
+            return pir
+        here = self.radar.at(instant)
+        return replace(pir, position=here.position, orientation=here.orientation)
 
     def adc(
         self,
@@ -229,7 +234,9 @@ class Simulator:
 
     def _check_places(self, start: float, stop: float) -> None:
         """Every actor within the range window, and none of them around the radar or through it, all along."""
-        for actor in self.actors:
+        check_way_clear(self.radar, self.scene, self.actors, start, stop)
+        moves = self.radar.trajectory is not None
+        for actor in seen_from(self.radar, None, self.actors) if moves else self.actors:
             steps = max(1, math.ceil((stop - start) / CHECK_STEP))
             earlier = (start, self._placed_vertices(actor, start))
             check_radar_clear(self.radar.position, None, [actor], start)
@@ -248,7 +255,7 @@ class Simulator:
                     stacklevel=3,
                 )
 
-    def _placed_vertices(self, actor: Actor, t: float) -> FloatArray:
+    def _placed_vertices(self, actor: Body, t: float) -> FloatArray:
         """(vertex, 3) world positions [m], all of them within the range window."""
         points = actor.vertices(t)
         reach = float(np.linalg.norm(points - np.asarray(self.radar.position), axis=1).max())
@@ -262,7 +269,7 @@ class Simulator:
             )
         return points
 
-    def _check_passage(self, actor: Actor, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]) -> None:
+    def _check_passage(self, actor: Body, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]) -> None:
         """The actor does not meet the radar between two instants; looked at in steps of less than the clearance."""
         place = np.asarray(self.radar.position)
         (t0, before), (t1, after) = earlier, later

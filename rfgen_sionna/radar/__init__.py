@@ -4,6 +4,7 @@ from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern
 from rfgen_sionna.radar.radar import Radar
 from rfgen_sionna.radar.table import TablePattern
+from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
 
-__all__ = ["Adc", "ElementPattern", "NamedPattern", "Radar", "TablePattern", "Waveform"]
+__all__ = ["Adc", "ElementPattern", "NamedPattern", "Radar", "TablePattern", "Trajectory", "Waveform"]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +13,12 @@ import numpy as np
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.device import radar_fields
-from rfgen_sionna.radar.pattern import Pattern, pattern_from_record, pattern_record
+from rfgen_sionna.radar.pattern import Pattern
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
+from rfgen_sionna.radar.record import fields_from_record, radar_record
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.resources import available, resolve
-
-
-def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Any]:
-    """`record` as a dictionary, or an error that names the key it should not have, or lacks."""
-    if not isinstance(record, Mapping):
-        raise ValueError(f"{what} is {record!r}: a table with the keys {', '.join(known)} is needed")
-    if unknown := set(record) - set(known):
-        raise ValueError(f"{what} has the unknown key '{min(unknown)}'; known: {', '.join(known)}")
-    if missing := set(known) - set(record) - set(optional):
-        raise ValueError(f"{what} lacks the key '{min(missing)}'; needed: {', '.join(known)}")
-    return dict(record)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +50,10 @@ class Radar:
     orientation: Vector = (0.0, 0.0, 0.0)
     """Yaw, pitch, roll [rad]."""
     adc: Adc = field(default_factory=Adc)
+    trajectory: Callable[[float], Any] | None = None
+    """Where the radar is at a time [s]: its position [m], or a pair of position and orientation [rad]; `position` and
+    `orientation` are then those at t = 0. It must be smooth (C²): steps in it are steps in the phase. A
+    :class:`~rfgen_sionna.radar.trajectory.Trajectory` can be stored in a file, a function cannot."""
 
     def __post_init__(self) -> None:
         for name in ("tx_positions", "rx_positions"):
@@ -97,6 +90,12 @@ class Radar:
             raise ValueError(f"radar.temperature is {self.temperature!r}: a value in 0 … 2000 K is needed")
         object.__setattr__(self, "position", vector("position", self.position))
         object.__setattr__(self, "orientation", vector("orientation", self.orientation))
+        if self.trajectory is not None:
+            if not callable(self.trajectory):
+                raise ValueError(f"radar.trajectory is {self.trajectory!r}: a function of the time or None is needed")
+            position, orientation = self.pose(0.0)
+            object.__setattr__(self, "position", position)
+            object.__setattr__(self, "orientation", orientation)
 
     # -- making one ---------------------------------------------------------------------------------------
 
@@ -114,6 +113,7 @@ class Radar:
         position: Vector = (0.0, 0.0, 0.0),
         orientation: Vector = (0.0, 0.0, 0.0),
         look_at: Vector | None = None,
+        trajectory: Callable[[float], Any] | None = None,
         overrides: Mapping[str, Any] | None = None,
     ) -> Radar:
         """Read a radar from `radars/<name>.toml` or from a TOML file of your own.
@@ -128,6 +128,8 @@ class Radar:
             World position [m]; yaw, pitch, roll [rad] in Sionna's convention.
         look_at
             World point [m] that the boresight shall hit; replaces `orientation`, without roll.
+        trajectory
+            Motion of the radar, see :attr:`trajectory`; replaces `position` and, where it gives them, orientations.
         overrides
             Values to take instead of the file's, under its dotted keys: `{"receiver.noise_figure_db": 12.0,
             "pattern": {"kind": "sionna:tr38901"}}`. They are checked as the file is.
@@ -155,7 +157,8 @@ class Radar:
             raise
         except ValueError as error:
             raise RadarConfigError(f"{path}: preset '{preset or config['default_preset']}': {error}") from error
-        return made.placed(position=position, orientation=orientation, look_at=look_at)
+        made = made.placed(position=position, orientation=orientation, look_at=look_at)
+        return made if trajectory is None else replace(made, trajectory=trajectory)
 
     def placed(
         self,
@@ -164,12 +167,32 @@ class Radar:
         orientation: Vector | None = None,
         look_at: Vector | None = None,
     ) -> Radar:
-        """The same radar elsewhere; `look_at` [m] replaces `orientation`, without roll."""
+        """The same radar elsewhere; `look_at` [m] replaces `orientation`, without roll; not for one that moves."""
+        if self.trajectory is not None:
+            if position is None and orientation is None and look_at is None:
+                return self
+            raise ValueError(f"radar '{self.name}' moves on its trajectory: take radar.at(t) to place it elsewhere")
         position = vector("position", self.position if position is None else position)
         orientation = vector("orientation", self.orientation if orientation is None else orientation)
         if look_at is not None:
             orientation = look_at_angles(position, vector("look_at", look_at))
         return replace(self, position=position, orientation=orientation)
+
+    def pose(self, t: float) -> tuple[Vector, Vector]:
+        """World position [m] and yaw, pitch, roll [rad] at time `t` [s]."""
+        if self.trajectory is None:
+            return self.position, self.orientation
+        place = self.trajectory(float(t))
+        turned = isinstance(place, (tuple, list)) and len(place) == 2
+        position, orientation = place if turned else (place, self.orientation)
+        return vector("trajectory: position", position), vector("trajectory: orientation", orientation)
+
+    def at(self, t: float) -> Radar:
+        """The radar at rest where it is at time `t` [s]."""
+        if self.trajectory is None:
+            return self
+        position, orientation = self.pose(t)
+        return replace(self, position=position, orientation=orientation, trajectory=None)
 
     # -- derived ------------------------------------------------------------------------------------------
 
@@ -236,45 +259,25 @@ class Radar:
     # -- storage ------------------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything that makes up the radar, in SI units, ready for JSON."""
-        return {
-            "name": self.name,
-            "preset": self.preset,
-            "waveform": {key: getattr(self.waveform, key) for key in Waveform.__dataclass_fields__}
-            | {"tx_order": list(self.waveform.tx_order)},
-            "tx_names": list(self.tx_names),
-            "rx_names": list(self.rx_names),
-            "tx_positions": self.tx_positions.tolist(),
-            "rx_positions": self.rx_positions.tolist(),
-            "pattern": pattern_record(self.pattern),
-            "tx_polarization": self.tx_polarization,
-            "rx_polarization": self.rx_polarization,
-            "tx_power_dbm": self.tx_power_dbm,
-            "noise_figure_db": self.noise_figure_db,
-            "temperature": self.temperature,
-            "position": list(self.position),
-            "orientation": list(self.orientation),
-            "adc": {"bits": self.adc.bits, "full_scale_dbm": self.adc.full_scale_dbm},
-        }
+        """Everything that makes up the radar, in SI units, ready for JSON.
+
+        Raises
+        ------
+        ValueError
+            If the radar moves by a function: only a :class:`Trajectory` can be written down.
+        """
+        return radar_record(self)
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:
         """Inverse of :meth:`to_dict`."""
-        if isinstance(record, Mapping) and "polarization" in record:  # older runs have one for both ends
-            record = dict(record)
-            record["tx_polarization"] = record["rx_polarization"] = record.pop("polarization")
-        record = _keys("radar record", record, cls.__dataclass_fields__, optional=("position", "orientation", "adc"))
-        waveform = _keys("radar record: waveform", record["waveform"], Waveform.__dataclass_fields__)
-        fields: dict[str, Any] = record | {
-            "waveform": Waveform(**waveform),
-            "pattern": pattern_from_record(record["pattern"], partial(_keys, "radar record: pattern")),
-        }
-        if "adc" in record:  # records of older runs have none
-            fields["adc"] = Adc(**_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__))
-        return cls(**fields | {key: tuple(record[key]) for key in ("tx_names", "rx_names")})
+        return cls(**fields_from_record(record, tuple(cls.__dataclass_fields__)))
 
     def __eq__(self, other: object) -> bool:
-        return self.to_dict() == other.to_dict() if isinstance(other, Radar) else NotImplemented
+        if not isinstance(other, Radar):
+            return NotImplemented
+        here, there = (replace(radar, trajectory=None).to_dict() for radar in (self, other))
+        return here == there and self.trajectory == other.trajectory
 
     def __hash__(self) -> int:
         return hash((self.name, self.preset, self.waveform, self.pattern, self.position, self.orientation))

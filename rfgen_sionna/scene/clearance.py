@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.load import RadarScene
 
@@ -17,6 +18,27 @@ CLEARANCE = 0.02
 ROOM_RADIUS = 0.5
 """A closed surface whose nearest point is further away [m] is taken for a room around the radar, not for a wall or a
 piece of furniture with the radar in it."""
+
+
+WAY_STEP = 1e-3
+"""Time between the instants at which a moving radar's place is looked up [s]."""
+
+
+class Body(Protocol):
+    """What a radar may run into: an actor, or how a moving radar sees one."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def faces(self) -> IntArray:
+        """(face, 3)"""
+        ...
+
+    @property
+    def vertices(self) -> Callable[[float], FloatArray]:
+        """Time [s] to (vertex, 3) positions [m]."""
+        ...
 
 
 def winding_number(points: ArrayLike, vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -55,7 +77,7 @@ def distance(point: ArrayLike, vertices: FloatArray, faces: IntArray) -> float:
 def check_radar_clear(
     position: ArrayLike,
     scene: RadarScene | None,
-    actors: Sequence[Actor] = (),
+    actors: Sequence[Body] = (),
     t: float = 0.0,
     clearance: float = CLEARANCE,
 ) -> None:
@@ -89,6 +111,23 @@ def check_radar_clear(
             place, item.vertices, item.faces, centres
         ):
             raise SceneError(f"radar position {_text(place)} m lies inside {what}: place it in free space")
+
+
+def check_way_clear(radar: Radar, scene: RadarScene | None, actors: Sequence[Body], start: float, stop: float) -> None:
+    """Make sure that a radar that moves stands free from `start` to `stop` [s], looked at wherever it has come half the
+    clearance further. A radar that stays is not looked at.
+
+    Raises:
+        SceneError: as :func:`check_radar_clear`.
+    """
+    if radar.trajectory is None:
+        return
+    looked: FloatArray | None = None
+    for t in np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / WAY_STEP)))).tolist():
+        place = np.asarray(radar.pose(t)[0])
+        if looked is None or np.linalg.norm(place - looked) > 0.5 * CLEARANCE:
+            check_radar_clear(place, scene, actors, t)
+            looked = place
 
 
 def _is_room(place: FloatArray, vertices: FloatArray, faces: IntArray, centres: Iterable[FloatArray]) -> bool:

@@ -104,6 +104,7 @@ class RadarTransmitter(sionna.rt.Transmitter):
             name=name,
             position=mi.Point3f(*radar.position),
             orientation=mi.Point3f(*radar.orientation),
+            velocity=_velocity(radar),
             power_dbm=radar.tx_power_dbm,
         )
         self.radar = radar
@@ -113,5 +114,17 @@ class RadarReceiver(sionna.rt.Receiver):
     """The receiving end of a radar at its place in a Sionna scene."""
 
     def __init__(self, radar: Radar, name: str) -> None:
-        super().__init__(name=name, position=mi.Point3f(*radar.position), orientation=mi.Point3f(*radar.orientation))
+        super().__init__(
+            name=name,
+            position=mi.Point3f(*radar.position),
+            orientation=mi.Point3f(*radar.orientation),
+            velocity=_velocity(radar),
+        )
         self.radar = radar
+
+
+def _velocity(radar: Radar) -> Any:
+    """At t = 0 [m/s]."""
+    step = 1e-4
+    difference = np.subtract(radar.pose(step)[0], radar.pose(-step)[0]) / (2 * step)
+    return mi.Vector3f(*difference.tolist())

@@ -13,6 +13,7 @@ from rfgen_sionna.scene.materials import Material
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
+    from rfgen_sionna.tracing.relative import Seen
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def is_closed(faces: IntArray) -> bool:
     return bool(np.array_equal(forward, np.sort(end * size + start)) and len(np.unique(forward)) == len(forward))
 
 
-def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor]) -> Surfaces:
+def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -> Surfaces:
     """Number the objects and parts of a scene and its actors."""
     part_names: dict[str, int] = {}
 
@@ -90,7 +91,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor]) -> Surfa
                 material=actor.properties,
                 parts=labels[actor.face_parts],
                 first_facet=facets,
-                closed=is_closed(actor.faces),
+                closed=not getattr(actor, "static", False) and is_closed(actor.faces),
             )
         )
         names.append(actor.name)

@@ -16,6 +16,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import choose_knots
+from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.static import StaticTrace, trace_static
 from rfgen_sionna.tracing.surfaces import collect_surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
@@ -73,7 +74,8 @@ class Tracer:
     scene
         The static scene; None is free space.
     radar
-        Position, elements, band and range window.
+        Position, elements, band and range window. If it moves, what :meth:`trace` and geometry say
+        of directions is in the frame of :mod:`rfgen_sionna.tracing.relative`; :meth:`instant` speaks of the world.
     actors
         What moves.
     rtol
@@ -83,7 +85,10 @@ class Tracer:
 
     def __init__(self, scene: RadarScene | None, radar: Radar, actors: Sequence[Actor], rtol: float = 1e-3) -> None:
         self.radar = radar
-        self.actors = tuple(actors)
+        self.actors: tuple[Actor | Seen, ...] = tuple(actors)
+        if radar.trajectory is not None:
+            # Seen from the radar all the world moves, in the frame of t = 0.
+            self.actors, scene = seen_from(radar, scene, actors), None
         self.rtol = rtol
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
@@ -153,7 +158,11 @@ class Tracer:
             if dispersion is not None and traced.shadow.dispersion is not None:
                 dispersion[:, :, :, traced.shaded] += traced.shadow.dispersion
             static = replace(static, a=a, dispersion=dispersion).select(np.any(a != 0, axis=(0, 1, 3)))
-        return RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
+        paths = RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
+        if self.radar.trajectory is None:
+            return paths
+        direction = to_world(paths.direction, self.radar, t)
+        return replace(paths, direction=direction, arrival=direction)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
         """The ray scene as it stands at `t` [s], each object's vertices [m], and their velocities [m/s] or None."""
@@ -178,7 +187,8 @@ class Tracer:
             fraction, share = np.zeros(len(each)), static.fraction
             if self.actors:
                 self._rays.update(vertices)
-                facing = np.flatnonzero(each.facing)
+                near = np.linalg.norm(each.centroids - self._viewpoint, axis=1) < self.radar.max_range
+                facing = np.flatnonzero(each.facing & near)
                 seen = visible_fraction(self._rays, self._viewpoint, each.corners[facing], each.number[facing])
                 fraction[facing] = seen.fraction
                 share, more = static.visible(self._rays, vertices)
@@ -248,9 +258,7 @@ class Tracer:
             (self.surfaces.object_names, self.surfaces.part_names),
         )
 
-    def _delays(
-        self, t: float, pieces: list[Tessellation], kept: NDArray[np.intp]
-    ) -> tuple[FloatArray, FloatArray]:
+    def _delays(self, t: float, pieces: list[Tessellation], kept: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Delays (tx, rx, facet) [s] by way of the centroids of the facets `kept` at `t`, and directions (facet, 3)."""
         parts = [
             piece.centroids(points, surface.faces)

@@ -1,0 +1,85 @@
+"""A radar that moves, seen from itself: it stands still and everything else moves.
+
+Delays depend on distances alone: the paths between a moving radar and its surroundings are those of a radar that rests
+where it was at t = 0 and of surroundings that move the other way. The static scene becomes moving surfaces. Directions
+are meant in that frame, which lies as the world does at t = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene import Actor, RadarScene
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An object as the moving radar sees it, in the world frame of t = 0."""
+
+    name: str
+    properties: Material
+    faces: IntArray
+    """(face, 3)"""
+    part_names: tuple[str, ...]
+    face_parts: IntArray
+    """(face,) index into `part_names`."""
+    static: bool
+    """Whether it is part of the static scene."""
+    vertices: Callable[[float], FloatArray]
+    """Time [s] to (vertex, 3) positions [m]."""
+
+
+def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[Actor]) -> tuple[Seen, ...]:
+    """The static objects, then the actors, as the radar sees them while it follows its trajectory."""
+    origin, turn = np.asarray(radar.position), radar.rotation
+
+    def carried(vertices: Callable[[float], FloatArray]) -> Callable[[float], FloatArray]:
+        def at(t: float) -> FloatArray:
+            there = radar.at(t)
+            # Rows times matrices: into the device, then from where the device was at t = 0 into the world.
+            return np.asarray((vertices(t) - np.asarray(there.position)) @ (there.rotation @ turn.T) + origin)
+
+        return at
+
+    def still(points: FloatArray) -> Callable[[float], FloatArray]:
+        return lambda _: points
+
+    found = [
+        Seen(
+            thing.name,
+            thing.properties,
+            thing.faces,
+            (thing.name,),
+            np.zeros(len(thing.faces), dtype=np.int32),
+            True,
+            carried(still(np.asarray(thing.vertices, dtype=np.float64))),
+        )
+        for thing in (scene.objects if scene is not None else ())
+    ]
+    found += [
+        Seen(
+            actor.name,
+            actor.properties,
+            actor.faces,
+            actor.part_names,
+            actor.face_parts,
+            False,
+            carried(actor.vertices),
+        )
+        for actor in actors
+    ]
+    return tuple(found)
+
+
+def to_world(directions: FloatArray, radar: Radar, t: float) -> FloatArray:
+    """Directions (..., 3) in the world frame of t = 0 that the moving radar sees at `t`, as they are in the world."""
+    return np.asarray(directions @ (radar.at(t).rotation @ radar.rotation.T).T)
