@@ -35,6 +35,9 @@ _PLAUSIBLE = {
 _LEAST_SHARE = {"ADC window of the ramp": 0.01, "sampled bandwidth of the start frequency": 1e-4}
 """Shares that no radar falls below by choice, but any does with a unit prefix too many."""
 
+_LEAST_PITCH, _LARGEST_ARRAY = 0.05, 250.0
+"""What lies between two elements of one end [wavelengths]: antennas have a size, and boards too."""
+
 
 def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict[str, Any]:
     """Arguments of :class:`~rfgen_sionna.radar.radar.Radar` from a checked file, its pose left out.
@@ -49,7 +52,9 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
         raise RadarConfigError(f"{where}: preset is '{preset}'; presets: {', '.join(sorted(config['preset']))}")
     array, chirp = config["array"], config["preset"][preset]
     _check_device(config, chirp, f"{where}: preset.{preset}")
-    tx_positions, rx_positions = (_positions(array, element, where) for element in ("tx", "rx"))
+    tx_positions, rx_positions = (
+        _positions(array, element, config["transmitter"]["frequency_range_hz"][0], where) for element in ("tx", "rx")
+    )
     names = list(array["tx_names"])
     fired = [tx for tx in names if tx in chirp["tx_order"]]
     full_scale = config["adc"]["full_scale_dbm"]
@@ -112,19 +117,32 @@ def _check_device(config: dict[str, Any], chirp: dict[str, Any], where: str) -> 
         raise RadarConfigError(f"{where}.tx_order fires an element twice: {order}")
 
 
-def _positions(array: dict[str, Any], element: str, where: str) -> FloatArray:
-    """(element, 3) [m] from whichever unit the file counts in."""
-    if f"{element}_positions_m" in array:
-        positions, unit = array[f"{element}_positions_m"], 1.0
+def _positions(array: dict[str, Any], element: str, frequency: float, where: str) -> FloatArray:
+    """(element, 3) [m] from whichever unit the file counts in; `frequency` [Hz] tells what size arrays have."""
+    key = f"{element}_positions_m"
+    if key in array:
+        positions, unit = array[key], 1.0
     else:
         design = array["design_frequency_hz"]
         if not 1e9 <= design <= 1e12:
             raise RadarConfigError(f"{where}: array.design_frequency_hz is {design:g}; 1e9 … 1e12 Hz is allowed")
-        positions, unit = array[f"{element}_positions_half_wavelengths"], SPEED_OF_LIGHT / design / 2
+        key = f"{element}_positions_half_wavelengths"
+        positions, unit = array[key], SPEED_OF_LIGHT / design / 2
     names = array[f"{element}_names"]
     if len(names) != len(positions) or len(set(names)) != len(names):
         raise RadarConfigError(f"{where}: array.{element}_names must name each {element} position once, got {names}")
-    return unit * np.array(positions, dtype=np.float64).reshape(-1, 3)
+    metres = unit * np.array(positions, dtype=np.float64).reshape(-1, 3)
+    gaps = np.linalg.norm(metres[:, None] - metres, axis=-1)
+    wavelength = SPEED_OF_LIGHT / frequency
+    # Elements at one and the same place are named by the radar itself.
+    nearest = gaps[gaps > 0].min(initial=np.inf) / wavelength
+    if nearest < _LEAST_PITCH or gaps.max(initial=0.0) / wavelength > _LARGEST_ARRAY:
+        raise RadarConfigError(
+            f"{where}: array.{key} spans {gaps.max():.3g} m with elements {nearest * wavelength:.3g} m apart; "
+            f"{_LEAST_PITCH:g} … {_LARGEST_ARRAY:g} wavelengths, {_LEAST_PITCH * wavelength:.3g} … "
+            f"{_LARGEST_ARRAY * wavelength:.3g} m, are allowed (is it off by a prefix?)"
+        )
+    return metres
 
 
 def _pattern(pattern: dict[str, Any], folder: Path, frequency: float) -> Pattern:

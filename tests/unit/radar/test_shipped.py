@@ -120,3 +120,35 @@ def test_positions_are_in_one_unit(radar_file: Any, refuses: Any, changes: dict[
             radar_file.set(key, value)
             radar_file.table["source"][key] = "assumption"
     refuses(*said)
+
+
+def every_length_and_time() -> list[tuple[str, str, str]]:
+    """(radar, section, key) of all numbers with a unit that a prefix could be missing from."""
+    found = []
+    for name in available("radars"):
+        table = read_config(resolve("radars", name))
+        for preset, values in table["preset"].items():
+            found += [
+                (name, f"preset.{preset}", key)
+                for key, value in values.items()
+                if key.endswith(("_hz", "_s")) and value
+            ]
+        found += [
+            (name, "array", key) for key in table["array"] if "_positions_" in key and len(table["array"][key]) > 1
+        ]
+    return found
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize(("name", "section", "key"), every_length_and_time())
+def test_a_forgotten_prefix_is_noticed(name: str, section: str, key: str, factor: float) -> None:
+    """Whatever is a thousand times too large or too small is refused, and the message names the preset or the key."""
+    table = read_config(resolve("radars", name))
+    value: Any = table
+    for part in (*section.split("."), key):
+        value = value[part]
+    changed = (np.array(value) * factor).tolist()
+    preset = section.partition(".")[2] or None
+    with pytest.raises(ValueError, match=preset or key) as caught:
+        Radar.load(name, preset, overrides={f"{section}.{key}": changed})
+    assert any(word in str(caught.value) for word in ("allowed", "reaches", "needed", "fit", "at most"))
