@@ -91,7 +91,10 @@ def range_azimuth(
     spectrum = compensate_tdm(spectrum, radar, maps.velocity)
     beams = steering(radar, unit_vectors(angles, 0.0)).conj() * row_weights(radar, array_window)
     used = row_weights(radar) > 0
-    beam = spectrum[..., used] @ beams[:, used].T.astype(spectrum.dtype)
+    # One matrix product: NumPy would make a small one of each range bin.
+    chosen = spectrum[..., used]
+    matrix = np.ascontiguousarray(beams[:, used].T.astype(spectrum.dtype))
+    beam = (chosen.reshape(-1, chosen.shape[-1]) @ matrix).reshape(*chosen.shape[:-1], len(angles))
     # Parseval: the bins of one windowed tone add up to its power times this.
     spread = len(maps.velocity) * np.sum(np.square(taper("hann", len(maps.velocity))))
     power = np.sum(np.square(beam.real, dtype=np.float64) + np.square(beam.imag, dtype=np.float64), axis=-2) / spread
