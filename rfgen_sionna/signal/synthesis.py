@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
 
-_CHUNK = 2_000_000  # chirps x paths at a time: bounds the memory of a thread to about 200 MB
+_CHUNK = 200_000  # chirps x paths at a time: what a core's cache holds
 
 
 def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e-6) -> NDArray[np.complex128]:
@@ -79,7 +80,7 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
             samples[:, tx, rx] = _channel(radar, paths, amplitude, chirp_times, tx, rx, eps)
 
     pairs = [(tx, rx) for tx in range(shape[1]) for rx in range(shape[2])]
-    with ThreadPoolExecutor(min(len(pairs), os.cpu_count() or 1)) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(min(len(pairs), os.cpu_count() or 1)) as pool:
         list(pool.map(channel, pairs))
     return samples
 

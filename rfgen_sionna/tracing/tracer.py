@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths, knot_weights
 from rfgen_sionna.scene.rays import RayScene
@@ -130,6 +131,7 @@ class Tracer:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
+    @one_blas_thread()
     def trace(self, start: float, stop: float) -> Traced:
         """Paths from `start` to `stop` [s], with as many knots as the motion asks for."""
         self._positions.clear()
@@ -146,6 +148,7 @@ class Tracer:
             )
         return self._traced(knots)
 
+    @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:
         """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot."""
         self._positions.clear()
