@@ -115,7 +115,7 @@ def trace_static(
     `rays` holds the static scene alone; None where there is no static surface.
     """
     pieces = [
-        tessellate(points, surface.faces, viewpoint, band.highest, rtol, band.importance)
+        tessellate(points, surface.faces, viewpoint, band.highest, rtol, band.importance, max_range)
         for points, surface in zip(surfaces.static_vertices, surfaces.static, strict=True)
     ]
     facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)

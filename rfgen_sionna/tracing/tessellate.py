@@ -68,6 +68,7 @@ def tessellate(
     frequency: float,
     rtol: float,
     importance: Callable[[FloatArray], FloatArray] | None = None,
+    max_range: float = np.inf,
     limit: int = 5_000_000,
 ) -> Tessellation:
     """Bisect the longest edges until every facet's quadratic phase is allowed at `rtol`.
@@ -85,6 +86,8 @@ def tessellate(
     importance
         Unit vectors (facet, 3) from the viewpoint to the weight in 0 … 1 that the radar gives to what comes from there:
         where it hardly listens, coarser facets will do. None is 1 all around.
+    max_range
+        Facets that lie beyond it as a whole are left out [m]: of a town only what is near is split.
     limit
         Largest number of facets.
 
@@ -100,6 +103,11 @@ def tessellate(
     count = 0
     for _ in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
+        if np.isfinite(max_range):
+            centre = corners.mean(axis=1)
+            radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
+            near = np.linalg.norm(centre - viewpoint, axis=1) - radius < max_range
+            face, weights, corners = face[near], weights[near], corners[near]
         if importance is None:
             bound: FloatArray | float = allowed_bulge(rtol)
         else:

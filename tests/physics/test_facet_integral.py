@@ -185,6 +185,20 @@ def test_tessellation_meets_its_bound_and_stops_there():
         assert 0.5 * np.linalg.norm(cross, axis=1).sum() == pytest.approx(10.0, rel=1e-12)
 
 
+def test_tessellation_leaves_out_what_is_far():
+    """A kilometre of ground, of which 11 m count: facets beyond are not made, those within are the same."""
+    vertices = np.array([[-500.0, -500, -1.5], [500, -500, -1.5], [500, 500, -1.5], [-500, 500, -1.5]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-2, max_range=11.0)
+    corners = pieces.corners(vertices, faces)
+    distance = np.linalg.norm(corners.mean(axis=1), axis=1)
+    assert len(distance) < 500_000
+    assert distance.max() < 11.5
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = 0.5 * np.linalg.norm(cross, axis=1)[distance < 10.9].sum()
+    assert area == pytest.approx(np.pi * (10.9**2 - 1.5**2), rel=0.01)
+
+
 def test_tessellation_refuses_what_no_machine_can_hold():
     vertices = np.array([[0.1, -9, -9], [0.1, 9, -9], [0.1, 0, 9]])
     with pytest.raises(ValueError, match=r"rtol is 1e-08: it takes more than 10,000 facets"):
