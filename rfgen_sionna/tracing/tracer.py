@@ -30,6 +30,8 @@ RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 PHASE_PER_RTOL = 3.0
 """Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`."""
+RANGE_MARGIN = 1.1
+"""Facets are made as far as this times the range window: they may come into it during the stretch."""
 GAIN_SPACING = 7e-3
 """Longest gap between instants at which gains and visibility are traced [s]; delays may have more knots."""
 
@@ -213,7 +215,13 @@ class Tracer:
             nearest = min(poses, key=lambda points: float(np.linalg.norm(points - self._viewpoint, axis=1).min()))
             pieces.append(
                 tessellate(
-                    nearest, surface.faces, self._viewpoint, self._band.highest, self.rtol, self._band.importance
+                    nearest,
+                    surface.faces,
+                    self._viewpoint,
+                    self._band.highest,
+                    self.rtol,
+                    self._band.importance,
+                    RANGE_MARGIN * self.radar.max_range,
                 )
             )
         return pieces
