@@ -213,12 +213,14 @@ def open_run(path: str | os.PathLike[str]) -> Run:
 
     Raises
     ------
-    FileNotFoundError
-        There is no such file.
+    FileNotFoundError, IsADirectoryError
+        There is no such file, or it is a folder.
     RunFormatError
         The file is not HDF5, not a run, of a newer format, or lacks something: the message names it.
     """
     target = Path(path)
+    if target.is_dir():
+        raise IsADirectoryError(f"run file '{target}' is a folder: the name of a file in it is needed")
     if not target.is_file():
         raise FileNotFoundError(f"run file '{target}' does not exist")
     try:

@@ -128,7 +128,7 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RadarConfigError(f"{path}: not a TOML file: {error}") from error
     check_config(table, str(path))
     return table

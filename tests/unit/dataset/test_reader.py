@@ -9,6 +9,8 @@ from rfgen_sionna.dataset import RunFormatError, open_run
 def test_missing_foreign_and_other_files(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"'.*none.h5' does not exist"):
         open_run(tmp_path / "none.h5")
+    with pytest.raises(IsADirectoryError, match="is a folder: the name of a file"):
+        open_run(tmp_path)
     (tmp_path / "text.h5").write_text("hello")
     with pytest.raises(RunFormatError, match="is not an HDF5 file"):
         open_run(tmp_path / "text.h5")

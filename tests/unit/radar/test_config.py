@@ -185,6 +185,9 @@ def test_what_is_no_radar_is_refused(tmp_path: Path) -> None:
     (tmp_path / "odd.toml").write_text("name = awr")
     with pytest.raises(RadarConfigError, match=r"odd\.toml: not a TOML file"):
         Radar.load(tmp_path / "odd.toml")
+    (tmp_path / "latin.toml").write_bytes('name = "Zürich"'.encode("latin-1"))
+    with pytest.raises(RadarConfigError, match=r"latin\.toml: not a TOML file: 'utf-8'"):
+        Radar.load(tmp_path / "latin.toml")
     for wrong in (None, 1843, ""):
         with pytest.raises(RadarConfigError, match="awr1843"):
             Radar.load(wrong)  # type: ignore[arg-type]
