@@ -9,6 +9,10 @@ the Stratton-Chu integrand of the tangential fields (incident plus Fresnel-refle
 direction. For a metal plate at normal incidence F = -1, so that an infinite mirror at distance d
 gives the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
 
+Physical optics takes the currents from the incident side alone and so is not reciprocal where Tx and Rx lie in
+different directions. F is therefore the mean of both ways, Tx to Rx and Rx to Tx: the same where physical optics is
+exact (one place for both, the specular direction), and reciprocal everywhere.
+
 The mean of a linear phase over a triangle has a closed form (:mod:`rfgen_sionna.tracing.simplex`). The phase of a
 facet is not quite linear, nor is its return equally strong all over. Both are small on a facet, but neighbouring facets
 repeat the same residue: a grating, whose lobes add up in first order. So the quadratic part of the phase and the
@@ -54,6 +58,43 @@ def _mean_phasor(dr: Any, wavenumber: Any, lengths: list[Any], sags: list[Any], 
         total = total + moment.scaled(swing)
     sin, cos = dr.sincos(mean_sag)
     return total.times(ComplexPair(cos, sin))
+
+
+class _Way:
+    """A plane wave of unit field `e_in` along `k_in` on a facet, received along `k_out` by an element of field `e_out`.
+
+    Holds half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))) for the incident wave and for reflected ones
+    of unit coefficient in both polarisations.
+    """
+
+    def __init__(self, dr: Any, vector: Any, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> None:
+        self.cos = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
+        s_raw = dr.cross(k_in, normal)
+        self.sin = dr.norm(s_raw)
+        # At normal incidence the plane of incidence is free: any direction across will do.
+        spare = dr.cross(dr.select(dr.abs(normal.x) < 0.6, vector(1, 0, 0), vector(0, 1, 0)), normal)
+        s = dr.select(self.sin > 1e-9, s_raw / dr.maximum(self.sin, 1e-9), dr.normalize(spare))
+        k_reflected = k_in + 2.0 * self.cos * normal
+        p_in, p_reflected = dr.cross(s, k_in), dr.cross(s, k_reflected)
+        # e . (k x (E x n)) = E . (n x (e x k)) and e . (k x (k x J)) = -e . J, for e across k.
+        of_electric, of_current = dr.cross(normal, dr.cross(e_out, k_out)), dr.cross(normal, e_out)
+
+        def received(field: Any, direction: Any) -> Any:
+            return 0.5 * (dr.dot(field, of_electric) + dr.dot(of_current, dr.cross(direction, field)))
+
+        self._incident = received(e_in, k_in)
+        self._s = dr.dot(e_in, s) * received(s, k_reflected)
+        self._p = dr.dot(e_in, p_in) * received(p_reflected, k_reflected)
+
+    def obliquity(self, dr: Any, complex_type: Any, eps: Any, mu: Any, perfect: Any) -> ComplexPair:
+        """Incident plus Fresnel-reflected; `eps` and `mu` are complex relative values."""
+        root = dr.sqrt(eps * mu - self.sin * self.sin)
+        root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
+        r_s = dr.select(perfect, complex_type(-1, 0), (mu * self.cos - root) / (mu * self.cos + root))
+        r_p = dr.select(perfect, complex_type(1, 0), (eps * self.cos - root) / (eps * self.cos + root))
+        return ComplexPair(
+            self._incident + r_s.real * self._s + r_p.real * self._p, r_s.imag * self._s + r_p.imag * self._p
+        )
 
 
 def facet_gains(
@@ -114,6 +155,7 @@ def facet_gains(
     usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
     normal = cross / dr.select(twice_area > 0, twice_area, 1.0)
     normal = dr.select(dr.dot(normal, k_in) > 0, -normal, normal)
+    usable &= dr.dot(normal, k_out) > 0  # an element in the facet's plane, the other behind it
 
     # Path length at a point less that at the centroid, without cancellation: |x|-|y| = (x-y).(x+y)/(|x|+|y|); and
     # the spreading times the cosine of incidence, relative to the centroid's: on a plane cos/R goes as 1/R^2.
@@ -144,23 +186,8 @@ def facet_gains(
         return dr.select(size > 1e-9, across / dr.maximum(size, 1e-9), 0.0)
 
     e_tx, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
-    cos_in = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
-    s_raw = dr.cross(k_in, normal)
-    sin_in = dr.norm(s_raw)
-    # At normal incidence the plane of incidence is free: any direction across will do.
-    fallback = dr.normalize(dr.cross(dr.select(dr.abs(normal.x) < 0.6, Array3(1, 0, 0), Array3(0, 1, 0)), normal))
-    s = dr.select(sin_in > 1e-9, s_raw / dr.maximum(sin_in, 1e-9), fallback)
-    k_reflected = k_in + 2.0 * cos_in * normal
-    p_in, p_reflected = dr.cross(s, k_in), dr.cross(s, k_reflected)
-    e_s, e_p = dr.dot(e_tx, s), dr.dot(e_tx, p_in)
-
-    def obliquity(field: Any, direction: Any) -> Any:
-        """Half of e_rx . (k_out x (E x n) + k_out x (k_out x (n x eta H))) for a plane wave E along `direction`."""
-        magnetic = dr.cross(normal, dr.cross(direction, field))
-        return 0.5 * dr.dot(e_rx, dr.cross(k_out, dr.cross(field, normal)) + dr.cross(k_out, dr.cross(k_out, magnetic)))
-
-    incident = obliquity(e_tx, k_in)
-    from_s, from_p = e_s * obliquity(s, k_reflected), e_p * obliquity(p_reflected, k_reflected)
+    there = _Way(dr, Array3, normal, k_in, e_tx, k_out, e_rx)
+    back = _Way(dr, Array3, normal, -k_out, e_rx, -k_in, e_tx)
     area_factor = 0.5 * twice_area / (4.0 * dr.pi * dr.select(usable, distance_tx * distance_rx, 1.0))
 
     outputs = [distance_tx + distance_rx, bulge]
@@ -176,12 +203,8 @@ def facet_gains(
 
         perfect = material(conductor) > 0.5
         eps_r, mu_r = Complex(material(eps.real), material(eps.imag)), Complex(material(mu.real), material(mu.imag))
-        root = dr.sqrt(eps_r * mu_r - sin_in * sin_in)
-        root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
-        r_s = dr.select(perfect, Complex(-1, 0), (mu_r * cos_in - root) / (mu_r * cos_in + root))
-        r_p = dr.select(perfect, Complex(1, 0), (eps_r * cos_in - root) / (eps_r * cos_in + root))
-        f_re = incident + r_s.real * from_s + r_p.real * from_p
-        f_im = r_s.imag * from_s + r_p.imag * from_p
+        f_there, f_back = (way.obliquity(dr, Complex, eps_r, mu_r, perfect) for way in (there, back))
+        f_re, f_im = 0.5 * (f_there.re + f_back.re), 0.5 * (f_there.im + f_back.im)
         # times j: (f_re + j f_im) (mean_re + j mean_im) j
         outputs.append(dr.select(usable, -area_factor * (f_re * mean_im + f_im * mean_re), 0.0))
         outputs.append(dr.select(usable, area_factor * (f_re * mean_re - f_im * mean_im), 0.0))

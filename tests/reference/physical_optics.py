@@ -29,6 +29,26 @@ def triangle_points(corners: FloatArray, n: int) -> FloatArray:
     return np.einsum("qc,fci->fqi", weights, corners)
 
 
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return (a * b).sum(axis=-1, keepdims=True)
+
+
+def obliquity(normal, k_in, e_in, k_out, e_out, permittivity, permeability):
+    """(..., 1) half of e_out on the Stratton-Chu integrand of the tangential fields of a wave `e_in` along `k_in`."""
+    cos_in = -dot(k_in, normal)
+    s = np.cross(k_in, normal)
+    size = np.linalg.norm(s, axis=-1, keepdims=True)
+    spare = np.cross(normal, np.where(np.abs(normal[..., :1]) < 0.5, [1.0, 0, 0], [0, 1.0, 0]))
+    s = np.where(size > 1e-12, s / np.maximum(size, 1e-12), spare / np.linalg.norm(spare, axis=-1, keepdims=True))
+    k_refl = k_in + 2 * cos_in * normal
+    r_s, r_p = fresnel(permittivity, permeability, cos_in)
+    e_refl = r_s * dot(e_in, s) * s + r_p * dot(e_in, np.cross(s, k_in)) * np.cross(s, k_refl)
+    h_total = np.cross(k_in, e_in) + np.cross(k_refl, e_refl)  # times eta
+    e_total = e_in + e_refl
+    current_j, current_m = np.cross(normal, h_total), -np.cross(normal, e_total)
+    return 0.5 * dot(e_out, np.cross(k_out, current_m) + np.cross(k_out, np.cross(k_out, current_j)))
+
+
 def po_gain(
     corners: FloatArray,
     tx: FloatArray,
@@ -42,16 +62,14 @@ def po_gain(
 ) -> complex:
     """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), n^2 samples a facet.
 
-    Every factor is evaluated at every sample: no linear phase, no constant obliquity.
+    Every factor is evaluated at every sample: no linear phase, no constant obliquity. F is the mean of the obliquities
+    from Tx to Rx and back.
     """
     k = 2 * np.pi * frequency / SPEED_OF_LIGHT
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     twice_area = np.linalg.norm(cross, axis=1)
     points = triangle_points(corners, n)
     normal = np.broadcast_to((cross / twice_area[:, None])[:, None], points.shape)
-
-    def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-        return (a * b).sum(axis=-1, keepdims=True)
 
     to_point, to_rx = points - tx, rx - points
     r_t, r_r = np.linalg.norm(to_point, axis=-1, keepdims=True), np.linalg.norm(to_rx, axis=-1, keepdims=True)
@@ -62,20 +80,10 @@ def po_gain(
         across = field - dot(field, direction) * direction
         return across / np.linalg.norm(across, axis=-1, keepdims=True)
 
-    e_in, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
-    cos_in = -dot(k_in, normal)
-    s = np.cross(k_in, normal)
-    size = np.linalg.norm(s, axis=-1, keepdims=True)
-    spare = np.cross(normal, np.where(np.abs(normal[..., :1]) < 0.5, [1.0, 0, 0], [0, 1.0, 0]))
-    s = np.where(size > 1e-12, s / np.maximum(size, 1e-12), spare / np.linalg.norm(spare, axis=-1, keepdims=True))
-    k_refl = k_in + 2 * cos_in * normal
-    r_s, r_p = fresnel(permittivity, permeability, cos_in)
-    e_refl = r_s * dot(e_in, s) * s + r_p * dot(e_in, np.cross(s, k_in)) * np.cross(s, k_refl)
-    h_total = np.cross(k_in, e_in) + np.cross(k_refl, e_refl)  # times eta
-    e_total = e_in + e_refl
-    current_j, current_m = np.cross(normal, h_total), -np.cross(normal, e_total)
-    radiated = np.cross(k_out, current_m) + np.cross(k_out, np.cross(k_out, current_j))
-    f = 0.5 * dot(e_rx, radiated)
+    e_tx, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
+    there = obliquity(normal, k_in, e_tx, k_out, e_rx, permittivity, permeability)
+    back = obliquity(normal, -k_out, e_rx, -k_in, e_tx, permittivity, permeability)
+    f = 0.5 * (there + back)
     area = 0.5 * twice_area / points.shape[1]
     integrand = (f * np.exp(-1j * k * (r_t + r_r)) / (r_t * r_r))[..., 0]
     return complex(1j / (4 * np.pi) * (integrand.sum(axis=1) * area).sum())
