@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -109,11 +111,12 @@ def radars() -> None:
     """List the radars, their configurations and what follows from them."""
     from rfgen_sionna.radar import Radar
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
+    # Narrow enough for 80 columns; where it is narrower still, names fold and nothing is cut off.
+    table = Table(box=None, padding=(0, 1, 0, 0))
     for heading in ("radar", "preset"):
-        table.add_column(heading)
+        table.add_column(heading, overflow="fold")
     for heading in ("GHz", "Tx×Rx", "frame", "Hz", "range m", "speed m/s"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right", no_wrap=True, overflow="fold")
     for name, presets in Radar.available().items():
         for preset in presets:
             r = Radar.load(name, preset)
@@ -133,7 +136,15 @@ def radars() -> None:
     _out.print("frame: loops × samples; Hz: frames per second; range, speed: resolution, unambiguous maximum")
 
 
-@app.command(epilog="Example: rfgen show jacks.h5")
+@app.command(
+    epilog="""[bold]Examples[/bold]
+
+rfgen show jacks.h5
+
+rfgen show jacks.h5 --overwrite
+
+Pictures that exist already, such as those of `rfgen generate`, are left unless --overwrite is given."""
+)
 def show(
     file: Annotated[Path, typer.Argument(help="A file that `rfgen generate` wrote.", show_default=False)],
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
@@ -142,12 +153,9 @@ def show(
     """Say what a file holds, and draw it."""
     from rfgen_sionna.show import summary
 
-    text = summary(file)
+    _out.print(escape(summary(file)), soft_wrap=True)
     if pictures:
-        _check_pictures(file, overwrite)
-    _out.print(escape(text), soft_wrap=True)
-    if pictures:
-        _draw(file, overwrite)
+        _draw(file, overwrite, keep=True)
 
 
 @app.command(
@@ -199,15 +207,34 @@ def _scale(text: str) -> dict[str, Any]:
         raise ValueError(f"--scale: {text!r} is not auto, a number of √W per LSB, or a power such as -20dBm") from None
 
 
-def _draw(file: Path, overwrite: bool) -> None:
+def _draw(file: Path, overwrite: bool, keep: bool = False) -> None:
+    """Draw the sheet and the film; `keep` leaves the ones that exist, which is an error otherwise."""
     from rfgen_sionna.show import animation, sheet
 
-    with _out.status("drawing"):
-        picture = sheet(file, file.with_suffix(".png"), overwrite=overwrite)
-    _wrote(picture)
-    with _progress("film") as progress:
-        film = animation(file, file.with_suffix(".gif"), overwrite=overwrite, progress=progress)
-    _wrote(film)
+    target = _picture(file, ".png")
+    if not (keep and _left(target, overwrite)):
+        with _out.status("drawing"):
+            picture = sheet(file, target, overwrite=overwrite)
+        _wrote(picture)
+    target = _picture(file, ".gif")
+    if not (keep and _left(target, overwrite)):
+        with _progress("film") as progress:
+            film = animation(file, target, overwrite=overwrite, progress=progress)
+        _wrote(film)
+
+
+def _left(target: Path, overwrite: bool) -> bool:
+    """Whether a picture exists and is not to be replaced; says so."""
+    if overwrite or not target.exists():
+        return False
+    _out.print(f"{escape(str(target))} exists and is left; --overwrite draws it again", soft_wrap=True)
+    return True
+
+
+def _picture(file: Path, suffix: str) -> Path:
+    if file.suffix == suffix:
+        raise ValueError(f"output '{file}' is a picture's name; the data go into an HDF5 file, such as 'run.h5'")
+    return file.with_suffix(suffix)
 
 
 def _check_pictures(file: Path, overwrite: bool) -> None:
@@ -215,9 +242,7 @@ def _check_pictures(file: Path, overwrite: bool) -> None:
     from rfgen_sionna.dataset import check_output
 
     for suffix in (".png", ".gif"):
-        if file.suffix == suffix:
-            raise ValueError(f"output '{file}' is a picture's name; the data go into an HDF5 file, such as 'run.h5'")
-        check_output(file.with_suffix(suffix), overwrite)
+        check_output(_picture(file, suffix), overwrite)
 
 
 def _wrote(path: Path | None) -> None:
@@ -251,12 +276,24 @@ class _LogLines(logging.Handler):
         _err.print(f"[yellow]{record.levelname.lower()}:[/yellow] {escape(record.getMessage())}", soft_wrap=True)
 
 
+_ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a program without a word; here what is half done is cleaned up first."""
+
+
+def _end(number: int, _: object) -> NoReturn:
+    """Unwind as an interruption from the keyboard does, so that no partial file stays behind."""
+    sys.exit(128 + number)
+
+
 def main() -> None:
     """Entry point: what the user can mend is one line and exit code 2, anything else is a bug and a traceback."""
     from rfgen_sionna.scene.errors import BackendError
 
     warnings.showwarning = _warn  # type: ignore[assignment]
     logging.getLogger("rfgen_sionna").addHandler(_LogLines(logging.WARNING))
+    if threading.current_thread() is threading.main_thread():  # no other one may
+        for number in _ENDINGS:
+            signal.signal(number, _end)
     try:
         app()
     except (ValueError, OSError, ImportError, BackendError) as error:

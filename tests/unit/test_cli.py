@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import re
+import signal
+import subprocess
 import sys
 import warnings
 from dataclasses import replace
@@ -111,12 +114,23 @@ def test_show_says_what_a_file_holds_and_draws_it_once(rfgen: Rfgen, tmp_path: P
     assert "2 × 8 × 3 × 4 × 16" in out
     assert list(tmp_path.glob("run.*")) == [tmp_path / "run.h5"]
     (tmp_path / "run.png").write_text("mine")
-    code, _, err = rfgen("show", "run.h5")
-    assert code == 2
-    assert "run.png" in err
+    code, out, err = rfgen("show", "run.h5")
+    assert code == 0, err
+    assert "a person walking" in out
+    assert "run.png exists and is left; --overwrite" in out
+    assert "wrote run.gif" in out
     assert (tmp_path / "run.png").read_text() == "mine"
     assert rfgen("show", "run.h5", "--overwrite")[0] == 0
     assert (tmp_path / "run.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_show_after_generate_as_the_readme_has_it(rfgen: Rfgen) -> None:
+    assert rfgen("generate", "someone raises an arm", "--output", "arm.h5")[0] == 0
+    code, out, err = rfgen("show", "arm.h5")
+    assert code == 0, err
+    assert out.index("someone raises an arm") < out.index("arm.png exists and is left")
+    assert "arm.gif exists and is left" in out
+    assert "wrote" not in out
 
 
 @pytest.mark.parametrize(
@@ -195,6 +209,44 @@ def test_radars_are_listed_with_what_follows_from_them(rfgen: Rfgen) -> None:
     assert f"±{radar.max_velocity:.2f}" in line
     assert "3×4" in line
     assert "di_gesture" in out
+
+
+def test_radars_are_named_in_full_on_a_narrow_terminal(rfgen: Rfgen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli._out, "_width", 80)
+    _, out, _ = rfgen("radars")
+    assert "…" not in out
+    for name, presets in Radar.available().items():
+        for preset in presets:
+            assert re.search(rf"^{name} +{preset} ", out, re.MULTILINE), (name, preset)
+
+
+def test_a_run_that_is_terminated_leaves_no_partial_file(tmp_path: Path) -> None:
+    """The process is ended from outside while it writes, as a job scheduler does."""
+    code = """
+import sys, time
+from rfgen_sionna import cli, pipeline
+from rfgen_sionna.dataset import RunInfo, RunWriter
+from rfgen_sionna.radar import Radar
+
+def generate(prompt, **options):
+    with RunWriter(options["output"], RunInfo(Radar.load("awr1843"), prompt=prompt)):
+        print("writing", flush=True)
+        time.sleep(60)
+
+pipeline.generate = generate
+sys.argv = ["rfgen", "generate", "a person walking", "--no-pictures", "--output", "run.h5"]
+cli.main()
+"""
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.startswith("writing"):
+            break
+    assert list(tmp_path.glob(".run.h5.partial-*"))
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=30) == 128 + signal.SIGTERM
+    process.stdout.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_export_writes_what_the_radar_itself_would(rfgen: Rfgen, tmp_path: Path) -> None:
