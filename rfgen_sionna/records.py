@@ -297,7 +297,9 @@ class AdcCube:
 
     data: NDArray[np.complex64]
     """(frame, chirp, tx, rx, sample) in square roots of watts at the receiver input: |sample|^2 is power [W].
-    `chirp` counts loops; the Tx elements of a loop fire one after another at the radar's slot times."""
+    `chirp` counts loops. `tx` counts Tx elements where they fire one after another (TDM), each at the time of its slot.
+    Where several fire at once or chirps differ, `tx` counts the slots of a loop as the hardware samples them;
+    `radar.axis_names` names its entries, and `processing.demultiplex` tells the Tx elements apart."""
     radar: Radar
     frame_times: FloatArray
     """(frame,) start of the first ramp of each frame [s]."""

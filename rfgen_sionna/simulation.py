@@ -155,14 +155,12 @@ class Simulator:
             Called after each frame.
         """
         times = self.frame_times(duration, start)
-        waveform, radar = self.radar.waveform, self.radar
-        shape = (len(times), waveform.num_loops, len(radar.tx_names), len(radar.rx_names), waveform.num_samples)
-        data = np.empty(shape, dtype=np.complex64)
+        data = np.empty((len(times), *self.radar.frame_shape), dtype=np.complex64)
         for frame in self.frames(duration, start=start, noise=noise, seed=seed, receiver=receiver):
             data[frame.index] = frame.samples
             if progress is not None:
                 progress(frame.index + 1, len(times))
-        return AdcCube(data, radar, times, seed if noise or receiver is not None else None)
+        return AdcCube(data, self.radar, times, seed if noise or receiver is not None else None)
 
     def frames(
         self,

@@ -36,20 +36,31 @@ def create_run(file: h5py.File, info: RunInfo, filters: Mapping[str, Any]) -> No
     )
     _scale(file, "frame", np.arange(0), "frame number", frames=True)
     _scale(file, "chirp", np.arange(wave.num_loops), "loop within the frame")
-    _scale(file, "tx", list(radar.tx_names), "transmit element")
+    by_element = radar.axis_names == radar.tx_names
+    _scale(file, "tx", list(radar.axis_names), "transmit element" if by_element else "slot, with what it radiates")
     _scale(file, "rx", list(radar.rx_names), "receive element")
     _scale(file, "sample", np.arange(wave.num_samples), "ADC sample within the chirp")
-    shape = (wave.num_loops, len(radar.tx_positions), len(radar.rx_positions), wave.num_samples)
     _series(
-        file, "adc", shape, np.complex64, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
+        file, "adc", radar.frame_shape, np.complex64, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
         "complex baseband at the receiver input: |sample|² is power", **filters,
     )  # fmt: skip
     _series(file, "frame_time", (), np.float64, (), "s", "start of the first ramp of the frame")
     _series(file, "mesh_time", (), np.float64, (), "s", "instant of meshes, joints and labels")
     _fixed(file, "chirp_time", wave.chirp_times, ("chirp", "tx"), "s", "start of the ramp in the frame")
-    _fixed(file, "sample_time", wave.sample_times, ("sample",), "s", "time after the start of the ramp")
+    if wave.other_profiles:
+        times = [wave.profiles[wave.slots[slot].profile].sample_times(wave.num_samples) for slot in wave.axis_slots]
+        _fixed(file, "sample_time", np.stack(times), ("tx", "sample"), "s", "time after the start of the ramp")
+    else:
+        _fixed(file, "sample_time", wave.sample_times, ("sample",), "s", "time after the start of the ramp")
     _scale(file, "axis", list(AXES), "component in the world frame")
-    _fixed(file, "tx_position", radar.tx_positions, ("tx", "axis"), "m", "element position, device frame")
+    if not by_element:
+        _scale(file, "tx_element", list(radar.tx_names), "transmit element")
+        phases = np.stack([slot.phases(1, wave.phase_step_deg)[0] for slot in wave.slots])
+        _fixed(file, "tx_phase", phases, ("tx", "tx_element"), "degree", "phase in the first loop; NaN where it is off")
+        advance = np.array([slot.advance_deg or (0.0,) * wave.num_tx for slot in wave.slots])
+        _fixed(file, "tx_advance", advance, ("tx", "tx_element"), "degree", "growth of that phase from loop to loop")
+    place = ("tx" if by_element else "tx_element", "axis")
+    _fixed(file, "tx_position", radar.tx_positions, place, "m", "element position, device frame")
     _fixed(file, "rx_position", radar.rx_positions, ("rx", "axis"), "m", "element position, device frame")
     file.create_group("labels")
     file.create_group("actors")

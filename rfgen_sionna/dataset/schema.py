@@ -6,7 +6,8 @@ general tools open it. Complex samples are the compound (r, i) that h5py and Num
     /adc            (frame, chirp, tx, rx, sample) complex64 [sqrt(W)]
     /frame_time     (frame) start of each frame's first ramp [s]
     /chirp_time     (chirp, tx) start of each ramp after that [s]
-    /sample_time    (sample) after the start of the ramp [s]
+    /sample_time    (sample) after the start of the ramp [s]; (tx, sample) where chirps of several kinds differ in it
+    /tx_phase, /tx_advance  (tx, tx_element) where `tx` counts slots: phases of the Tx elements in them [degree]
     /pir/image      (frame, channel, row, column) float32; channel: energy, time_of_arrival [s], velocity [m s-1]
     /pir/...        time, position, orientation of the viewpoint per frame
     /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]

@@ -11,6 +11,16 @@ from typing import Any
 
 _NUMBER = (int, float)
 
+CHIRP: dict[str, tuple[type, ...]] = {
+    "start_frequency_hz": _NUMBER,
+    "slope_hz_per_s": _NUMBER,
+    "sample_rate_hz": _NUMBER,
+    "idle_time_s": _NUMBER,
+    "adc_start_time_s": _NUMBER,
+    "ramp_end_time_s": _NUMBER,
+}
+"""Keys of a kind of chirp: of a preset, or of its profiles where it has several."""
+
 _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
     "": {
         "name": (str,),
@@ -45,21 +55,24 @@ _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
         "elevation_deg": (list,),
         "elevation_db": (list,),
     },
-    "transmitter": {"power_dbm": _NUMBER, "frequency_range_hz": (list,)},
+    "transmitter": {"power_dbm": _NUMBER, "frequency_range_hz": (list,), "phase_step_deg": _NUMBER},
     "receiver": {"noise_figure_db": _NUMBER, "temperature_k": _NUMBER},
     "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str)},
-    "preset": {
-        "start_frequency_hz": _NUMBER,
-        "slope_hz_per_s": _NUMBER,
-        "sample_rate_hz": _NUMBER,
+    "preset": CHIRP
+    | {
         "num_samples": (int,),
-        "idle_time_s": _NUMBER,
-        "adc_start_time_s": _NUMBER,
-        "ramp_end_time_s": _NUMBER,
         "num_loops": (int,),
         "tx_order": (list,),
         "frame_period_s": _NUMBER,
+        "multiplexing": (str,),
+        "bpm_code": (list,),
+        "doppler_bands": (int,),
+        "profile": (list,),
+        "slot": (list,),
+        "max_range_m": _NUMBER,
     },
+    "profile": CHIRP,
+    "slot": {"tx": (list,), "profile": (int,), "phase_deg": (list,), "advance_deg": (list,)},
 }
 
 _POSITIONS = {
@@ -70,6 +83,9 @@ _CUTS = ("peak_gain_dbi", "azimuth_deg", "azimuth_db", "elevation_deg", "elevati
 _OPTIONAL: dict[str, set[str]] = {
     "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS},
     "pattern": {"kind", "file", *_CUTS},
+    "transmitter": {"phase_step_deg"},
+    "preset": {*CHIRP, "tx_order", "multiplexing", "bpm_code", "doppler_bands", "profile", "slot", "max_range_m"},
+    "slot": {"profile", "phase_deg", "advance_deg"},
 }
 """Keys that a section may leave out; which of them it must have is checked section by section."""
 
@@ -86,6 +102,10 @@ _ITEMS: dict[str, tuple[type, ...]] = {
     "tx_positions_m": (list,),
     "rx_positions_half_wavelengths": (list,),
     "rx_positions_m": (list,),
+    "bpm_code": (list,),
+    "profile": (dict,),
+    "slot": (dict,),
+    "tx": (str,),
 }
 """What the lists hold; those that are not named here hold numbers."""
 
@@ -108,11 +128,11 @@ def _check(table: dict[str, Any], section: str, where: str) -> None:
         for item in value if isinstance(value, list) else ():
             _check_value(item, _ITEMS.get(key, _NUMBER), f"an entry of {what}")
             if isinstance(item, list):
-                if len(item) != 3:
+                if len(item) != 3 and "_positions_" in key:
                     raise RadarConfigError(f"an entry of {what} is {item!r}; three numbers x, y, z are needed")
                 for coordinate in item:
-                    _check_value(coordinate, _NUMBER, f"a coordinate in {what}")
-    needed = [key for key in schema if key not in _OPTIONAL.get(section, ())]
+                    _check_value(coordinate, _NUMBER, f"a number in {what}")
+    needed = [key for key in schema if key not in _OPTIONAL.get(section.partition(".")[0], ())]
     for key in needed:
         if key not in table:
             raise RadarConfigError(f"{where}: '{prefix}{key}' is missing (needed: {', '.join(needed)})")
@@ -146,7 +166,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
     for name, preset in table["preset"].items():
         if not isinstance(preset, dict):
             raise RadarConfigError(f"{where}: 'preset.{name}' is {preset!r}; a table is needed")
-        _check(preset, f"preset.{name}", where)
+        _check_preset(preset, f"preset.{name}", where)
     if table["default_preset"] not in table["preset"]:
         raise RadarConfigError(
             f"{where}: default_preset is '{table['default_preset']}'; presets: {', '.join(sorted(table['preset']))}"
@@ -176,6 +196,33 @@ def check_config(table: dict[str, Any], where: str) -> None:
     for name in table["preset"]:
         if f"preset.{name}" not in sourced:
             raise RadarConfigError(f"{where}: [source] has no entry for 'preset.{name}'")
+
+
+def _check_preset(preset: dict[str, Any], section: str, where: str) -> None:
+    """Keys of a preset: one kind of chirp or several, the Tx elements in turn or slot by slot."""
+    _check(preset, section, where)
+    for kind in ("profile", "slot"):
+        for index, entry in enumerate(preset.get(kind, ())):
+            _check(entry, kind, f"{where}: {section}.{kind}[{index}]")
+    own = [key for key in CHIRP if key in preset]
+    if "profile" in preset and own:
+        raise RadarConfigError(f"{where}: '{section}' has profiles and a '{own[0]}' of its own; it goes into a profile")
+    if "profile" not in preset and len(own) < len(CHIRP):
+        missing = min(set(CHIRP) - set(own))
+        raise RadarConfigError(f"{where}: '{section}.{missing}' is missing (needed: {', '.join(CHIRP)}, or profiles)")
+    if ("slot" in preset) == ("tx_order" in preset):
+        raise RadarConfigError(
+            f"{where}: '{section}' has {'both' if 'slot' in preset else 'neither'} of 'tx_order' (the Tx elements in "
+            "turn, or coded) and 'slot' (slot by slot); one of them is needed"
+        )
+    scheme = preset.get("multiplexing", "tdm")
+    if "slot" in preset and "multiplexing" in preset:
+        raise RadarConfigError(f"{where}: '{section}.multiplexing' does not go with slots, which say it themselves")
+    if scheme not in ("tdm", "bpm", "ddm"):
+        raise RadarConfigError(f"{where}: '{section}.multiplexing' is '{scheme}'; 'tdm', 'bpm' or 'ddm' is needed")
+    for key, needed in (("bpm_code", "bpm"), ("doppler_bands", "ddm")):
+        if key in preset and scheme != needed:
+            raise RadarConfigError(f"{where}: '{section}.{key}' goes with multiplexing = '{needed}' only")
 
 
 def _check_array(array: dict[str, Any], where: str) -> None:

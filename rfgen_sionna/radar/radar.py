@@ -1,21 +1,21 @@
-"""A monostatic TDM-MIMO FMCW radar and its pose."""
+"""A monostatic MIMO FMCW radar and its pose."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
-from rfgen_sionna.radar.device import radar_fields
+from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.pattern import Pattern
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
 from rfgen_sionna.radar.record import fields_from_record, radar_record
+from rfgen_sionna.radar.slots import slot_label
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.resources import available, resolve
@@ -75,10 +75,9 @@ class Radar:
                 raise ValueError(
                     f"radar.{name[:2]}_names is {names!r}: a different name for each of {len(array)} elements"
                 )
-        if len(self.waveform.tx_order) != len(self.tx_positions):
-            raise ValueError(
-                f"radar has {len(self.tx_positions)} Tx elements; waveform.tx_order fires {len(self.waveform.tx_order)}"
-            )
+        if self.waveform.num_tx != len(self.tx_positions):
+            named = "slots know" if self.waveform.slots else "tx_order fires"
+            raise ValueError(f"radar has {len(self.tx_positions)} Tx elements; waveform.{named} {self.waveform.num_tx}")
         for name in ("tx_polarization", "rx_polarization"):
             if getattr(self, name) not in POLARIZATIONS:
                 raise ValueError(f"radar.{name} is {getattr(self, name)!r}; allowed: {', '.join(POLARIZATIONS)}")
@@ -139,15 +138,7 @@ class Radar:
         RadarConfigError, ValueError
             Naming the key, the value and what is allowed.
         """
-        if not isinstance(radar, (str, os.PathLike)) or not str(radar):
-            raise RadarConfigError(
-                f"radar is {radar!r}: the path of a TOML file or one of {', '.join(available('radars'))} is needed"
-            )
-        path = Path(radar)
-        path = path if path.suffix == ".toml" else resolve("radars", str(radar))
-        if not path.is_file():
-            shipped = ", ".join(available("radars"))
-            raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {shipped}")
+        path = radar_file(radar)
         config = read_config(path)
         if overrides:
             config = overridden(config, overrides, str(path))
@@ -255,6 +246,35 @@ class Radar:
     def max_velocity(self) -> float:
         """[m/s]"""
         return self.waveform.max_velocity
+
+    # -- the cube -----------------------------------------------------------------------------------------
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the entries of the cube's axis "tx": those of the Tx elements, or what each slot radiates."""
+        wave = self.waveform
+        if not wave.slots or wave.separated:
+            return self.tx_names
+        return tuple(f"{index}:{slot_label(slot, self.tx_names)}" for index, slot in enumerate(wave.slots))
+
+    @property
+    def frame_shape(self) -> tuple[int, int, int, int]:
+        """(chirp, tx, rx, sample) of a frame; "tx" counts slots where several Tx elements fire at once."""
+        wave = self.waveform
+        return wave.num_loops, len(wave.axis_slots), len(self.rx_positions), wave.num_samples
+
+    def of_profile(self, number: int) -> Radar:
+        """The radar as the chirps of one profile alone see it: their slots at their times, their Tx elements."""
+        wave = self.waveform.of_profile(number)
+        if wave is self.waveform:
+            return self
+        used = self.waveform.profile_tx(number)
+        return replace(
+            self,
+            waveform=wave,
+            tx_names=tuple(self.tx_names[tx] for tx in used),
+            tx_positions=self.tx_positions[list(used)],
+        )
 
     # -- storage ------------------------------------------------------------------------------------------
 

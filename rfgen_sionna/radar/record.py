@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, asdict, fields
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.pattern import pattern_from_record, pattern_record
+from rfgen_sionna.radar.profile import Profile
+from rfgen_sionna.radar.slots import Slot
 from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
 
@@ -34,8 +37,7 @@ def radar_record(radar: Radar) -> dict[str, Any]:
     record = {
         "name": radar.name,
         "preset": radar.preset,
-        "waveform": {key: getattr(radar.waveform, key) for key in Waveform.__dataclass_fields__}
-        | {"tx_order": list(radar.waveform.tx_order)},
+        "waveform": waveform_record(radar.waveform),
         "tx_names": list(radar.tx_names),
         "rx_names": list(radar.rx_names),
         "tx_positions": radar.tx_positions.tolist(),
@@ -60,20 +62,57 @@ def radar_record(radar: Radar) -> dict[str, Any]:
     return record | {"trajectory": radar.trajectory.to_dict()}
 
 
+def waveform_record(waveform: Waveform) -> dict[str, Any]:
+    """What a common frame does not have is left out where it is not."""
+    record: dict[str, Any] = {}
+    for item in fields(Waveform):
+        value = getattr(waveform, item.name)
+        if item.default is MISSING or value != item.default:
+            record[item.name] = value
+    record["tx_order"] = list(waveform.tx_order)
+    if waveform.other_profiles:
+        record["other_profiles"] = [asdict(profile) for profile in waveform.other_profiles]
+    if waveform.slots:
+        record["slots"] = [
+            {"phases_deg": list(slot.phases_deg), "profile": slot.profile, "advance_deg": list(slot.advance_deg)}
+            for slot in waveform.slots
+        ]
+    if waveform.slot_starts is not None:
+        record["slot_starts"] = list(waveform.slot_starts)
+    return record
+
+
+def waveform_from_record(record: Any) -> Waveform:
+    """Inverse of :func:`waveform_record`."""
+    known = Waveform.__dataclass_fields__
+    optional = [name for name, item in known.items() if item.default is not MISSING]
+    values = _keys("radar record: waveform", record, known, optional)
+    if "other_profiles" in values:
+        values["other_profiles"] = tuple(
+            Profile(**_keys("radar record: waveform.other_profiles", entry, Profile.__dataclass_fields__))
+            for entry in values["other_profiles"]
+        )
+    if "slots" in values:
+        entries = [_keys("radar record: waveform.slots", entry, Slot.__dataclass_fields__) for entry in values["slots"]]
+        values["slots"] = tuple(
+            Slot(tuple(entry["phases_deg"]), entry["profile"], tuple(entry["advance_deg"])) for entry in entries
+        )
+    return Waveform(**values)
+
+
 def fields_from_record(record: Any, known: tuple[str, ...]) -> dict[str, Any]:
     """Arguments of a radar from its record; `known` are their names."""
     if isinstance(record, Mapping) and "polarization" in record:  # older runs have one for both ends
         record = dict(record)
         record["tx_polarization"] = record["rx_polarization"] = record.pop("polarization")
     record = _keys("radar record", record, known, optional=_OPTIONAL)
-    waveform = _keys("radar record: waveform", record["waveform"], Waveform.__dataclass_fields__)
-    fields: dict[str, Any] = record | {
-        "waveform": Waveform(**waveform),
+    arguments: dict[str, Any] = record | {
+        "waveform": waveform_from_record(record["waveform"]),
         "pattern": pattern_from_record(record["pattern"], partial(_keys, "radar record: pattern")),
     }
     if "adc" in record:
-        fields["adc"] = Adc(**_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__))
+        arguments["adc"] = Adc(**_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__))
     if record.get("trajectory") is not None:
         table = _keys("radar record: trajectory", record["trajectory"], Trajectory.__dataclass_fields__)
-        fields["trajectory"] = Trajectory(**table)
-    return fields | {key: tuple(record[key]) for key in ("tx_names", "rx_names")}
+        arguments["trajectory"] = Trajectory(**table)
+    return arguments | {key: tuple(record[key]) for key in ("tx_names", "rx_names")}

@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.radar.frame_checks import check_slots, check_times, checked_order
+from rfgen_sionna.radar.profile import Profile, is_number
+from rfgen_sionna.radar.slots import Slot, doppler_gap, multiplexing_of
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-def _is_index(value: object) -> bool:
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+_PROFILE = tuple(field.name for field in fields(Profile))
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """A TDM-MIMO frame of linear chirps. Times count from the start of each ramp.
+    """A frame of linear chirps: `num_loops` loops of slots. Times count from the start of each ramp.
 
     A chirp is `idle_time` of silence followed by a ramp of `ramp_end_time`; the ADC takes `num_samples` from
-    `adc_start_time` on. One loop fires `tx_order` slot by slot; a frame is `num_loops` loops.
+    `adc_start_time` on. In the common frame, TDM-MIMO with one kind of chirp, one loop fires `tx_order` slot by slot.
+    Any other frame lists its `slots` (and leaves `tx_order` empty): which Tx elements radiate, with which phases and
+    with which profile, the fields of this class being profile 0 and `other_profiles` those from 1 on.
+
+    The cube's axis "tx" has one entry for each Tx in a frame with `tx_order`, else one for each slot, in their order.
     """
 
     start_frequency: float
     """Frequency at the start of the ramp [Hz]."""
     slope: float
-    """[Hz/s]"""
+    """[Hz/s]; negative sweeps downwards, 0 is a constant frequency (CW)."""
     sample_rate: float
     """Complex samples per second [Hz]."""
     num_samples: int
+    """The same for all profiles of a frame."""
     idle_time: float
     """[s]"""
     adc_start_time: float
@@ -41,98 +44,247 @@ class Waveform:
     """[s]"""
     num_loops: int
     tx_order: tuple[int, ...]
-    """Tx index fired in each slot of a loop; every Tx of the radar fires exactly once."""
+    """TDM: Tx index fired in each slot of a loop; every Tx of the radar fires exactly once. Empty with `slots`."""
     frame_period: float
     """[s]"""
+    other_profiles: tuple[Profile, ...] = ()
+    slots: tuple[Slot, ...] = ()
+    phase_step_deg: float = 0.0
+    """Step of the phase shifters, which phases are rounded to [degrees]; 0: any phase."""
+    range_limit: float | None = None
+    """Range that counts [m], where it is less than what the sample rate allows; needed where no chirp has a slope."""
+    slot_starts: tuple[float, ...] | None = None
+    """Start of each slot's ramp after that of the loop's first one [s]; None: one chirp right after the other."""
+    loop_time: float | None = None
+    """From loop to loop [s]; None: as long as the slots take."""
+    separated: bool = False
+    """Whether what the single slot's Tx elements radiate together has been told apart: the axis "tx" is the elements,
+    all at the same time. No radar samples that; it is what demultiplexing leaves."""
 
     def __post_init__(self) -> None:
-        for name in ("start_frequency", "slope", "sample_rate", "ramp_end_time", "frame_period"):
-            value = getattr(self, name)
-            if not (_is_number(value) and value > 0):
-                raise ValueError(f"waveform.{name} is {value!r}: a positive, finite number is needed")
-        for name in ("idle_time", "adc_start_time"):
-            value = getattr(self, name)
-            if not (_is_number(value) and value >= 0):
-                raise ValueError(f"waveform.{name} is {value!r}: a finite number [s] of at least 0 is needed")
         for name in ("num_samples", "num_loops"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ValueError(f"waveform.{name} is {value!r}: a whole number of at least 1 is needed")
-        fired = list(self.tx_order)
-        if not fired or not all(_is_index(tx) for tx in fired) or sorted(fired) != list(range(len(fired))):
+        object.__setattr__(self, "other_profiles", tuple(self.other_profiles))
+        object.__setattr__(self, "slots", tuple(self.slots))
+        for index, profile in enumerate(self.profiles):
+            profile.check(self.num_samples, f"waveform.profile[{index}]" if self.other_profiles else "waveform")
+        if not (is_number(self.frame_period) and self.frame_period > 0):
+            raise ValueError(f"waveform.frame_period is {self.frame_period!r}: a positive, finite number is needed")
+        if not self.slots:
+            object.__setattr__(self, "tx_order", checked_order(self.tx_order))
+            if self.other_profiles:
+                raise ValueError("waveform.other_profiles needs slots, which say what each profile is for")
+        elif self.tx_order:
+            raise ValueError("waveform has tx_order and slots: a frame is described by one of them")
+        else:
+            object.__setattr__(self, "tx_order", ())
+            check_slots(self.slots, len(self.profiles))
+        if not (is_number(self.phase_step_deg) and 0 <= self.phase_step_deg <= 180):
             raise ValueError(
-                f"waveform.tx_order is {self.tx_order!r}: each of the Tx elements 0..n-1 must fire exactly once a loop"
+                f"waveform.phase_step_deg is {self.phase_step_deg!r}: a step in 0 … 180 degrees is needed, 0 for none"
             )
-        object.__setattr__(self, "tx_order", tuple(int(tx) for tx in fired))
-        adc_end = self.adc_start_time + self.num_samples / self.sample_rate
-        if adc_end > self.ramp_end_time * (1 + 1e-9):
+        if self.separated and len(self.slots) != 1:
+            raise ValueError("waveform.separated goes with a single slot, in which all Tx elements fire")
+        if self.slot_starts is not None:
+            object.__setattr__(self, "slot_starts", tuple(float(start) for start in self.slot_starts))
+        check_times(self)
+        if self.range_limit is not None and not (is_number(self.range_limit) and self.range_limit > 0):
+            raise ValueError(f"waveform.range_limit is {self.range_limit!r}: a positive, finite range [m] is needed")
+        if self.range_limit is None and not any(profile.slope for profile in self.profiles):
             raise ValueError(
-                f"waveform: the ADC window ends at {adc_end * 1e6:.2f} us ({self.num_samples} samples at "
-                f"{self.sample_rate / 1e6:g} Msps from {self.adc_start_time * 1e6:g} us), after ramp_end_time "
-                f"{self.ramp_end_time * 1e6:g} us: at most "
-                f"{int((self.ramp_end_time - self.adc_start_time) * self.sample_rate)} samples fit"
+                "waveform.slope is 0: a constant frequency tells no ranges and needs a range_limit [m] (in a file: "
+                "max_range_m), up to which surfaces count"
             )
-        if self.frame_length > self.frame_period * (1 + 1e-9):
-            raise ValueError(
-                f"waveform.frame_period is {self.frame_period * 1e3:g} ms but {self.num_loops} loops of "
-                f"{len(self.tx_order)} slots of {self.chirp_period * 1e6:g} us take {self.frame_length * 1e3:.3f} ms: "
-                f"lengthen the period or take at most {int(self.frame_period / self.loop_period)} loops"
-            )
+
+    # -- profiles and slots -------------------------------------------------------------------------------
+
+    @cached_property
+    def profiles(self) -> tuple[Profile, ...]:
+        """All kinds of chirps; the first one's values are the fields of this class."""
+        return (Profile(*(getattr(self, name) for name in _PROFILE)), *self.other_profiles)
 
     @property
     def num_slots(self) -> int:
-        return len(self.tx_order)
+        return len(self.slots or self.tx_order)
+
+    @property
+    def num_tx(self) -> int:
+        return len(self.slots[0].phases_deg) if self.slots else len(self.tx_order)
+
+    @property
+    def multiplexing(self) -> str:
+        """One of "tdm", "bpm", "ddm", "beam" (:func:`~rfgen_sionna.radar.slots.multiplexing_of`), "none" for a single
+        Tx, "separated"; those of several profiles with a plus between them where they differ."""
+        if self.separated:
+            return "separated"
+        if self.num_tx == 1:
+            return "none"
+        if not self.slots:
+            return "tdm"
+        kinds = [
+            multiplexing_of([slot for slot in self.slots if slot.profile == number])
+            for number in range(len(self.profiles))
+        ]
+        return "+".join(dict.fromkeys(kinds))
+
+    @property
+    def doppler_bands(self) -> float:
+        """How many Doppler bands, one for each Tx and empty ones, share the Doppler spectrum (DDM); else 1."""
+        if self.slots and not self.separated and any(slot.advance_deg for slot in self.slots):
+            return 1 / min(doppler_gap(slot) for slot in self.slots if slot.advance_deg)
+        return 1.0
+
+    def profile_axis(self, number: int) -> tuple[int, ...]:
+        """Entries of the axis that profile `number` is sampled in."""
+        if not self.other_profiles:
+            return tuple(range(len(self.axis_slots)))
+        return tuple(index for index, slot in enumerate(self.slots) if slot.profile == number)
+
+    def profile_tx(self, number: int) -> tuple[int, ...]:
+        """Tx elements that fire with profile `number`."""
+        if not self.other_profiles:
+            return tuple(range(self.num_tx))
+        return tuple(sorted({tx for slot in self.slots if slot.profile == number for tx in slot.on}))
+
+    def of_profile(self, number: int) -> Waveform:
+        """The frame as the chirps of one profile alone see it: its slots at their times, as profile 0.
+
+        Raises
+        ------
+        ValueError
+            If there is no such profile.
+        """
+        if (
+            isinstance(number, bool)
+            or not isinstance(number, (int, np.integer))
+            or not 0 <= number < len(self.profiles)
+        ):
+            raise ValueError(f"profile is {number!r}: a whole number in 0 … {len(self.profiles) - 1} is needed")
+        if not self.other_profiles:
+            return self
+        chosen, used, profile = list(self.profile_axis(number)), self.profile_tx(number), self.profiles[number]
+        return replace(
+            self,
+            **{name: getattr(profile, name) for name in _PROFILE},
+            other_profiles=(),
+            slots=tuple(self.slots[index].only(used) for index in chosen),
+            slot_starts=tuple(self.slot_times[chosen].tolist()),
+            loop_time=self.loop_period,
+            range_limit=self.range_limit if profile.slope else self.max_range,
+        )
+
+    # -- the axis "tx" of the cube ------------------------------------------------------------------------
+
+    @cached_property
+    def axis_slots(self) -> tuple[int, ...]:
+        """Slot that each entry of the axis is sampled in."""
+        if self.separated:
+            return (0,) * self.num_tx
+        return tuple(range(self.num_slots)) if self.slots else tuple(np.argsort(self.tx_order).tolist())
+
+    @property
+    def slot_axis(self) -> tuple[int, ...]:
+        """Entry of the axis that each slot fills, in the order in which slots fire."""
+        return tuple(range(len(self.axis_slots))) if self.slots else self.tx_order
+
+    @cached_property
+    def axis_weights(self) -> ComplexArray:
+        """(loop, axis, tx) factor of what each Tx radiates; (1, axis, tx) where all loops are alike."""
+        if self.separated or not self.slots:
+            return np.eye(self.num_tx, dtype=np.complex128)[None]
+        rows = [slot.weights(self.num_loops, self.phase_step_deg) for slot in self.slots]
+        loops = max(len(row) for row in rows)
+        return np.stack([np.broadcast_to(row, (loops, self.num_tx)) for row in rows], axis=1)
+
+    # -- times --------------------------------------------------------------------------------------------
 
     @property
     def chirp_period(self) -> float:
-        """Start of one ramp to the start of the next [s]."""
+        """Idle time and ramp of the (first) profile [s]."""
         return self.idle_time + self.ramp_end_time
+
+    @cached_property
+    def slot_times(self) -> FloatArray:
+        """(slot,) start of each slot's ramp after that of the loop's first one [s]."""
+        if self.slot_starts is not None:
+            return np.array(self.slot_starts)
+        if not self.other_profiles:
+            return np.asarray(np.arange(self.num_slots) * self.chirp_period, dtype=np.float64)
+        chirps = [self.profiles[slot.profile] for slot in self.slots]
+        steps = [before.ramp_end_time + after.idle_time for before, after in itertools.pairwise(chirps)]
+        return np.asarray(np.cumsum([0.0, *steps]), dtype=np.float64)
 
     @property
     def loop_period(self) -> float:
-        """Time between two ramps of the same Tx [s]."""
-        return self.num_slots * self.chirp_period
+        """Time between two ramps of the same slot [s]."""
+        if self.loop_time is not None:
+            return self.loop_time
+        if not self.other_profiles:
+            return self.num_slots * self.chirp_period
+        return float(sum(self.profiles[slot.profile].chirp_period for slot in self.slots))
 
     @property
     def frame_length(self) -> float:
         """Time that the chirps of a frame take, idle times included [s]."""
         return self.num_loops * self.loop_period
 
+    @cached_property
+    def sample_times(self) -> FloatArray:
+        """(sample,) times of the samples after the start of the ramp [s], those of the first profile."""
+        return self.adc_start_time + np.arange(self.num_samples) / self.sample_rate
+
+    @cached_property
+    def chirp_times(self) -> FloatArray:
+        """(chirp, axis) start of each ramp after the start of the frame's first ramp [s]."""
+        return np.arange(self.num_loops)[:, None] * self.loop_period + self.slot_times[list(self.axis_slots)]
+
+    # -- limits -------------------------------------------------------------------------------------------
+
+    @property
+    def sampled_band(self) -> tuple[float, float]:
+        """Lowest and highest frequency that any ADC window sees [Hz]."""
+        bands = [profile.sampled_band(self.num_samples) for profile in self.profiles]
+        return min(low for low, _ in bands), max(high for _, high in bands)
+
     @property
     def bandwidth(self) -> float:
-        """Bandwidth swept during the ADC window [Hz]."""
-        return self.slope * self.num_samples / self.sample_rate
+        """Width of the band that the ADC windows see, all profiles together [Hz]."""
+        if not self.other_profiles:
+            return abs(self.slope) * self.num_samples / self.sample_rate
+        low, high = self.sampled_band
+        return high - low
 
     @property
     def center_frequency(self) -> float:
-        """Instantaneous frequency in the middle of the ADC window [Hz]."""
-        return self.start_frequency + self.slope * (self.adc_start_time + 0.5 * self.num_samples / self.sample_rate)
+        """Middle of that band [Hz]."""
+        if not self.other_profiles:
+            return self.start_frequency + self.slope * (self.adc_start_time + 0.5 * self.num_samples / self.sample_rate)
+        low, high = self.sampled_band
+        return 0.5 * (low + high)
 
     @property
     def wavelength(self) -> float:
         """At `center_frequency` [m]."""
         return SPEED_OF_LIGHT / self.center_frequency
 
-    @cached_property
-    def sample_times(self) -> FloatArray:
-        """(sample,) times of the samples after the start of the ramp [s]."""
-        return self.adc_start_time + np.arange(self.num_samples) / self.sample_rate
-
-    @cached_property
-    def chirp_times(self) -> FloatArray:
-        """(chirp, tx) start of each ramp after the start of the frame's first ramp [s]."""
-        slot = np.argsort(self.tx_order)
-        return np.arange(self.num_loops)[:, None] * self.loop_period + slot[None, :] * self.chirp_period
-
     @property
     def range_resolution(self) -> float:
-        """c / 2B [m]"""
-        return SPEED_OF_LIGHT / (2 * self.bandwidth)
+        """c / 2B of the profile with the widest band [m]; infinite where the frequency is constant."""
+        widest = max(abs(profile.slope) / profile.sample_rate for profile in self.profiles) * self.num_samples
+        return SPEED_OF_LIGHT / (2 * widest) if widest else float("inf")
+
+    @property
+    def range_window(self) -> float:
+        """Range whose beat frequency equals the complex sample rate, of the profile that reaches farthest [m]."""
+        windows = [profile.range_window for profile in self.profiles if profile.slope]
+        return max(windows, default=float("inf"))
 
     @property
     def max_range(self) -> float:
-        """Range whose beat frequency equals the complex sample rate [m]."""
-        return self.sample_rate * SPEED_OF_LIGHT / (2 * self.slope)
+        """`range_window`, or `range_limit` where that is less [m]."""
+        return self.range_window if self.range_limit is None else min(self.range_limit, self.range_window)
 
     @property
     def velocity_resolution(self) -> float:
@@ -141,5 +293,5 @@ class Waveform:
 
     @property
     def max_velocity(self) -> float:
-        """Largest unambiguous |radial velocity|, wavelength / (4 loop_period) [m/s]."""
-        return self.wavelength / (4 * self.loop_period)
+        """Largest unambiguous |radial velocity|, wavelength / (4 loop_period), shared by the Doppler bands [m/s]."""
+        return self.wavelength / (4 * self.loop_period * self.doppler_bands)

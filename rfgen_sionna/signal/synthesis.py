@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,14 @@ from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weig
 _CHUNK = 200_000  # chirps x paths at a time: what a core's cache holds
 
 
-def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e-6) -> NDArray[np.complex128]:
+def synthesize(
+    radar: Radar,
+    paths: RadarPaths,
+    start: float,
+    *,
+    eps: float = 1e-6,
+    tx_gains: ComplexArray | None = None,
+) -> NDArray[np.complex128]:
     """Noise-free samples of one frame.
 
     Parameters
@@ -42,10 +50,13 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
         Start of the frame's first ramp [s], on the clock of `paths.times`.
     eps
         Relative accuracy of the transforms.
+    tx_gains
+        (tx,) factors of what the samples hold of each Tx element; None is 1. They matter where several radiate at once, so that
+        their sum is all that the samples hold.
 
     Returns
     -------
-    (chirp, tx, rx, sample) in square roots of watts.
+    (chirp, tx, rx, sample) in square roots of watts, of the shape `radar.frame_shape`.
 
     Raises
     ------
@@ -53,12 +64,14 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
         If the paths are for another number of elements, or their knots don't cover the frame.
     """
     waveform = radar.waveform
-    shape = (waveform.num_loops, len(radar.tx_positions), len(radar.rx_positions), waveform.num_samples)
-    if paths.a.shape[:2] != shape[1:3]:
-        raise ValueError(f"paths.a is for {paths.a.shape[:2]} (tx, rx) elements; radar '{radar.name}' has {shape[1:3]}")
+    elements = (len(radar.tx_positions), len(radar.rx_positions))
+    if paths.a.shape[:2] != elements:
+        raise ValueError(f"paths.a is for {paths.a.shape[:2]} (tx, rx) elements; radar '{radar.name}' has {elements}")
     if not 1e-14 <= eps <= 0.1:
         raise ValueError(f"eps is {eps!r}: a value in 1e-14 … 0.1 is needed")
-    still = not np.any(paths.tau_rate) and bool(np.all(paths.tau == paths.tau[..., :1]))
+    gains = np.ones(elements[0]) if tx_gains is None else np.asarray(tx_gains)
+    if gains.shape != elements[:1]:
+        raise ValueError(f"tx_gains has shape {gains.shape}: one factor for each of {elements[0]} Tx is needed")
     if len(paths.times) > 1:
         slack = 1e-9 + 1e-3 * waveform.frame_length
         if paths.times[0] > start + slack or paths.times[-1] < start + waveform.frame_length - slack:
@@ -66,23 +79,55 @@ def synthesize(radar: Radar, paths: RadarPaths, start: float, *, eps: float = 1e
                 f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from "
                 f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
-    samples = np.zeros(shape, dtype=np.complex128)
+    samples = np.zeros(radar.frame_shape, dtype=np.complex128)
     if paths.num_paths == 0:
         return samples
+    for number in range(len(waveform.profiles)):
+        part = radar.of_profile(number)
+        tx, axis = list(waveform.profile_tx(number)), list(waveform.profile_axis(number))
+        own = (
+            paths
+            if part is radar
+            else replace(
+                paths,
+                a=paths.a[tx],
+                tau=paths.tau[tx],
+                tau_rate=paths.tau_rate[tx],
+                dispersion=None if paths.dispersion is None else paths.dispersion[:, tx],
+            )
+        )
+        # The mixer conjugates what is received.
+        weights = np.conj(part.waveform.axis_weights) * gains[tx]
+        _one_profile(part, own, start, eps, weights, samples, axis)
+    return samples
+
+
+def _one_profile(
+    radar: Radar,
+    paths: RadarPaths,
+    start: float,
+    eps: float,
+    weights: ComplexArray,
+    samples: ComplexArray,
+    axis: Sequence[int],
+) -> None:
+    """Fill the entries `axis` of `samples` (chirp, tx, rx, sample); `weights` are (loop or 1, entry, tx)."""
+    waveform = radar.waveform
+    still = not np.any(paths.tau_rate) and bool(np.all(paths.tau == paths.tau[..., :1]))
     amplitude = _element_gains(radar, paths) * math.sqrt(1e-3 * 10.0 ** (radar.tx_power_dbm / 10.0))
+    make = _still_channel if still else _channel
 
     def channel(pair: tuple[int, int]) -> None:
-        tx, rx = pair
-        chirp_times = start + waveform.chirp_times[:, tx]
-        if still:
-            samples[:, tx, rx] = _still_channel(radar, paths, amplitude, chirp_times, tx, rx, eps)
-        else:
-            samples[:, tx, rx] = _channel(radar, paths, amplitude, chirp_times, tx, rx, eps)
+        entry, rx = pair
+        times = start + waveform.chirp_times[:, entry]
+        for tx in np.flatnonzero(np.any(weights[:, entry] != 0, axis=0)):
+            factor = weights[:, entry, tx, None]
+            echo = make(radar, paths, amplitude, times, int(tx), rx, eps)
+            samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
 
-    pairs = [(tx, rx) for tx in range(shape[1]) for rx in range(shape[2])]
+    pairs = [(entry, rx) for entry in range(len(axis)) for rx in range(samples.shape[2])]
     with one_blas_thread(), ThreadPoolExecutor(min(len(pairs), os.cpu_count() or 1)) as pool:
         list(pool.map(channel, pairs))
-    return samples
 
 
 def _element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Dechirped samples summed path by path and sample by sample, from the definition."""
+"""Dechirped samples summed path by path, Tx by Tx and sample by sample, from the definition."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ def direct_sum(
     The element pattern and the Tx power are left out.
     """
     waveform = radar.waveform
+    if waveform.slots:
+        return _slot_by_slot(radar, delay, gain, start)
     t = waveform.sample_times
     shape = (waveform.num_loops, len(radar.tx_names), len(radar.rx_names), waveform.num_samples)
     out = np.empty(shape, dtype=complex)
@@ -31,4 +33,35 @@ def direct_sum(
                 cycles = waveform.start_frequency * tau + waveform.slope * t * tau - 0.5 * waveform.slope * tau**2
                 phasor = np.exp(2j * np.pi * np.mod(cycles, 1.0))
                 out[chirp, tx, rx] = (np.conj(gain[tx, rx])[:, None] * phasor).sum(axis=0)
+    return out
+
+
+def _slot_by_slot(
+    radar: Radar, delay: Callable[[FloatArray, int, int], FloatArray], gain: ComplexArray, start: float
+) -> ComplexArray:
+    """Slots one after the other, each a chirp of its profile that several Tx radiate, with the phases of the loop."""
+    wave = radar.waveform
+    loops, receivers, count = wave.num_loops, len(radar.rx_names), wave.num_samples
+    out = np.zeros((loops, len(wave.slots), receivers, count), dtype=complex)
+    now = start
+    for loop in range(loops):
+        for place, slot in enumerate(wave.slots):
+            profile = wave.profiles[slot.profile]
+            if (loop, place) != (0, 0):
+                now += profile.idle_time
+            t = profile.adc_start_time + np.arange(count) / profile.sample_rate
+            for tx, phase in enumerate(slot.phases_deg):
+                if phase is None:
+                    continue
+                turned = phase + loop * (slot.advance_deg[tx] if slot.advance_deg else 0.0)
+                if wave.phase_step_deg:
+                    turned = round(turned / wave.phase_step_deg) * wave.phase_step_deg
+                for rx in range(receivers):
+                    tau = delay(now + t, tx, rx)
+                    cycles = profile.start_frequency * tau + profile.slope * t * tau - 0.5 * profile.slope * tau**2
+                    # What is radiated with a phase is received with it, and the mixer conjugates what is received.
+                    received = gain[tx, rx] * np.exp(1j * np.radians(turned))
+                    phasor = np.exp(2j * np.pi * np.mod(cycles, 1.0))
+                    out[loop, place, rx] += (np.conj(received)[:, None] * phasor).sum(axis=0)
+            now += profile.ramp_end_time
     return out

@@ -88,9 +88,7 @@ class Capture:
     def cube(self, frames: slice = slice(None)) -> AdcCube:
         """The samples of some frames (all by default), in memory; in LSB where `scale` is None."""
         chosen = range(len(self))[frames]
-        waveform = self.radar.waveform
-        shape = (waveform.num_loops, len(self.radar.tx_positions), len(self.radar.rx_positions), waveform.num_samples)
-        data = np.empty((len(chosen), *shape), dtype=np.complex64)
+        data = np.empty((len(chosen), *self.radar.frame_shape), dtype=np.complex64)
         for row, frame in enumerate(chosen):
             data[row] = self.frame(frame)
         return AdcCube(data=data, radar=self.radar, frame_times=self.frame_times[frames], seed=self.seed)

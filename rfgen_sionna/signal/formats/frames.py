@@ -19,8 +19,7 @@ Scale = float | Literal["auto"] | None
 
 def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
     """(chirp, tx, rx, sample) of one frame."""
-    waveform = radar.waveform
-    return waveform.num_loops, len(radar.tx_positions), len(radar.rx_positions), waveform.num_samples
+    return radar.frame_shape
 
 
 def check_cube(cube: AdcCube) -> None:
@@ -151,7 +150,7 @@ def channel_numbers(names: Sequence[str], prefix: str, most: int, what: str) -> 
 
 def firing_order(frame: NDArray[Any], radar: Radar, receivers: Sequence[int]) -> NDArray[Any]:
     """(chirp, tx, rx, …) to (chirp, slot, receiver, …) as fired and numbered; no copy where that is the order."""
-    slots = list(radar.waveform.tx_order)
+    slots = list(radar.waveform.slot_axis)
     if slots != sorted(slots):
         frame = frame[:, slots]
     order = np.argsort(receivers)
@@ -160,7 +159,7 @@ def firing_order(frame: NDArray[Any], radar: Radar, receivers: Sequence[int]) ->
 
 def element_order(frame: NDArray[Any], radar: Radar, receivers: Sequence[int]) -> NDArray[Any]:
     """Inverse of :func:`firing_order`."""
-    tx = np.argsort(radar.waveform.tx_order)
+    tx = np.argsort(radar.waveform.slot_axis)
     rx = np.argsort(np.argsort(receivers))
     if np.all(np.diff(tx) == 1) and np.all(np.diff(rx) == 1):
         return frame

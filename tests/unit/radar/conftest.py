@@ -23,6 +23,8 @@ def dump(table: dict[str, Any]) -> str:
             return '"' + item.replace("\\", "\\\\").replace('"', '\\"') + '"'
         if isinstance(item, list):
             return "[" + ", ".join(value(entry) for entry in item) + "]"
+        if isinstance(item, dict):
+            return "{" + ", ".join(f'"{key}" = {value(entry)}' for key, entry in item.items()) + "}"
         return repr(item)
 
     def section(name: str, content: dict[str, Any]) -> list[str]:

@@ -45,7 +45,7 @@ def test_unknown_keys_are_refused_with_the_known_ones(radar_file: Any, refuses: 
     [
         *("name", "default_preset", "array", "pattern", "preset", "source", "array.tx_names", "pattern.azimuth_db"),
         *("transmitter.power_dbm", "receiver.noise_figure_db", "preset.mmmesh.slope_hz_per_s"),
-        *("preset.di_gesture.num_loops", "preset.mmmesh.tx_order"),
+        "preset.di_gesture.num_loops",
     ],
 )
 def test_missing_keys_are_named(radar_file: Any, refuses: Refuses, key: str) -> None:
@@ -195,7 +195,7 @@ def test_what_is_no_radar_is_refused(tmp_path: Path) -> None:
 
 def test_shipped_radars_are_listed_and_load() -> None:
     radars = Radar.available()
-    assert radars["awr1843"] == ("mmmesh", "di_gesture")
+    assert radars["awr1843"] == ("mmmesh", "di_gesture", "bpm", "ddm", "near_far", "triangle")
     for name, presets in radars.items():
         for preset in presets:
             assert Radar.load(name, preset).preset == preset
@@ -216,3 +216,92 @@ def test_the_adc_has_bits_and_a_full_scale(radar_file: Any, refuses: Refuses) ->
     refuses("adc.full_scale_dbm is 300", "-150 … 60 dBm")
     radar_file.set("adc", {"bits": 1, "full_scale_dbm": "auto"})
     refuses("adc.bits is 1", "2 … 24")
+
+
+SLOTS = [{"tx": ["TX1", "TX3"]}, {"tx": ["TX2"], "phase_deg": [90.0]}]
+CHIRP = {
+    "start_frequency_hz": 77e9,
+    "slope_hz_per_s": 60e12,
+    "sample_rate_hz": 5e6,
+    "idle_time_s": 7e-6,
+    "adc_start_time_s": 6e-6,
+    "ramp_end_time_s": 60e-6,
+}
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes", "said"),
+    [
+        ("mmmesh", {"tx_order": None}, ["neither of 'tx_order'", "'slot'"]),
+        ("mmmesh", {"slot": SLOTS}, ["both of 'tx_order'", "'slot'"]),
+        ("mmmesh", {"multiplexing": "cdm"}, ["'cdm'", "'tdm', 'bpm' or 'ddm'"]),
+        ("mmmesh", {"bpm_code": [[1]]}, ["bpm_code", "goes with multiplexing = 'bpm'"]),
+        ("mmmesh", {"doppler_bands": 4}, ["doppler_bands", "goes with multiplexing = 'ddm'"]),
+        ("mmmesh", {"slope_hz_per_s": 0.0}, ["slope is 0", "max_range_m"]),
+        ("mmmesh", {"slope_hz_per_s": -60.012e12}, ["77 … 73.099 GHz", "76 … 81 GHz"]),
+        ("mmmesh", {"max_range_m": 8000.0}, ["max_range_m is 8000", "0.5 … 2000", "prefix"]),
+        ("mmmesh", {"profile": [CHIRP]}, ["has profiles and a 'start_frequency_hz' of its own"]),
+        ("mmmesh", {"tx_order": None, "slot": []}, ["slot is empty", "at least one slot"]),
+        ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX4"]}]}, ["slot[0].tx names 'TX4'", "TX1, TX2, TX3"]),
+        ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX1", "TX1"]}]}, ["slot[0].tx fires an element twice"]),
+        ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX1"], "phase": [0]}]}, ["unknown key 'slot.phase'"]),
+        (
+            "mmmesh",
+            {"tx_order": None, "slot": [{"tx": ["TX1", "TX2"], "phase_deg": [0.0]}]},
+            ["slot[0].phase_deg is [0.0]", "one angle for each of ['TX1', 'TX2']"],
+        ),
+        ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX1"], "profile": 1}]}, ["slot[0].profile is 1", "0 … 0"]),
+        (
+            "mmmesh",
+            {"tx_order": None, "slot": [{"tx": ["TX1", "TX2"], "advance_deg": [90.0, 450.0]}]},
+            ["advance_deg has 450", "-360 … 360"],
+        ),
+        (
+            "mmmesh",
+            {"tx_order": None, "slot": [{"tx": ["TX1", "TX2"], "advance_deg": [90.0, 90.0]}]},
+            ["two Tx elements would share a Doppler band"],
+        ),
+        (
+            "mmmesh",
+            {"tx_order": None, "slot": [{"tx": ["TX1", "TX2"], "advance_deg": [0.0, 90.0]}, {"tx": ["TX3"]}]},
+            ["2 slots of one profile", "a single slot a loop"],
+        ),
+        ("bpm", {"bpm_code": [[1, 1], [1, 2]]}, ["bpm_code is [[1.0, 1.0], [1.0, 2.0]]", "1 and -1"]),
+        ("bpm", {"bpm_code": [[1, 1], [1, 1]]}, ["not independent", "[[1.0, 1.0], [1.0, -1.0]]"]),
+        ("bpm", {"bpm_code": [[1, 1, 1], [1, -1, 1]]}, ["one for each of 2 Tx"]),
+        ("ddm", {"doppler_bands": 2}, ["doppler_bands is 2", "3 … 64"]),
+        ("ddm", {"num_loops": 7}, ["num_loops is 7", "8 loops"]),
+        ("near_far", {"profile": None}, ["is missing", "or profiles"]),
+        ("near_far", {"profile": [CHIRP, {}]}, ["'profile.", "is missing"]),
+        ("near_far", {"profile": [CHIRP, CHIRP | {"slope": 1.0}]}, ["profile[1]: unknown key 'profile.slope'"]),
+        ("near_far", {"profile": [CHIRP, CHIRP | {"ramp_end_time_s": 50e-6}]}, ["57.20 us", "at most 220 samples fit"]),
+        ("near_far", {"profile": [CHIRP, CHIRP | {"slope_hz_per_s": 60e9}]}, ["profile[1]", "at least 0.0001"]),
+        ("near_far", {"profile": [CHIRP, CHIRP | {"sample_rate_hz": 5e3}]}, ["profile[1]", "fit"]),
+        ("near_far", {"profile": [CHIRP, CHIRP | {"idle_time_s": -1e-6}]}, ["profile[1].idle_time_s is -1e-06"]),
+        ("near_far", {"num_loops": 400}, ["400 loops of 4 slots take", "at most 359 loops"]),
+    ],
+)  # fmt: skip
+def test_slots_and_profiles_that_cannot_be_are_refused(
+    radar_file: Any, preset: str, changes: dict[str, Any], said: list[str]
+) -> None:
+    table = radar_file.table["preset"][preset]
+    for key, value in changes.items():
+        if value is None:
+            del table[key]
+        else:
+            table[key] = value
+    radar_file.table["default_preset"] = preset
+    with pytest.raises(RadarConfigError) as caught:
+        radar_file.load(preset)
+    for part in (str(radar_file.path), *said):
+        assert part in str(caught.value)
+
+
+def test_slots_of_ones_own(radar_file: Any) -> None:
+    radar_file.remove("preset.mmmesh.tx_order")
+    radar_file.set("preset.mmmesh.slot", SLOTS)
+    radar = radar_file.load()
+    assert radar.axis_names == ("0:TX1+TX3", "1:TX2@90")
+    assert radar.frame_shape == (128, 2, 4, 256)
+    assert radar.waveform.multiplexing == "beam"  # two slots don't tell three Tx apart
+    assert Radar.from_dict(radar.to_dict()) == radar

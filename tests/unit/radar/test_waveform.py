@@ -85,8 +85,9 @@ def test_samples_begin_where_the_adc_does(mmmesh: Waveform) -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        *((name, value) for name in ("start_frequency", "slope", "sample_rate", "ramp_end_time", "frame_period")
+        *((name, value) for name in ("start_frequency", "sample_rate", "ramp_end_time", "frame_period")
           for value in (0.0, -1.0, float("nan"), float("inf"), "1", None, True)),
+        *(("slope", value) for value in (float("nan"), float("inf"), "1", None, True)),
         *((name, value) for name in ("idle_time", "adc_start_time") for value in (-1e-9, float("nan"), "0", None)),
         *((name, value) for name in ("num_samples", "num_loops") for value in (0, -1, 2.0, True, "8", None)),
         *(("tx_order", value) for value in ((), (0, 0, 1), (0, 2), (1, 2, 3), ("TX1",), (0.0, 1.0))),

@@ -1,0 +1,82 @@
+"""One kind of chirp: the ramp, and when the ADC samples it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+
+
+def is_number(value: object) -> bool:
+    """Whether `value` is a finite number, True and False left out."""
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """`idle_time` of silence, then a ramp of `ramp_end_time`; times of the ADC count from the start of the ramp."""
+
+    start_frequency: float
+    """Frequency at the start of the ramp [Hz]."""
+    slope: float
+    """[Hz/s]; negative sweeps downwards, 0 is a constant frequency (CW)."""
+    sample_rate: float
+    """Complex samples per second [Hz]."""
+    idle_time: float
+    """[s]"""
+    adc_start_time: float
+    """[s]"""
+    ramp_end_time: float
+    """[s]"""
+
+    def check(self, num_samples: int, what: str) -> None:
+        """Raise unless this can be, with `num_samples` samples; `what` names the profile in errors."""
+        for name in ("start_frequency", "sample_rate", "ramp_end_time"):
+            value = getattr(self, name)
+            if not (is_number(value) and value > 0):
+                raise ValueError(f"{what}.{name} is {value!r}: a positive, finite number is needed")
+        if not is_number(self.slope):
+            raise ValueError(
+                f"{what}.slope is {self.slope!r}: a finite number [Hz/s] is needed, negative for a ramp downwards, "
+                "0 for a constant frequency"
+            )
+        for name in ("idle_time", "adc_start_time"):
+            value = getattr(self, name)
+            if not (is_number(value) and value >= 0):
+                raise ValueError(f"{what}.{name} is {value!r}: a finite number [s] of at least 0 is needed")
+        adc_end = self.adc_start_time + num_samples / self.sample_rate
+        if adc_end > self.ramp_end_time * (1 + 1e-9):
+            raise ValueError(
+                f"{what}: the ADC window ends at {adc_end * 1e6:.2f} us ({num_samples} samples at "
+                f"{self.sample_rate / 1e6:g} Msps from {self.adc_start_time * 1e6:g} us), after ramp_end_time "
+                f"{self.ramp_end_time * 1e6:g} us: at most "
+                f"{max(0, int((self.ramp_end_time - self.adc_start_time) * self.sample_rate))} samples fit"
+            )
+        if self.start_frequency + self.slope * self.ramp_end_time <= 0:
+            raise ValueError(
+                f"{what}: the ramp ends at {self.start_frequency + self.slope * self.ramp_end_time:g} Hz "
+                f"(start_frequency {self.start_frequency:g}, slope {self.slope:g}, ramp_end_time "
+                f"{self.ramp_end_time:g}): a positive frequency is needed"
+            )
+
+    @property
+    def chirp_period(self) -> float:
+        """Idle time and ramp [s]."""
+        return self.idle_time + self.ramp_end_time
+
+    def sampled_band(self, num_samples: int) -> tuple[float, float]:
+        """Lowest and highest frequency during the ADC window [Hz]."""
+        first = self.start_frequency + self.slope * self.adc_start_time
+        last = first + self.slope * num_samples / self.sample_rate
+        return min(first, last), max(first, last)
+
+    def sample_times(self, num_samples: int) -> FloatArray:
+        """(sample,) after the start of the ramp [s]."""
+        return self.adc_start_time + np.arange(num_samples) / self.sample_rate
+
+    @property
+    def range_window(self) -> float:
+        """Range whose beat frequency equals the complex sample rate [m]; infinite where the frequency is constant."""
+        return self.sample_rate * SPEED_OF_LIGHT / (2 * abs(self.slope)) if self.slope else float("inf")

@@ -1,0 +1,177 @@
+"""What Tx elements do in the slots of a loop: one at a time (TDM), coded (BPM), in Doppler bands (DDM), as a beam."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfgen_sionna.radar.profile import is_number
+from rfgen_sionna.records import ComplexArray, FloatArray
+
+_MOST_TX = 256
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One ramp of a loop: which Tx elements are on, at which phase, with which profile."""
+
+    phases_deg: tuple[float | None, ...]
+    """(tx,) phase of what each Tx element radiates in the first loop [degrees]; None where it is off. The mixer
+    conjugates: in the samples the phase appears with the opposite sign."""
+    profile: int = 0
+    """Index of the profile of the ramp."""
+    advance_deg: tuple[float, ...] = ()
+    """(tx,) by how much the phase of each Tx grows from loop to loop [degrees]; empty is not at all. An advance of
+    360 / n puts the Tx's echoes an n-th of the Doppler spectrum further down."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.phases_deg) <= _MOST_TX:
+            raise ValueError(f"slot.phases_deg is {self.phases_deg!r}: one entry for each Tx element is needed")
+        for value in self.phases_deg:
+            if value is not None and not (is_number(value) and abs(value) <= 3600):
+                raise ValueError(
+                    f"slot.phases_deg has the entry {value!r}: a phase in -3600 … 3600 degrees, or None for an "
+                    "element that is off, is needed"
+                )
+        if not self.on:
+            raise ValueError(f"slot.phases_deg is {self.phases_deg!r}: at least one Tx element must be on")
+        advance = self.advance_deg or (0.0,) * len(self.phases_deg)
+        if len(advance) != len(self.phases_deg) or not all(is_number(value) and abs(value) <= 360 for value in advance):
+            raise ValueError(
+                f"slot.advance_deg is {self.advance_deg!r}: an angle in -360 … 360 degrees for each of "
+                f"{len(self.phases_deg)} Tx elements is needed"
+            )
+        if isinstance(self.profile, bool) or not isinstance(self.profile, (int, np.integer)) or self.profile < 0:
+            raise ValueError(f"slot.profile is {self.profile!r}: the index of a profile, from 0, is needed")
+        phases = tuple(None if value is None else float(value) for value in self.phases_deg)
+        object.__setattr__(self, "phases_deg", phases)
+        object.__setattr__(self, "advance_deg", tuple(map(float, advance)) if any(advance) else ())
+        object.__setattr__(self, "profile", int(self.profile))
+
+    @property
+    def on(self) -> tuple[int, ...]:
+        """Indices of the Tx elements that radiate."""
+        return tuple(index for index, phase in enumerate(self.phases_deg) if phase is not None)
+
+    def only(self, tx: Sequence[int]) -> Slot:
+        """The same slot of a radar that has but these Tx elements, as its profile 0."""
+        advance = tuple(self.advance_deg[index] for index in tx) if self.advance_deg else ()
+        return Slot(tuple(self.phases_deg[index] for index in tx), 0, advance)
+
+    def phases(self, loops: int, step_deg: float = 0.0) -> FloatArray:
+        """(loop, tx) phases [degrees], to the nearest multiple of `step_deg`; nan where a Tx is off."""
+        start = np.array([np.nan if phase is None else phase for phase in self.phases_deg])
+        phase = start + np.arange(loops)[:, None] * np.array(self.advance_deg or (0.0,) * len(start))
+        return np.rint(phase / step_deg) * step_deg if step_deg else phase
+
+    def weights(self, loops: int, step_deg: float = 0.0) -> ComplexArray:
+        """(loop, tx) factors of magnitude 1, 0 where a Tx is off; one row serves all loops where nothing advances."""
+        phase = np.mod(self.phases(loops if self.advance_deg else 1, step_deg), 360.0)
+        # Quarters of a turn exactly, so that codes of ±1 are.
+        turn = np.exp(1j * np.radians(phase))
+        turn = np.where(phase % 90 == 0, np.rint(turn.real) + 1j * np.rint(turn.imag), turn)
+        return np.where(np.isnan(phase), 0.0, turn)
+
+
+def single(tx: int, count: int, profile: int = 0) -> Slot:
+    """The slot in which Tx element `tx` of `count` fires alone."""
+    return Slot(tuple(0.0 if index == tx else None for index in range(count)), profile)
+
+
+def hadamard_code(count: int) -> FloatArray:
+    """(slot, tx) code of ±1 for `count` Tx elements: columns of the smallest Sylvester matrix that has them."""
+    from scipy.linalg import hadamard
+
+    order = 1 << max(0, int(count - 1).bit_length())
+    return np.asarray(hadamard(order)[:, :count], dtype=np.float64)
+
+
+def coded_slots(code: FloatArray, members: Sequence[int], count: int, profile: int = 0) -> tuple[Slot, ...]:
+    """BPM: Tx elements `members` of `count` fire together, with the signs of `code` (slot, member).
+
+    Raises
+    ------
+    ValueError
+        If there are other entries than 1 and -1, or the code does not tell the elements apart.
+    """
+    code = np.asarray(code, dtype=np.float64)
+    if code.ndim != 2 or code.shape[1] != len(members) or not np.all(np.abs(code) == 1):
+        raise ValueError(
+            f"bpm_code is {code.tolist()}: rows of 1 and -1, one for each of {len(members)} Tx, are needed"
+        )
+    if np.linalg.matrix_rank(code) < len(members):
+        raise ValueError(
+            f"bpm_code is {code.tolist()}: its columns are not independent, so that the {len(members)} Tx cannot be "
+            f"told apart; at least {len(members)} slots are needed, for instance {hadamard_code(len(members)).tolist()}"
+        )
+    slots = []
+    for row in code:
+        phases: list[float | None] = [None] * count
+        for member, sign in zip(members, row, strict=True):
+            phases[member] = 0.0 if sign > 0 else 180.0
+        slots.append(Slot(tuple(phases), profile))
+    return tuple(slots)
+
+
+def doppler_slot(bands: int, members: Sequence[int], count: int, profile: int = 0) -> Slot:
+    """DDM: Tx elements `members` of `count` fire together, the k-th shifted down by k of `bands` Doppler bands.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer bands than elements.
+    """
+    if isinstance(bands, bool) or not isinstance(bands, int) or not len(members) <= bands <= 64:
+        raise ValueError(f"doppler_bands is {bands!r}: a whole number in {len(members)} … 64 is needed, one per Tx")
+    phases: list[float | None] = [None] * count
+    advance = [0.0] * count
+    for band, member in enumerate(members):
+        phases[member], advance[member] = 0.0, 360.0 * band / bands
+    return Slot(tuple(phases), profile, tuple(advance))
+
+
+def multiplexing_of(slots: Sequence[Slot]) -> str:
+    """How the Tx elements of slots of one profile can be told apart.
+
+    "tdm": one at a time. "bpm": by a code over the slots, of ±1 or of any other phases that can be inverted. "ddm": by
+    the Doppler band that each is shifted to. "beam": not at all; they radiate as one.
+
+    Raises
+    ------
+    ValueError
+        If phases advance in one of several slots, or two Tx elements by the same angle.
+    """
+    if any(slot.advance_deg for slot in slots):
+        if len(slots) > 1:
+            raise ValueError(
+                f"slot.advance_deg: {len(slots)} slots of one profile; Doppler bands take a single slot a loop"
+            )
+        gap = doppler_gap(slots[0])
+        if gap < 1e-9:
+            raise ValueError(
+                f"slot.advance_deg is {slots[0].advance_deg!r}: two Tx elements would share a Doppler band; each "
+                "needs an advance of its own"
+            )
+        return "ddm"
+    used = sorted({tx for slot in slots for tx in slot.on})
+    code = np.concatenate([slot.weights(1) for slot in slots])[:, used]
+    if np.array_equal(np.sort(np.abs(code).sum(axis=0)), np.ones(len(used))) and len(code) == len(used) == code.sum():
+        return "tdm"
+    return "bpm" if np.linalg.matrix_rank(code, tol=1e-6) == len(used) else "beam"
+
+
+def doppler_gap(slot: Slot) -> float:
+    """Smallest gap between the Doppler bands of two Tx elements, as a share of the whole Doppler spectrum."""
+    at = np.sort(np.mod(np.array(slot.advance_deg)[list(slot.on)], 360.0)) / 360.0
+    return float(np.diff(np.append(at, at[0] + 1.0)).min())
+
+
+def slot_label(slot: Slot, names: Sequence[str]) -> str:
+    """What a slot radiates, for instance "TX1-TX3" or "TX1+TX2@90" (degrees)."""
+    text = ""
+    for tx in slot.on:
+        phase = (slot.phases_deg[tx] or 0.0) % 360
+        text += f"{'-' if phase == 180 else '+'}{names[tx]}{'' if phase in (0, 180) else f'@{phase:g}'}"
+    return text.removeprefix("+")
