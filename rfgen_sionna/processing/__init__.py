@@ -3,6 +3,7 @@ and SciPy."""
 
 from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steering
 from rfgen_sionna.processing.azimuth import DynamicRangeAngle, RangeAzimuth, drai, range_azimuth
+from rfgen_sionna.processing.demultiplex import demultiplex, select_profile, select_slot
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import (
@@ -30,6 +31,7 @@ __all__ = [
     "RangeTime",
     "cfar",
     "compensate_tdm",
+    "demultiplex",
     "doppler_time",
     "drai",
     "find_directions",
@@ -43,6 +45,8 @@ __all__ = [
     "range_time",
     "refine_peaks",
     "remove_static",
+    "select_profile",
+    "select_slot",
     "steering",
     "velocity_axis",
 ]

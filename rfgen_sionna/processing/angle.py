@@ -1,4 +1,4 @@
-"""Directions of arrival from the virtual array of a TDM-MIMO radar.
+"""Directions of arrival from the virtual array of a MIMO radar.
 
 Everything works on the element positions as they are; no regular array is assumed. Directions are in the device
 frame (boresight +x, y to the left, z up): azimuth atan2(y, x) grows to the left, elevation asin(z) upwards.
@@ -9,17 +9,16 @@ away 2 R - (p_tx + p_rx) . u, and the beat signal turns with +k times that path.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna.processing.slots import ComplexChannels, decoder, entry_times
 from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
-
-ComplexChannels = NDArray[np.complexfloating[Any, Any]]
 
 
 def unit_vectors(azimuth: ArrayLike, elevation: ArrayLike) -> FloatArray:
@@ -46,20 +45,28 @@ def steering(radar: Radar, direction: FloatArray, distance: FloatArray | None = 
 
 
 def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike) -> ComplexChannels:
-    """Turn every Tx back by the Doppler phase it gathered until its slot.
+    """Turn every slot back by the Doppler phase it gathered until its time, and decode slots that share elements.
 
     Parameters
     ----------
     channels
-        (..., tx, rx) values of one Doppler bin each.
+        (..., tx, rx) values of one Doppler bin each, "tx" as :func:`~rfgen_sionna.processing.spectrum.range_doppler`
+        leaves it.
     velocity
         (...) radial velocity [m/s] of that bin, positive receding. Add multiples of `2 radar.max_velocity` to try
         another Doppler ambiguity: the Doppler spectrum cannot tell them apart, the array can.
+
+    Returns
+    -------
+    (..., tx, rx) with the Tx elements of the radar.
     """
-    delay = radar.waveform.chirp_times[0]
+    delay = entry_times(radar)
     frequency = 2 * np.asarray(velocity, np.float64) / radar.wavelength
     turn = np.exp(-2j * np.pi * frequency[..., None] * delay).astype(channels.dtype, copy=False)
-    return channels * turn[..., None]
+    # Entries are (velocity, tx, rx) or (..., tx, rx): the turn has an axis for each but the last.
+    turned = channels * turn[..., None]
+    matrix = decoder(radar)
+    return turned if matrix is None else np.matmul(matrix.astype(channels.dtype), turned)
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ def find_directions(
     Parameters
     ----------
     channels
-        (n, tx, rx) values at the range-Doppler peaks, not yet compensated for TDM.
+        (n, tx, rx) values at the range-Doppler peaks, as `range_doppler` leaves them.
     velocity
         (n,) radial velocity [m/s] of each peak.
     distance
@@ -103,12 +110,12 @@ def find_directions(
     """
     channels = np.asarray(channels)
     count = len(channels)
-    shape = (len(radar.tx_positions), len(radar.rx_positions))
+    shape = (len(entry_times(radar)), len(radar.rx_positions))
     if channels.ndim != 3 or channels.shape[1:] != shape:
         raise ValueError(f"channels have shape {channels.shape}: (n, tx, rx) = (n, {shape[0]}, {shape[1]}) is needed")
     if ambiguities < 0 or (ambiguities > 0 and radar.waveform.num_slots == 1):
         raise ValueError(
-            f"ambiguities is {ambiguities}: 0 or more is needed, and more than 0 only with several TDM slots "
+            f"ambiguities is {ambiguities}: 0 or more is needed, and more than 0 only with several slots "
             f"(radar '{radar.name}' has {radar.waveform.num_slots})"
         )
     speed = np.broadcast_to(np.asarray(velocity, np.float64), (count,))

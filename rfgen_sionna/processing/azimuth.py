@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.processing.angle import compensate_tdm, steering, unit_vectors
-from rfgen_sionna.processing.spectrum import Window, range_doppler, remove_static, taper
+from rfgen_sionna.processing.demultiplex import as_beams
+from rfgen_sionna.processing.spectrum import Window, range_doppler, taper
 from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def range_azimuth(
     array_window: str = "hamming",
     range_window: Window = "hann",
 ) -> RangeAzimuth:
-    """Range-azimuth map: beams on the array's main row, each Doppler bin compensated for its TDM phase.
+    """Range-azimuth map: beams on the array's main row, each Doppler bin compensated for the times of its slots.
 
     Parameters
     ----------
@@ -82,9 +83,8 @@ def range_azimuth(
         "hamming" or "none", see :func:`row_weights`.
     """
     angles = np.arcsin((np.arange(128) + 0.5) / 64 - 1) if azimuth is None else np.asarray(azimuth, np.float64)
-    maps = range_doppler(
-        cube if static else remove_static(cube), radar, range_window=range_window, correct_coupling=True
-    )
+    array, radar = as_beams(cube, radar)
+    maps = range_doppler(array, radar, range_window=range_window, correct_coupling=True, static=static)
     # At least one bin: the nearest.
     bins = len(maps.range) if max_range is None else max(1, int(np.searchsorted(maps.range, max_range, side="right")))
     spectrum = np.moveaxis(maps.spectrum[..., :bins], -1, -4)
@@ -96,7 +96,8 @@ def range_azimuth(
     matrix = np.ascontiguousarray(beams[:, used].T.astype(spectrum.dtype))
     beam = (chosen.reshape(-1, chosen.shape[-1]) @ matrix).reshape(*chosen.shape[:-1], len(angles))
     # Parseval: the bins of one windowed tone add up to its power times this.
-    spread = len(maps.velocity) * np.sum(np.square(taper("hann", len(maps.velocity))))
+    chirps = array.shape[-4]
+    spread = chirps * np.sum(np.square(taper("hann", chirps)))
     power = np.sum(np.square(beam.real, dtype=np.float64) + np.square(beam.imag, dtype=np.float64), axis=-2) / spread
     return RangeAzimuth(power=power, range=maps.range[:bins], azimuth=angles)
 
@@ -134,7 +135,7 @@ def drai(cube: ArrayLike, radar: Radar, *, range_bins: int = 32, angle_bins: int
             "and at least 2 are needed"
         )
     angle = np.arcsin((np.arange(angle_bins) + 0.5) * (2 / angle_bins) - 1)
-    limit = (range_bins - 0.5) * radar.max_range / array.shape[-1]
+    limit = (range_bins - 0.5) * radar.waveform.range_window / array.shape[-1]
     maps = [range_azimuth(frame, radar, azimuth=angle, max_range=limit, static=False) for frame in array]
     return DynamicRangeAngle(
         image=np.stack([item.power for item in maps]).astype(np.float32), range=maps[0].range, angle=angle

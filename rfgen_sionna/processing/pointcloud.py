@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.processing.angle import find_directions, unit_vectors
+from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.spectrum import (
     Window,
@@ -16,7 +17,6 @@ from rfgen_sionna.processing.spectrum import (
     coupling,
     observation_time,
     range_doppler,
-    remove_static,
 )
 from rfgen_sionna.records import FloatArray
 
@@ -89,15 +89,18 @@ def point_cloud(
     ambiguities
         See :func:`rfgen_sionna.processing.angle.find_directions`.
     """
-    array = check_cube(frame, radar)
+    array, radar = as_beams(check_cube(frame, radar), radar)
+    if radar.waveform.slope == 0:
+        raise ValueError(
+            f"radar '{radar.name}' with preset '{radar.preset}' keeps its frequency and tells no ranges: there are no "
+            "points; range_doppler and micro_doppler give its velocities"
+        )
     if array.ndim != 4:
         raise ValueError(f"frame has shape {array.shape}: one frame (chirp, tx, rx, sample) is needed")
     if max_points < 1:
         raise ValueError(f"max_points is {max_points}: at least 1 is needed")
     if not dynamic_range_db > 0:
         raise ValueError(f"dynamic_range_db is {dynamic_range_db!r}: more than 0 dB is needed")
-    if not static:
-        array = remove_static(array)
     padding = 2
     chirps, _, _, samples = array.shape
     maps = range_doppler(
@@ -108,6 +111,7 @@ def point_cloud(
         range_bins=padding * samples,
         velocity_bins=padding * chirps,
         correct_migration=True,
+        static=static,
     )
     power = maps.power
     # Neighbouring virtual elements share their noise-free signal, not their noise: every channel is a look.
@@ -117,9 +121,9 @@ def point_cloud(
         false_alarm=false_alarm,
         guard=(padding * guard[0], padding * guard[1]),
         train=(padding * train[0], padding * train[1]),
-        looks=array.shape[1] * array.shape[2],
+        looks=maps.spectrum.shape[1] * maps.spectrum.shape[2],
     )
-    low, high = (2 * radar.max_range / samples, np.inf) if range_limits is None else range_limits
+    low, high = (2 * radar.waveform.range_window / samples, np.inf) if range_limits is None else range_limits
     if not 0 <= low < high:
         raise ValueError(f"range_limits is {range_limits!r} m: two ascending ranges of at least 0 are needed")
     within = (maps.range >= low) & (maps.range <= high)

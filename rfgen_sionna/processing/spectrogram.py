@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
+from rfgen_sionna.processing.slots import kept_bands, separated
 from rfgen_sionna.processing.spectrum import (
     Window,
     check_cube,
@@ -87,7 +88,7 @@ def range_time(
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
     rows = []
-    for frame in array:
+    for frame in separated(array, radar):
         profile = range_spectrum(frame if static else remove_static(frame), radar, window=window)
         rows.append(np.mean(np.square(profile.real, dtype=np.float64) + np.square(profile.imag), axis=(0, 1, 2)))
     middle = float(radar.waveform.chirp_times[: array.shape[1]].mean() + radar.waveform.sample_times.mean())
@@ -119,7 +120,7 @@ def doppler_time(
     keep = _range_bins(radar, array.shape[-1], range_limits)
     rows = []
     for frame in array:
-        maps = range_doppler(frame if static else remove_static(frame), radar, velocity_window=window)
+        maps = range_doppler(frame, radar, velocity_window=window, static=static)
         rows.append(maps.power[keep].sum(axis=0))
     loops, wave = array.shape[1], radar.waveform
     middle = float(wave.chirp_times[0].mean() + (loops - 1) / 2 * wave.loop_period + wave.sample_times.mean())
@@ -159,6 +160,7 @@ def micro_doppler(
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
     frames, loops, wave = len(array), array.shape[1], radar.waveform
+    array = separated(array, radar)
     groups = _stretches(starts, loops * wave.loop_period, 0.5 * wave.loop_period)
     longest = min(len(group) for group in groups) * loops
     segment = max(2, loops // 2) if segment is None else segment
@@ -175,6 +177,7 @@ def micro_doppler(
     transform = ShortTimeFFT(
         taper(window, segment), hop=hop, fs=1 / wave.loop_period, mfft=bins, fft_mode="centered", phase_shift=None
     )
+    kept = kept_bands(radar, len(transform.f))
     offset = float(wave.chirp_times[0].mean() + wave.sample_times.mean())
     columns, times = [], []
     for group in groups:
@@ -185,14 +188,14 @@ def micro_doppler(
         first, last = transform.lower_border_end[1], transform.upper_border_begin(len(profile))[1]
         spectrum = transform.stft(slow, p0=first, p1=last)
         power = np.square(spectrum.real, dtype=np.float64) + np.square(spectrum.imag)
-        columns.append(power.sum(axis=0).T / (array.shape[2] * array.shape[3]))
+        columns.append(power.sum(axis=0).T[:, kept] / (array.shape[2] * array.shape[3]))
         times.append(starts[group[0]] + offset + transform.t(len(profile), p0=first, p1=last))
     # ShortTimeFFT counts a window by its sample segment // 2; its centre lies half a loop earlier where even.
     shift = 0.0 if segment % 2 else -0.5 * wave.loop_period
     return DopplerTime(
         power=np.concatenate(columns),
         time=np.concatenate(times) + shift,
-        velocity=transform.f * (radar.wavelength / 2),
+        velocity=transform.f[kept] * (radar.wavelength / 2),
         duration=segment * wave.loop_period,
     )
 

@@ -1,13 +1,16 @@
 """Range and Doppler spectra of FMCW frames, on axes in metres and metres per second.
 
 Cubes have the axes (..., chirp, tx, rx, sample); any number of leading axes (usually frame) is kept. Measured data
-works as well as simulated data: only the number of Tx and Rx elements has to fit the radar, `chirp` and `sample`
-are taken as they come. The signal model is
+works as well as simulated data: only the number of Tx entries and Rx elements has to fit the radar, `chirp` and
+`sample` are taken as they come. Chirps are of one kind; frames of several profiles go in one by one
+(:func:`~rfgen_sionna.processing.demultiplex.select_profile`). Tx elements that share a slot in Doppler bands come apart
+in the Doppler spectra, those in codes when directions are looked for. The signal model is
 
     s(t) = A exp(+j 2 pi (f0 tau + mu t tau - mu tau^2 / 2)),   t counted from the start of the ramp,
 
 so a beat frequency f means the range c f / (2 mu) and a positive Doppler bin a receding target. The ADC's start
-time changes the phase of a bin and the frequency it is observed at, not its range.
+time changes the phase of a bin and the frequency it is observed at, not its range. A ramp downwards has its targets
+at negative frequencies; without a slope there is one range bin, which holds everything.
 
 What range means: the range at the centre of the observation, see :func:`observation_time`. A target of radial
 velocity v beats at mu tau + 2 v fc / c, so its range bin lies at R + fc v / mu (range-Doppler coupling: 1.3 mm
@@ -24,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 from scipy.signal import CZT, get_window
 
+from rfgen_sionna.processing.slots import axis_lengths, kept_bands, separated
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 if TYPE_CHECKING:
@@ -50,12 +54,12 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArra
     axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
     if array.ndim < 4 or (frames and array.ndim != 5):
         raise ValueError(f"cube has shape {array.shape}: the axes {axes} are needed")
-    wanted = {-3: ("tx", len(radar.tx_positions)), -2: ("rx", len(radar.rx_positions))}
-    for axis, (name, length) in wanted.items():
-        if array.shape[axis] != length:
+    wanted = {-3: ("tx", axis_lengths(radar)), -2: ("rx", (len(radar.rx_positions),))}
+    for axis, (name, lengths) in wanted.items():
+        if array.shape[axis] not in lengths:
             raise ValueError(
                 f"cube has {array.shape[axis]} entries along '{name}' (shape {array.shape}, axes {axes}); "
-                f"radar '{radar.name}' with preset '{radar.preset}' has {length}"
+                f"radar '{radar.name}' with preset '{radar.preset}' has {lengths[0]}"
             )
     if 0 in array.shape:
         raise ValueError(f"cube is empty: shape {array.shape}, axes {axes}")
@@ -69,14 +73,34 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArra
 
 
 def range_axis(radar: Radar, bins: int | None = None) -> FloatArray:
-    """(range,) centres of the range bins [m], from 0 to just under the radar's `max_range`."""
+    """(range,) centres of the range bins [m], from 0 to just under the range window; one at 0 without a slope."""
+    if radar.waveform.slope == 0:
+        return np.zeros(1)
     bins = radar.waveform.num_samples if bins is None else bins
-    return np.arange(bins, dtype=np.float64) * (radar.max_range / bins)
+    return np.arange(bins, dtype=np.float64) * (radar.waveform.range_window / bins)
+
+
+def range_transform(
+    array: NDArray[np.complexfloating[Any, Any]], radar: Radar, bins: int
+) -> NDArray[np.complexfloating[Any, Any]]:
+    """Tapered samples (..., sample) to bins of ascending range: backwards in frequency for a ramp downwards."""
+    if radar.waveform.slope == 0:
+        return np.asarray(array.sum(axis=-1, keepdims=True))
+    if radar.waveform.slope < 0:
+        return np.asarray(fft.ifft(array, n=bins, axis=-1, norm="forward"))
+    return np.asarray(fft.fft(array, n=bins, axis=-1))
 
 
 def velocity_axis(radar: Radar, bins: int | None = None) -> FloatArray:
-    """(velocity,) centres of the Doppler bins [m/s], ascending; positive is receding."""
+    """(velocity,) centres of the Doppler bins [m/s], ascending; positive is receding.
+
+    `bins` is the length of the transform; of frames in Doppler bands one band is left.
+    """
     bins = radar.waveform.num_loops if bins is None else bins
+    return _doppler_axis(radar, bins)[kept_bands(radar, bins)]
+
+
+def _doppler_axis(radar: Radar, bins: int) -> FloatArray:
     return fft.fftshift(fft.fftfreq(bins, radar.waveform.loop_period)) * (radar.wavelength / 2)
 
 
@@ -132,7 +156,7 @@ def range_spectrum(
     array = check_cube(cube, radar)
     bins = _bins("bins", bins, array.shape[-1])
     weights = taper(window, array.shape[-1]).astype(array.real.dtype)
-    return np.asarray(fft.fft(array * weights, n=bins, axis=-1))
+    return range_transform(array * weights, radar, bins)
 
 
 @dataclass(frozen=True)
@@ -140,7 +164,8 @@ class RangeDoppler:
     """Range-Doppler spectra of every channel."""
 
     spectrum: NDArray[np.complexfloating[Any, Any]]
-    """(..., velocity, tx, rx, range) complex amplitude of a tone, in the unit of the samples."""
+    """(..., velocity, tx, rx, range) complex amplitude of a tone, in the unit of the samples; "tx" as in the cube, but
+    Tx elements where those share a slot in Doppler bands."""
     range: FloatArray
     """(range,) [m]"""
     velocity: FloatArray
@@ -165,8 +190,11 @@ def range_doppler(
     velocity_bins: int | None = None,
     correct_coupling: bool = False,
     correct_migration: bool = False,
+    static: bool = True,
 ) -> RangeDoppler:
     """Windowed FFT over sample and chirp, for every frame, Tx and Rx element.
+
+    Of Tx elements in Doppler bands each gets the velocities of its own band.
 
     Parameters
     ----------
@@ -183,26 +211,32 @@ def range_doppler(
         Keystone transform: Doppler of each sample at the frequency the ramp has there, so that a target that
         crosses range cells during the frame (4.4 m/s and 27.6 ms are 12 cm) keeps its level and its width.
         Right for the same velocities; takes about four times as long.
+    static
+        Whether what does not move is kept; see :func:`remove_static`.
     """
-    array = check_cube(cube, radar)
+    array = separated(check_cube(cube, radar), radar)
+    if not static:
+        array = remove_static(array)
     chirps, samples = array.shape[-4], array.shape[-1]
     range_bins = _bins("range_bins", range_bins, samples)
     velocity_bins = _bins("velocity_bins", velocity_bins, chirps)
     real = array.real.dtype
     slow = taper(velocity_window, chirps).astype(real)[:, None, None, None]
     fast = taper(range_window, samples).astype(real)
-    velocity = velocity_axis(radar, velocity_bins)
+    kept = kept_bands(radar, velocity_bins)
+    velocity = _doppler_axis(radar, velocity_bins)[kept]
     tapered = array * (slow * fast)
     if correct_migration:
         doppler = _keystone(tapered, radar, velocity_bins)
     else:
         doppler = fft.fftshift(fft.fft(tapered, n=velocity_bins, axis=-4), axes=-4)
-    if correct_coupling:
+    doppler = doppler[..., kept, :, :, :]
+    if correct_coupling or radar.waveform.slope == 0:  # without a slope all beat frequencies are Doppler
         frequency = 2 * velocity / radar.wavelength
         turn = np.exp(-2j * np.pi * frequency[:, None] * np.arange(samples) / radar.waveform.sample_rate)
         doppler *= turn.astype(doppler.dtype)[:, None, None, :]
     return RangeDoppler(
-        spectrum=np.asarray(fft.fft(doppler, n=range_bins, axis=-1)),
+        spectrum=range_transform(doppler, radar, range_bins),
         range=range_axis(radar, range_bins),
         velocity=velocity,
     )
@@ -233,7 +267,8 @@ def _keystone(
 
 def coupling(radar: Radar, velocity: ArrayLike) -> FloatArray:
     """Distance [m] by which a target of radial velocity [m/s] appears too far in the range spectrum."""
-    return np.asarray(velocity, dtype=np.float64) * (radar.center_frequency / radar.waveform.slope)
+    slope = radar.waveform.slope
+    return np.asarray(velocity, dtype=np.float64) * (radar.center_frequency / slope if slope else 0.0)
 
 
 def decibel(power: ArrayLike, *, floor: float = -400.0) -> FloatArray:
