@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,11 +14,14 @@ from numpy.typing import NDArray
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube, FloatArray, Pir, RadarPaths
+from rfgen_sionna.records import AdcCube, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
-from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear, check_way_clear
+from rfgen_sionna.scene.clearance import check_radar_clear, check_way_clear, nearest_surface
 from rfgen_sionna.scene.devices import tabulated
+from rfgen_sionna.scene.enclosure import check_radar_placed
 from rfgen_sionna.scene.load import RadarScene, load_scene
+from rfgen_sionna.scene.places import POLICIES, Policy, check_collisions, check_places, hidden, warn_frozen
+from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.signal import Receiver, receive, synthesize
 from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport
@@ -29,14 +31,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 """Called with the number of frames done and in all."""
-
-CHECK_STEP = 0.05
-"""Time [s] between the instants of a run at which the actors' places are checked before the work starts."""
-HIDING_INSTANTS = 9
-"""Instants of a run, and below them points of an actor, at which it is looked for behind the scene's surfaces."""
-HIDING_POINTS = 64
-MIN_CHECK_STEP = 1e-4
-"""Shortest such time where an actor passes the radar [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +62,25 @@ class Simulator:
         What moves; names must differ.
     rtol
         Relative error that the tracer may make: a smaller value means more facets, knots and time.
+    collisions
+        What to do where an actor goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
+        "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.
 
     Raises
     ------
     TypeError, ValueError
-        Naming what was given and what is allowed; among them a radar inside of an object.
+        Naming what was given and what is allowed; among them a radar inside of an object, of a building or below the
+        ground.
     """
 
     def __init__(
-        self, scene: RadarScene | Any | None, radar: Radar, actors: Sequence[Actor] = (), *, rtol: float = 1e-3
+        self,
+        scene: RadarScene | Any | None,
+        radar: Radar,
+        actors: Sequence[Actor] = (),
+        *,
+        rtol: float = 1e-3,
+        collisions: Policy = "error",
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
@@ -90,21 +94,37 @@ class Simulator:
                 raise TypeError(f"actors holds a {type(actor).__name__}: Actor.from_mesh and from_prompt make actors")
         if not (isinstance(rtol, (int, float, np.number)) and 1e-8 <= rtol <= 0.1):
             raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
+        if collisions not in POLICIES:
+            raise ValueError(f"collisions is {collisions!r}: allowed are {', '.join(map(repr, POLICIES))}")
         self.scene = load_scene(scene)
         self.radar = tabulated(radar)
         self.actors = _with_unique_names(actors)
         self.rtol = float(rtol)
+        self.collisions: Policy = collisions
+        self._silence_told = False
         self.scene.tune(radar.center_frequency)
         check_radar_clear(radar.position, self.scene, self.actors)
+        check_radar_placed(
+            radar.position,
+            self.scene,
+            lambda: not all(self.hidden(actor, 0.0, _end(actor)) for actor in self.actors),
+        )
 
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer behind the simulation."""
         return Tracer(self.scene, self.radar, self.actors, self.rtol)
 
+    @cached_property
+    def _surroundings(self) -> RayScene | None:
+        """The scene's surfaces for rays; None where there are none."""
+        meshes = [(item.vertices, item.faces) for item in self.scene.objects]
+        return RayScene(meshes, origin=self.radar.position) if meshes else None
+
     def paths(self, t: float = 0.0) -> RadarPaths:
         """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot."""
         self._check_places(_time("t", t), t)
+        self._warn_silent()
         return self.tracer.instant(float(t))
 
     def pir(
@@ -184,7 +204,7 @@ class Simulator:
         times = self.frame_times(duration, start)
         begin, end = float(times[0]), float(times[-1]) + self.radar.waveform.frame_length
         self._check_places(begin, end)
-        self._warn_frozen(begin, end)
+        warn_frozen(self.actors, begin, end, stacklevel=2)
         for actor in self.actors:
             if self.hidden(actor, begin, end):
                 warnings.warn(
@@ -195,27 +215,23 @@ class Simulator:
 
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int) -> Iterator[Frame]:
         eps = max(0.3 * self.rtol, 1e-9)
-        full_scale = None
+        full_scale, gains = None, receiver.tx_gains(self.radar, seed)
         for index, begin in enumerate(times):
             traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length)
             if index == 0:
+                self._warn_silent()
                 # Nothing in it changes: one synthesis serves every frame.
-                still = synthesize(self.radar, traced.static, 0.0, eps=eps)
-            samples = still + synthesize(self.radar, traced.moving, float(begin), eps=eps)
+                still = synthesize(self.radar, traced.static, 0.0, eps=eps, tx_gains=gains)
+            samples = still + synthesize(self.radar, traced.moving, float(begin), eps=eps, tx_gains=gains)
             if traced.shadow.num_paths:
-                samples += synthesize(self.radar, traced.shadow, float(begin), eps=eps)
+                samples += synthesize(self.radar, traced.shadow, float(begin), eps=eps, tx_gains=gains)
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale = capture.full_scale
             yield Frame(index, float(begin), capture.samples, traced.report, full_scale, capture.clipped)
 
     def hidden(self, actor: Actor, start: float, stop: float) -> bool:
         """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""
-        for t in np.linspace(start, stop, HIDING_INSTANTS):
-            vertices = actor.vertices(float(t))
-            points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
-            if not self.tracer.behind_scene(points).all():
-                return False
-        return True
+        return hidden(self.radar, self._surroundings, actor, start, stop)
 
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""
@@ -231,56 +247,31 @@ class Simulator:
         return np.asarray(_time("start", start) + np.arange(count) * waveform.frame_period, dtype=np.float64)
 
     def _check_places(self, start: float, stop: float) -> None:
-        """Every actor within the range window, and none of them around the radar or through it, all along."""
+        """Nothing is where it cannot be from `start` to `stop` [s]: radar, range window, walls."""
         check_way_clear(self.radar, self.scene, self.actors, start, stop)
         moves = self.radar.trajectory is not None
-        for actor in seen_from(self.radar, None, self.actors) if moves else self.actors:
-            steps = max(1, math.ceil((stop - start) / CHECK_STEP))
-            earlier = (start, self._placed_vertices(actor, start))
-            check_radar_clear(self.radar.position, None, [actor], start)
-            for t in np.linspace(start, stop, steps + 1)[1:] if stop > start else ():
-                later = (float(t), self._placed_vertices(actor, float(t)))
-                self._check_passage(actor, earlier, later)
-                earlier = later
+        check_places(self.radar, seen_from(self.radar, None, self.actors) if moves else self.actors, start, stop)
+        check_collisions(self.scene, self._surroundings, self.actors, start, stop, self.collisions, stacklevel=3)
 
-    def _warn_frozen(self, start: float, stop: float) -> None:
-        """Actors hold their first and last pose outside of their motion: a stop that nobody meant, most often."""
-        for actor in self.actors:
-            if np.isfinite(actor.duration) and (start < -1e-9 or stop > actor.duration + 1e-9):
-                warnings.warn(
-                    f"actor '{actor.name}' moves from 0 to {actor.duration:.3f} s and holds its pose before and after; "
-                    f"the run lasts from {start:.3f} to {stop:.3f} s",
-                    stacklevel=3,
-                )
-
-    def _placed_vertices(self, actor: Body, t: float) -> FloatArray:
-        """(vertex, 3) world positions [m], all of them within the range window."""
-        points = actor.vertices(t)
-        reach = float(np.linalg.norm(points - np.asarray(self.radar.position), axis=1).max())
-        if not np.isfinite(reach):
-            raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
-        if reach > self.radar.max_range:
-            raise ValueError(
-                f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "
-                f"ends at {self.radar.max_range:.2f} m: move it closer, or take a preset with a lower slope or a "
-                "higher sample rate"
-            )
-        return points
-
-    def _check_passage(self, actor: Body, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]) -> None:
-        """The actor does not meet the radar between two instants; looked at in steps of less than the clearance."""
-        place = np.asarray(self.radar.position)
-        (t0, before), (t1, after) = earlier, later
-        low, high = np.minimum(before, after).min(axis=0), np.maximum(before, after).max(axis=0)
-        if (place < low - CLEARANCE).any() or (place > high + CLEARANCE).any():
+    def _warn_silent(self) -> None:
+        """A scene that returns nothing at all is not what a user expects of it."""
+        if self._silence_told or self.scene.is_free_space or self.radar.trajectory is not None:
             return
-        if t1 - t0 > MIN_CHECK_STEP and np.linalg.norm(after - before, axis=1).max() > CLEARANCE:
-            t = 0.5 * (t0 + t1)
-            middle = (t, actor.vertices(t))
-            self._check_passage(actor, earlier, middle)
-            self._check_passage(actor, middle, later)
-        else:
-            check_radar_clear(self.radar.position, None, [actor], t1)
+        self._silence_told = True
+        if self.tracer.static.paths.num_paths:
+            return
+        name, reach = nearest_surface(self.radar.position, self.scene)
+        limit = self.radar.max_range
+        why = (
+            f"its nearest surface, {name!r}, is {reach:.2f} m away and the ADC's range window ends at {limit:.2f} m"
+            if reach > limit
+            else f"nothing of it within the range window ({limit:.2f} m) is seen, {name!r} at {reach:.2f} m is nearest"
+        )
+        warnings.warn(f"the radar receives nothing of scene '{self.scene.name}': {why}", stacklevel=3)
+
+
+def _end(actor: Actor) -> float:
+    return actor.duration if np.isfinite(actor.duration) else 0.0
 
 
 def _with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:

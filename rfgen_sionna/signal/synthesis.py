@@ -51,8 +51,8 @@ def synthesize(
     eps
         Relative accuracy of the transforms.
     tx_gains
-        (tx,) factors of what the samples hold of each Tx element; None is 1. They matter where several radiate at once, so that
-        their sum is all that the samples hold.
+        (tx,) factors of what the samples hold of each Tx element; None is 1. They matter where several radiate at once,
+        so that their sum is all that the samples hold.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def synthesize(
         raise ValueError(f"paths.a is for {paths.a.shape[:2]} (tx, rx) elements; radar '{radar.name}' has {elements}")
     if not 1e-14 <= eps <= 0.1:
         raise ValueError(f"eps is {eps!r}: a value in 1e-14 … 0.1 is needed")
-    gains = np.ones(elements[0]) if tx_gains is None else np.asarray(tx_gains)
+    gains = np.ones(elements[0], dtype=np.complex128) if tx_gains is None else np.asarray(tx_gains)
     if gains.shape != elements[:1]:
         raise ValueError(f"tx_gains has shape {gains.shape}: one factor for each of {elements[0]} Tx is needed")
     if len(paths.times) > 1:

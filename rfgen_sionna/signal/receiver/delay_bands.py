@@ -22,6 +22,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,6 @@ from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.extension import fill_gap, gap_length
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.statics import StaticPath, tone
-from rfgen_sionna.signal.receiver.streams import frame_stream
 
 NEGATIVE_SHARE = 1 / 32
 """Share of the range window that counts as just below zero: approaching targets, and what leaks from near ones."""
@@ -95,8 +95,8 @@ def generator_error(
     radar: Radar,
     ramp: RampError | None,
     noise: PhaseNoise | None,
-    seed: int,
-    frame: int,
+    rng: np.random.Generator,
+    tx_weights: ComplexArray | None = None,
 ) -> ComplexArray:
     """What the generator's phase error adds to `samples` and to the device's own paths, of which `samples` is free.
 
@@ -107,7 +107,11 @@ def generator_error(
     statics
         The device's own paths.
     radar
-        A waveform with a slope: without one a transform does not tell delays apart.
+        A waveform of one profile, with a slope: without one a transform does not tell delays apart.
+    rng
+        What the phase noise is drawn from.
+    tx_weights
+        (loop or 1, slot, tx) what each slot holds of each Tx element; None is one element a slot.
 
     Returns
     -------
@@ -140,7 +144,6 @@ def generator_error(
     drawn = None
     period = 2 * count / waveform.sample_rate
     if noise is not None:
-        rng = frame_stream(seed, "phase_noise", frame)
         drawn = noise.draw(rng, chirps * slots, period, 4 * count).reshape(chirps, slots, 1, -1)
     offsets = np.arange(2 * count + 1) / period
     out = np.empty_like(samples)
@@ -159,7 +162,7 @@ def generator_error(
             np.multiply(spectrum[..., above:], weights[node, above:], out=wide[..., count + above :])
             band = fft.ifft(wide, axis=-1)
             for signal, share in own:
-                band += signal * share[node][..., None]
+                band += _summed(signal * share[node][..., None], tx_weights, part)
             band *= error
             change += band
         change *= grid.fade.astype(np.float32)
@@ -172,6 +175,14 @@ def generator_error(
     with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
         list(pool.map(work, parts))
     return out
+
+
+def _summed(signal: NDArray[Any], tx_weights: ComplexArray | None, part: slice) -> NDArray[Any]:
+    """(tx, rx, time) as the chirps `part` hold it: (chirp or 1, slot, rx, time)."""
+    if tx_weights is None:
+        return signal[None]
+    weights = tx_weights if len(tx_weights) == 1 else tx_weights[part]
+    return np.asarray(np.einsum("lat,trs->lars", weights.astype(signal.dtype), signal))
 
 
 def _phase(radar: Radar, times: FloatArray, ramp: RampError | None, drawn: ComplexArray | None) -> FloatArray:

@@ -8,7 +8,7 @@ enough for the part of that run that the IF filter lets through, filtered and ta
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,28 +93,36 @@ class Interferer:
             fields.append(across / max(float(np.linalg.norm(across)), 1e-12))
         aligned = abs(float(fields[0] @ fields[1]))
         power = 1e-3 * 10.0 ** (self.radar.tx_power_dbm / 10)
+        if slots := self.radar.waveform.slots:  # elements that radiate at once, in no special phase on average
+            power *= float(np.mean([len(slot.on) for slot in slots]))
         return math.sqrt(power) * gains * aligned * self.radar.wavelength / (4 * math.pi * distance)
 
-    def samples(self, radar: Radar, *, seed: int, frame: int, index: int = 0) -> ComplexArray:
-        """(chirp, tx, rx, sample) at the ADC of `radar`; `index` tells several interferers' draws apart."""
+    def samples(self, radar: Radar, *, seed: int, frame: int, index: int = 0, profile: int = 0) -> ComplexArray:
+        """(chirp, tx, rx, sample) at the ADC of `radar`, whose chirps are of one kind.
+
+        `index` tells several interferers' draws apart, `profile` those of several kinds of chirps.
+        """
         name = f"interference.{index}"
-        period = self.radar.waveform.frame_period
         start = self.start
         if start is None:
-            start = float(device_stream(seed, name).uniform(0, period))
-        rng = frame_stream(seed, name, frame)
+            start = float(device_stream(seed, name).uniform(0, self.radar.waveform.frame_period))
+        rng = frame_stream(seed, name + (f".{profile}" if profile else ""), frame)
         waveform = radar.waveform
-        steering = self.amplitude(radar) * np.exp(
-            -2j * math.pi / radar.wavelength * (radar.rx_positions @ self.direction(radar))
-        )
         bursts = np.zeros((*waveform.chirp_times.shape, waveform.num_samples), dtype=np.complex128)
-        chirps, ramps = self._crossings(radar, frame * waveform.frame_period - start)
+        for number in range(len(self.radar.waveform.profiles)):
+            replace(self, radar=self.radar.of_profile(number))._add(bursts, radar, frame, start, rng)
+        steering = np.exp(-2j * math.pi / radar.wavelength * (radar.rx_positions @ self.direction(radar)))
+        return np.asarray(bursts[:, :, None, :] * steering[:, None])
+
+    def _add(self, bursts: ComplexArray, radar: Radar, frame: int, start: float, rng: np.random.Generator) -> None:
+        """Add what this radar's chirps, all of one kind, leave in `bursts` (chirp, entry, sample)."""
+        chirps, ramps = self._crossings(radar, frame * radar.waveform.frame_period - start)
         phases = rng.uniform(0, 2 * math.pi, len(chirps))
-        flat = bursts.reshape(-1, waveform.num_samples)
+        flat = bursts.reshape(-1, bursts.shape[-1])
+        amplitude = self.amplitude(radar)
         for first in range(0, len(chirps), _PAIRS):
             part = slice(first, first + _PAIRS)
-            np.add.at(flat, chirps[part], self._bursts(radar, ramps[part], phases[part]))
-        return np.asarray(bursts[:, :, None, :] * steering[:, None])
+            np.add.at(flat, chirps[part], amplitude * self._bursts(radar, ramps[part], phases[part]))
 
     def _crossings(self, radar: Radar, clock: float) -> tuple[NDArray[np.intp], FloatArray]:
         """Own chirps (flat index) that meet a ramp in the band, and when that starts after their own ramp [s].
@@ -124,7 +132,7 @@ class Interferer:
         own, other = radar.waveform, self.radar.waveform
         margin = _filter(radar, self.band(radar))[0]
         begin, end = own.adc_start_time - margin, own.adc_start_time + own.num_samples / own.sample_rate + margin
-        starts = np.sort(other.chirp_times.ravel())
+        starts = np.sort((np.arange(other.num_loops)[:, None] * other.loop_period + other.slot_times).ravel())
         starts = np.concatenate([starts + shift * other.frame_period for shift in (-1, 0, 1)])
         low, high = _span(radar, self.band(radar))
         chirps, ramps = [], []

@@ -18,6 +18,7 @@ from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias, static_paths, tone
+from rfgen_sionna.signal.receiver.streams import frame_stream
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,16 @@ class Receiver:
         """The ADC that is in effect for `radar`."""
         return radar.adc if isinstance(self.adc, str) else self.adc
 
+    def tx_gains(self, radar: Radar, seed: int) -> ComplexArray | None:
+        """(tx,) gains of the Tx chains that :func:`~rfgen_sionna.signal.synthesize` must know of.
+
+        They are those of a radar whose elements radiate together; None where :func:`receive` puts them in.
+        """
+        wave = radar.waveform
+        if self.mismatch is None or not wave.slots or wave.separated:
+            return None
+        return self.mismatch.factors(radar, seed)[0]
+
     def check(self, radar: Radar) -> None:
         """Raise if something does not fit `radar`, before any work is done.
 
@@ -102,7 +113,8 @@ class Receiver:
             Naming the field, its value and what is allowed.
         """
         static_paths(radar, self.leakage, self.chassis, self.range_bias)
-        if radar.waveform.slope == 0 and (self.ramp_error is not None or self.phase_noise is not None):
+        flat = any(profile.slope == 0 for profile in radar.waveform.profiles)
+        if flat and (self.ramp_error is not None or self.phase_noise is not None):
             raise ValueError(
                 "waveform.slope is 0: receiver.ramp_error and receiver.phase_noise need a ramp, whose beat frequencies "
                 "tell delays apart"
@@ -135,6 +147,7 @@ def receive(
     ----------
     samples
         (chirp, tx, rx, sample) of :func:`~rfgen_sionna.signal.synthesize`, in square roots of watts; left as they are.
+        Where several Tx elements radiate at once they hold `receiver.tx_gains` already.
     seed, frame
         Draws depend on these and on the name of the impairment alone, so that switching one on leaves the others'
         as they were. What belongs to the device (mismatch, phase of the DC offset, the interferers' clocks) depends on
@@ -147,20 +160,20 @@ def receive(
     ValueError
         If the samples are not those of `radar`, or the receiver does not fit it.
     """
-    shape = (*radar.waveform.chirp_times.shape, len(radar.rx_names), radar.waveform.num_samples)
-    if samples.shape != shape:
-        raise ValueError(f"samples have the shape {samples.shape}; radar '{radar.name}' makes {shape}")
+    if samples.shape != radar.frame_shape:
+        raise ValueError(f"samples have the shape {samples.shape}; radar '{radar.name}' makes {radar.frame_shape}")
     for name, value in (("seed", seed), ("frame", frame)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
             raise ValueError(f"{name} is {value!r}: a whole number of at least 0 is needed")
     receiver.check(radar)
     seed, frame = int(seed), int(frame)
-    out = _generator(np.array(samples, dtype=np.complex128), radar, receiver, seed, frame)
+    out = np.array(samples, dtype=np.complex128)
+    wave = radar.waveform
     tx_gain, rx_gain = (None, None) if receiver.mismatch is None else receiver.mismatch.factors(radar, seed)
-    if tx_gain is not None:
-        out *= tx_gain[:, None, None]
-    for index, other in enumerate(receiver.interferers):
-        out += other.samples(radar, seed=seed, frame=frame, index=index)
+    for number in range(len(wave.profiles)):
+        axis = list(wave.profile_axis(number)) if wave.other_profiles else slice(None)
+        gains = None if tx_gain is None else tx_gain[list(wave.profile_tx(number))]
+        out[:, axis] = _one_profile(out[:, axis], radar.of_profile(number), receiver, gains, seed, frame, number)
     if receiver.coupling is not None:
         out = receiver.coupling.apply(out)
     if receiver.thermal_noise:
@@ -175,16 +188,53 @@ def receive(
     return Capture(out) if adc is None else convert(out, radar, adc, full_scale)
 
 
-def _generator(samples: ComplexArray, radar: Radar, receiver: Receiver, seed: int, frame: int) -> ComplexArray:
-    """Echoes, leakage and chassis with the delay that they share and the generator's errors; `samples` may change."""
+def _one_profile(
+    samples: ComplexArray,
+    radar: Radar,
+    receiver: Receiver,
+    tx_gains: ComplexArray | None,
+    seed: int,
+    frame: int,
+    number: int,
+) -> ComplexArray:
+    """Generator, Tx chains and interference for chirps of one kind, the `number`-th; `samples` may change."""
+    wave = radar.waveform
+    together = bool(wave.slots) and not wave.separated
+    weights = np.conj(wave.axis_weights) if together else None
+    if weights is not None and tx_gains is not None:
+        weights = weights * tx_gains
+    name = "phase_noise" + (f".{number}" if number else "")
+    samples = _generator(samples, radar, receiver, weights, seed, frame, name)
+    if tx_gains is not None and not together:
+        samples *= tx_gains[:, None, None]
+    for index, other in enumerate(receiver.interferers):
+        samples += other.samples(radar, seed=seed, frame=frame, index=index, profile=number)
+    return samples
+
+
+def _generator(
+    samples: ComplexArray,
+    radar: Radar,
+    receiver: Receiver,
+    weights: ComplexArray | None,
+    seed: int,
+    frame: int,
+    name: str,
+) -> ComplexArray:
+    """Echoes, leakage and chassis with the delay that they share and the generator's errors; `samples` may change.
+
+    `weights` (loop or 1, slot, tx) say what each slot holds of each Tx element; None is one element a slot.
+    """
     if receiver.range_bias is not None:
         samples *= receiver.range_bias.phasor(radar)
     statics = static_paths(radar, receiver.leakage, receiver.chassis, receiver.range_bias)
     error = None
     if receiver.ramp_error is not None or receiver.phase_noise is not None:
-        error = generator_error(samples, statics, radar, receiver.ramp_error, receiver.phase_noise, seed, frame)
+        rng = frame_stream(seed, name, frame)
+        error = generator_error(samples, statics, radar, receiver.ramp_error, receiver.phase_noise, rng, weights)
     for path in statics:
-        samples += path.amplitude * tone(radar, radar.waveform.sample_times, path.delay)
+        signal = path.amplitude * tone(radar, radar.waveform.sample_times, path.delay)
+        samples += signal if weights is None else np.einsum("lat,trs->lars", weights, signal)
     if error is not None:
         samples += error
     return samples
