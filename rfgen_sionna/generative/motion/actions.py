@@ -11,7 +11,7 @@ import numpy as np
 from rfgen_sionna.generative.motion import gestures, jumps, postures
 from rfgen_sionna.generative.motion.pick_up import pick_up
 from rfgen_sionna.generative.motion.score import Score
-from rfgen_sionna.generative.motion.walk import walk
+from rfgen_sionna.generative.motion.walk import walk, walk_straight
 
 Writer = Callable[[Score, np.random.Generator, str, float], None]
 """(score, rng, hand "left" or "right", speed factor): writes an action into a score."""
@@ -59,6 +59,8 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             Action("click", "clicks with the index finger", gestures.click, one_handed=True),
             Action("finger_swing", "swings the index finger", gestures.finger_swing, one_handed=True),
             Action("standing", "stands", postures.standing, periodic=False),
+            # seeds count actions from the top: new ones go here
+            Action("walk_straight", "walks straight ahead", walk_straight),
         )
     }
 )

@@ -18,6 +18,20 @@ MAX_DURATION = 600.0
 _DENSE_RATE = 240.0
 
 
+def _stream(action: str, seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, list(ACTIONS).index(action)])
+
+
+def _hand(rng: np.random.Generator) -> str:
+    # nine people in ten prefer the right
+    return "right" if rng.uniform() < 0.9 else "left"
+
+
+def preferred_hand(action: str, seed: int) -> str:
+    """The hand, "left" or "right", that :class:`KinematicSource` takes where none is named."""
+    return _hand(_stream(action, seed))
+
+
 @dataclass(frozen=True)
 class KinematicSource:
     """A :class:`~rfgen_sionna.generative.motion.MotionSource` that needs no training data.
@@ -56,10 +70,9 @@ class KinematicSource:
         if hand is not None and not ACTIONS[action].one_handed:
             raise ValueError(f"hand: the action {action!r} is not done with one hand; leave it out")
         skeleton = skeleton or MEAN_ADULT
-        rng = np.random.default_rng([seed, list(ACTIONS).index(action)])
-        if hand is None:
-            # nine people in ten prefer the right
-            hand = "right" if rng.uniform() < 0.9 else "left"
+        rng = _stream(action, seed)
+        drawn = _hand(rng)  # drawn in any case, so that naming the hand that would be drawn changes nothing
+        hand = drawn if hand is None else hand
         # written more densely than it is kept, so that the motion does not depend on the frame rate
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)

@@ -1,4 +1,4 @@
-"""Walking back and forth along the facing direction, with a turn on the spot, step by step, at each end."""
+"""Walking: back and forth with a turn on the spot, step by step, at each end, or straight ahead."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ STANCE = 0.62
 """Share of the cycle that a foot stays on the floor (Perry and Burnfield, Gait Analysis, 2nd ed. 2010)."""
 WALK_RATIO = 0.0065
 """Step length over cadence [m/(steps/min)], near constant in adults (Sekiya et al. 1996)."""
+BACK = 0.8
+"""How long the way back is seen at least [s], where the motion is long enough for it."""
+SHORTEST_AHEAD = 0.45
+"""How much of the way there a short motion shows at least [s]."""
+QUICKEST_TURN = 1.5
+"""Shortest half turn, in gait cycles: three steps, as healthy adults need at their own pace."""
 _MARGIN = 2.5
 
 
@@ -70,23 +76,49 @@ def back_and_forth(
     return Path(t, x, y, heading, pace)
 
 
-def walk(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """Back and forth on 1 to 1.6 m, towards the facing direction first."""
-    t, sk = score.t, score.skeleton
-    size = sk.leg_length() / 0.82
+def straight(end: float, speed: float) -> Path:
+    """Along +x at constant speed, half of the way before x = 0 and half after."""
+    t = np.arange(-_MARGIN, end + _MARGIN, 1.0 / 480.0)
+    still = np.zeros_like(t)
+    return Path(t, speed * (t - 0.5 * end), still, still, np.full_like(t, speed))
+
+
+def _pace(score: Score, rng: np.random.Generator, speed: float) -> tuple[float, float]:
+    """A person's speed [m/s] and step length [m], by the length of the legs."""
+    size = score.skeleton.leg_length() / 0.82
     pace = rng.uniform(0.85, 1.35) * speed * np.sqrt(size)
     # v = step * cadence and step = ratio * cadence * 60
-    step = np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
+    return pace, np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
+
+
+def walk(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+    """Back and forth on 1 to 1.6 m, towards the facing direction first; shorter where time is short."""
+    end = float(score.t[-1])
+    pace, step = _pace(score, rng, speed)
     period = 2.0 * step / pace
     length = rng.uniform(0.9, 1.5)
-    path = back_and_forth(
-        t[-1],
-        pace,
-        length,
-        turn_time=rng.uniform(2.1, 2.5) * period,
-        sense=1 if rng.uniform() < 0.5 else -1,
-        start=rng.uniform(0.0, 0.5) * length / pace,
-    )
+    turn_time = rng.uniform(2.1, 2.5) * period
+    sense = 1 if rng.uniform() < 0.5 else -1
+    ahead = length / pace * (1.0 - rng.uniform(0.0, 0.5))
+    # What a short motion leaves of the way there, and then of the turn, is what the way back needs to be seen.
+    missing = ahead + turn_time + BACK - end
+    if missing > 0.0:
+        ahead = max(ahead - missing, min(ahead, SHORTEST_AHEAD))
+        turn_time = max(turn_time - max(ahead + turn_time + BACK - end, 0.0), QUICKEST_TURN * period)
+    path = back_and_forth(end, pace, length, turn_time, sense, start=length / pace - ahead)
+    _gait(score, rng, path, pace, step)
+
+
+def walk_straight(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+    """Straight ahead, all the time, as far as the time allows."""
+    pace, step = _pace(score, rng, speed)
+    _gait(score, rng, straight(float(score.t[-1]), pace), pace, step)
+
+
+def _gait(score: Score, rng: np.random.Generator, path: Path, pace: float, step: float) -> None:
+    """Write the whole body's movements on a path."""
+    t = score.t
+    period = 2.0 * step / pace
     begin = rng.uniform(-period, 0.0)
     liveliness = np.interp(t, path.t, path.speed) / pace
     x, y, heading = path.at(t)

@@ -33,7 +33,7 @@ def velocity(positions: np.ndarray) -> np.ndarray:
 
 
 def test_the_actions_of_the_paper_are_there():
-    assert set(ACTIONS) == {
+    assert set(ACTIONS) - {"walk_straight"} == {
         "walk", "jump", "jumping_jacks", "pick_up", "t_pose", "y_pose", "left_arm_raised", "right_arm_raised",
         "left_leg_raised", "right_leg_raised", "swipe_left", "swipe_right", "push", "pull", "circle_clockwise",
         "circle_counterclockwise", "click", "finger_swing", "standing",
@@ -168,6 +168,33 @@ def test_jumping_jacks_open_arms_and_legs_together(seed):
     assert hands.min() < -0.35
     assert np.corrcoef(feet, hands)[0, 1] > 0.75
     assert 0.2 < np.mean(~motion.contacts.any(axis=1)) < 0.5
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_three_seconds_show_the_way_there_and_the_way_back(seed):
+    _, j = track("walk", seed, 3.0)
+    v = velocity(j["pelvis"])[:, 0]
+    assert np.count_nonzero(v > 0.3) / RATE > 0.45
+    assert np.count_nonzero(v < -0.3) / RATE > 0.6
+    assert v[:10].mean() > 0.3
+
+
+def test_time_to_spare_leaves_the_walk_as_it_is():
+    """The way there is shortened only where the end would come before the way back."""
+    _, long = track("walk", 1, 8.0)
+    _, longer = track("walk", 1, 9.0)
+    steps = [np.diff(j["pelvis"][: int(7.5 * RATE), :2], axis=0) for j in (long, longer)]
+    np.testing.assert_allclose(*steps, atol=2e-3)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_walking_straight_goes_one_way_at_one_pace(seed):
+    _, j = track("walk_straight", seed, 3.0)
+    v = velocity(j["pelvis"])[2:-2]
+    assert v[:, 0].min() > 0.7
+    assert v[:, 0].max() < 2.0
+    assert np.abs(v[:, 1]).max() < 0.25
+    assert j["pelvis"][0, 0] + j["pelvis"][-1, 0] == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
