@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -11,11 +12,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, person
+from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, describe, person
 from rfgen_sionna.generative.bodies.sampled import load_mesh_sequence
+from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
 from rfgen_sionna.generative.motion.loaders import load_motion
-from rfgen_sionna.generative.prompts import ScenePrompt, parse_prompt
+from rfgen_sionna.generative.placing import before_radar, check_way, way_back
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed, parse_prompt
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene import actor as scene_actor
 
@@ -24,8 +27,6 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-DEFAULT_DISTANCE = 3.0
-"""Distance from the radar where neither prompt nor caller says one [m]."""
 DEFAULT_DURATION = 3.0
 """Length of a motion where the caller says none [s]."""
 
@@ -42,6 +43,18 @@ class Actor(scene_actor.Actor):
     """Its body, where it is a person."""
     phenotype: Phenotype | None = None
     """What was asked of the body; the rest came from the seed."""
+    decisions: tuple[Decision, ...] = ()
+    """Where it was made from a prompt: everything that was decided, and who did: prompt, argument, default or seed."""
+
+    def report(self, more: Iterable[Decision] = ()) -> str:
+        """Several lines: what the prompt was read as, and every decision with its origin; `more` come last.
+
+        Raises:
+            ValueError: it was not made from a prompt.
+        """
+        if self.prompt is None:
+            raise ValueError(f"actor '{self.name}' was not made from a prompt, so there is nothing to report")
+        return self.prompt.report((*self.decisions, *more))
 
     @classmethod
     def from_prompt(
@@ -58,37 +71,48 @@ class Actor(scene_actor.Actor):
         name: str = "person",
         radar: Radar | None = None,
         source: MotionSource | None = None,
+        floor: float = 0.0,
     ) -> Actor:
         """A person who does what a sentence says.
 
         Args:
-            prompt: a sentence or keywords, such as "a tall woman walking back and forth, at 4 m", or one already read.
+            prompt: a sentence or keywords, such as "a tall woman walking back and forth, at 4 m", or one already read
+                (whose words without effect are then taken for reported).
             seed: everything the prompt leaves open is drawn from it.
             duration: length of the motion [s].
             body: the body; a phenotype is completed from the seed, None takes what the prompt says.
             position: where the motion's origin stands on the floor, world frame [m]. None: the prompt's distance (3 m
-                if it says none) in front of the radar, at height 0.
+                if it says none) and azimuth before the radar, at the height `floor`.
             orientation: (yaw, pitch, roll) [rad]. None: facing the radar, turned by the prompt's angle.
             negative: what is not wanted.
             material: name of a material.
             name: what labels call the person.
             radar: whom the person stands before; None is a radar at the origin looking along +x.
             source: where the motion comes from; None is the kinematic synthesiser.
+            floor: height of the floor under the person [m].
 
         Raises:
             PromptError: the prompt cannot be carried out.
             PhenotypeError: the body cannot be had.
-            ValueError: a duration, speed or hand that the source does not allow.
+            ValueError: a duration, speed or hand that the source does not allow, or a walk that leads to the radar.
             ImportError: anny (or torch) is not installed.
         """
-        said = prompt if isinstance(prompt, ScenePrompt) else parse_prompt(prompt, negative, seed=seed)
-        for sentence in said.warnings:
-            _LOG.warning(sentence)
+        check_seed(seed)
+        if isinstance(prompt, ScenePrompt):
+            said = prompt
+        else:
+            said = parse_prompt(prompt, negative, seed=seed)
+            for sentence in said.warnings:
+                _LOG.warning(sentence)
         words = said.body
         wanted = Phenotype(words.gender, words.age_years, words.height_m, words.weight_kg, words.muscle)
         phenotype = body if isinstance(body, Phenotype) else wanted if body is None else None
         source = source or KinematicSource()
-        place, yaw = _before(radar, said.distance_m or DEFAULT_DISTANCE)
+        distance = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
+        place, yaw = (0.0, 0.0), 0.0
+        if position is None or orientation is None:
+            place, yaw = before_radar(radar, distance, said.bearing_deg or 0.0)
+        yaw += np.radians(said.orientation_deg or 0.0)
         # the action is checked before the body is built, which may take a minute on a first start
         _check(said.action, duration)
         if isinstance(body, Rig):
@@ -112,18 +136,26 @@ class Actor(scene_actor.Actor):
             hand=said.hand,
             speed=1.0 if said.speed is None else said.speed,
         )
+        way: list[Decision] = []
+        if said.action == "walk":
+            path, seen = way_back(motion)
+            way.append(path)
+            if not seen:
+                _LOG.warning("duration: %g s show no way back of the walk back and forth; take longer", duration)
+        elif said.action == "walk_straight" and position is None and orientation is None:
+            way.append(check_way(motion, place, yaw, radar))
+        arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(
             animate(rig, motion),
             material,
             name=name,
-            position=cast(Any, place if position is None else position),
-            orientation=cast(
-                Any, (yaw + np.radians(said.orientation_deg or 0.0), 0.0, 0.0) if orientation is None else orientation
-            ),
+            position=cast(Any, (*place, floor) if position is None else position),
+            orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=replace(motion, prompt=said.text),
             prompt=said,
             body=rig,
             phenotype=phenotype,
+            decisions=(*_decisions(said, seed, describe(rig), arguments), *way, _material(material)),
         )
 
     @classmethod
@@ -156,7 +188,7 @@ class Actor(scene_actor.Actor):
             ClipError: the file cannot be used.
             ValueError: `frame_rate` is missing for meshes or given for a motion.
         """
-        place, yaw = _before(radar, DEFAULT_DISTANCE)
+        place, yaw = before_radar(radar, DEFAULT_DISTANCE)
         sequence: MeshSequence
         rig: Rig | None = None
         phenotype: Phenotype | None = None
@@ -177,7 +209,7 @@ class Actor(scene_actor.Actor):
             sequence,
             material,
             name=name,
-            position=cast(Any, place if position is None else position),
+            position=cast(Any, (*place, 0.0) if position is None else position),
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=clip,
             body=rig,
@@ -192,14 +224,46 @@ def _check(action: str, duration: float) -> None:
         raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
 
 
-def _before(radar: Radar | None, distance: float) -> tuple[tuple[float, float, float], float]:
-    """Place on the floor at `distance` [m] in front of the radar, and the yaw [rad] that faces it."""
-    if radar is None:
-        return (distance, 0.0, 0.0), np.pi
-    boresight = np.asarray(radar.rotation)[:, 0]
-    level = float(np.hypot(boresight[0], boresight[1]))
-    if level < 1e-6:
-        raise ValueError("radar: it looks straight up or down, so there is no place before it; give `position`")
-    ahead = boresight[:2] / level
-    x, y = np.asarray(radar.position)[:2] + distance * ahead
-    return (float(x), float(y), 0.0), float(np.arctan2(-ahead[1], -ahead[0]))
+def _decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:
+    """What the prompt decided, with the arguments that replace it and the body as it came out."""
+    found = []
+    for decision in said.decisions():
+        name = decision.name
+        if name in ("distance", "azimuth") and given["position"] is not None:
+            continue
+        if name == "orientation" and given["orientation"] is not None:
+            decision = _triple(name, given[name], "rad")
+        elif name in _TRAITS:
+            value = getattr(person, name)
+            origin = said.origins.get(name, drawn(seed))
+            body = given["body"]
+            if isinstance(body, Rig) or (body is not None and getattr(body, name) is not None):
+                origin = argument("body")
+            elif body is not None:
+                origin = drawn(seed)
+            decision = Decision(name, "unknown" if value is None else _TRAITS[name](value), origin)
+        found.append(decision)
+    if given["position"] is not None:
+        found.append(_triple("position", given["position"], "m"))
+    return found
+
+
+def _triple(name: str, values: ArrayLike, unit: str) -> Decision:
+    return Decision(name, f"({', '.join(f'{x:g}' for x in np.ravel(values))}) {unit}", argument(name))
+
+
+def _material(material: str) -> Decision:
+    return Decision("material", material, DEFAULT if material == "skin" else argument("material"))
+
+
+def _gender(value: float) -> str:
+    return {0.0: "male", 1.0: "female"}.get(value, f"{value:.2f} from male to female")
+
+
+_TRAITS: Mapping[str, Callable[[Any], str]] = {
+    "gender": _gender,
+    "age": lambda value: f"{value:.0f} years",
+    "height": lambda value: f"{value:.2f} m",
+    "weight": lambda value: f"{value:.0f} kg",
+    "muscle": lambda value: f"{value:.2f} (0 to 1)",
+}

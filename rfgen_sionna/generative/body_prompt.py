@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rfgen_sionna.generative.decisions import NEGATIVE, PROMPT, drawn
 from rfgen_sionna.generative.reading import Reader, compile_pattern, number
 from rfgen_sionna.generative.vocabulary import (
     AGE_PATTERN,
@@ -41,6 +42,16 @@ class BodyPrompt:
     """0 (frail) to 1 (very muscular)."""
     drawn: frozenset[str] = frozenset()
     """Traits whose value was drawn from a class of words ("heavy"), not stated as a number."""
+
+    def traits(self) -> dict[str, str | float | None]:
+        """Trait -> value, in the order in which a person is described."""
+        return {
+            "gender": self.gender,
+            "age": self.age_years,
+            "height": self.height_m,
+            "weight": self.weight_kg,
+            "muscle": self.muscle,
+        }
 
 
 Range = tuple[float, float]
@@ -185,7 +196,7 @@ class BodyWords:
         return "".join(said)
 
 
-def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPrompt, tuple[str, ...]]:
+def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPrompt, dict[str, str]]:
     """The body that fits both prompts; what only classes describe is drawn from the seed.
 
     Args:
@@ -194,7 +205,7 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
         seed: seed of the draws; each trait has its own stream, so that one word more leaves the others alone.
 
     Returns:
-        the body, and one sentence for each value that was drawn.
+        the body, and trait -> where its value comes from, for those that have one.
 
     Raises:
         PromptError: the two prompts leave nothing of a trait.
@@ -203,20 +214,21 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
         trait: np.random.default_rng([seed, i])
         for i, trait in enumerate(("gender", "age", "height", "weight", "muscle"))
     }
-    notes: list[str] = []
-    drawn: set[str] = set()
+    origins: dict[str, str] = {}
+    drawn_traits: set[str] = set()
 
-    def draw(trait: str, ranges: Mapping[str, Range], unit: str, digits: int = 2) -> float | None:
+    def draw(trait: str, ranges: Mapping[str, Range], digits: int = 2) -> float | None:
         allowed = _allowed(trait, ranges, wanted, unwanted)
         if trait in wanted.values:
+            origins[trait] = PROMPT
             return _stated(trait, ranges, wanted, unwanted)
         if allowed is None:
             return None
         widths = np.array([ranges[c][1] - ranges[c][0] for c in allowed])
         chosen = allowed[rng[trait].choice(len(allowed), p=widths / widths.sum())]
         value = round(float(rng[trait].uniform(*ranges[chosen])), digits)
-        drawn.add(trait)
-        notes.append(f"{trait} {value:g}{unit} drawn from {' or '.join(allowed)} (seed {seed})")
+        drawn_traits.add(trait)
+        origins[trait] = drawn(seed, allowed)
         return value
 
     def words_about(trait: str) -> bool:
@@ -224,22 +236,25 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
 
     genders = _allowed("gender", GENDERS, wanted, unwanted)
     gender = None if genders is None else genders[int(rng["gender"].integers(len(genders)))]
-    age = draw("age", AGES, " years", 0)
+    if genders is not None:
+        said = PROMPT if "gender" in wanted.classes else NEGATIVE
+        origins["gender"] = drawn(seed, genders) if len(genders) > 1 else said
+    age = draw("age", AGES, 0)
     for trait, example in (("height", "1.3 m tall"), ("weight", "30 kg")):
         if age is not None and age < AGES["young adult"][0] and words_about(trait):
             raise PromptError(f'{trait}: words for it are known for adults only; give a number, such as "{example}"')
-    height = draw("height", HEIGHTS[gender], " m")
+    height = draw("height", HEIGHTS[gender])
     if words_about("weight"):
         if height is None:
+            # it gives the word for the weight a meaning
             height = round(float(rng["height"].uniform(*HEIGHTS[gender]["average height"])), 2)
-            notes.append(f"height {height:g} m drawn from average height, to give the weight a meaning (seed {seed})")
-        index = draw("weight", BODY_MASS_INDICES, " kg/m²")
+            origins["height"] = drawn(seed, ["average height"])
+        index = draw("weight", BODY_MASS_INDICES)
         weight = None if index is None else round(index * height**2, 1)
-        notes[-1] += f": {weight:g} kg"
     else:
-        weight = draw("weight", BODY_MASS_INDICES, " kg") if "weight" in wanted.values else None
-    muscle = draw("muscle", MUSCLES, "")
-    return BodyPrompt(gender, age, height, weight, muscle, frozenset(drawn)), tuple(notes)
+        weight = draw("weight", BODY_MASS_INDICES) if "weight" in wanted.values else None
+    muscle = draw("muscle", MUSCLES)
+    return BodyPrompt(gender, age, height, weight, muscle, frozenset(drawn_traits)), origins
 
 
 def _stated(trait: str, ranges: Mapping[str, Range], wanted: BodyWords, unwanted: BodyWords) -> float:

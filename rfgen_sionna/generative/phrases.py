@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from rfgen_sionna.generative.body_prompt import SIMPLE_NOUNS, BodyWords, PromptError
 from rfgen_sionna.generative.motion.actions import ACTIONS
-from rfgen_sionna.generative.reading import Reader, number
+from rfgen_sionna.generative.reading import Reader, compile_pattern, number
+from rfgen_sionna.generative.surroundings import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.vocabulary import (
     ACTION_PATTERNS,
-    COMMON_SCENE_WORDS,
+    BEARING_PATTERNS,
+    BOTH_HANDS,
     DISTANCE_PATTERNS,
     FILLERS,
     IN_VIEW,
     METRES,
+    ORIENTATION_NUMBER,
     ORIENTATION_PATTERNS,
+    PACE_PATTERNS,
     PERSON,
     PLURAL,
-    SCENE_PATTERNS,
     SPEED_PATTERNS,
+    TO_AND_FRO,
     TURN_PATTERN,
+    WAY_PATTERNS,
+    WAYS,
 )
 
 _OTHER = {"left": "right", "right": "left"}
@@ -36,15 +43,22 @@ class Phrases:
     hands: list[tuple[str, str]] = field(default_factory=list)
     orientations: list[tuple[str, float]] = field(default_factory=list)
     distances: list[tuple[str, float]] = field(default_factory=list)
+    bearings: list[tuple[str, float]] = field(default_factory=list)
     speeds: list[tuple[str, float]] = field(default_factory=list)
     scenes: list[tuple[str, str]] = field(default_factory=list)
     targets: list[str] = field(default_factory=list)
     body: BodyWords = field(default_factory=BodyWords)
+    ignored: list[str] = field(default_factory=list)
+    """Phrases that belong to something that was read, but that it cannot take into account."""
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """The phrases that were not understood."""
-        return self.reader.rest(FILLERS)
+        """The phrases that have no effect."""
+        return (*self.ignored, *self.reader.rest(FILLERS))
+
+    def names(self, part: str) -> bool:
+        """Whether any of the actions named so far has `part` in its name."""
+        return any(part in action for _, named in self.actions for action in named)
 
 
 def read_wanted(text: str) -> Phrases:
@@ -53,20 +67,30 @@ def read_wanted(text: str) -> Phrases:
     Raises:
         PromptError: more than one person, or a number out of range.
     """
-    said = Phrases(Reader(text))
+    text, scenes = split_keyword(text)
+    said = Phrases(Reader(text), scenes=scenes)
     reader = said.reader
+    reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
     said.body.read_numbers(reader)
     for pattern in DISTANCE_PATTERNS:
         for m in reader.take(pattern):
-            metres = round(number(m["value"]) * METRES[m["unit"][0]], 3)
+            metres = round(number(m["value"]) * METRES[(m.groupdict().get("unit") or "m")[0]], 3)
             if metres <= 0:
                 raise PromptError(f"distance: {m.group()!r} is {metres:g} m; it must be positive")
             said.distances.append((m.group(), metres))
             reader.note(m, f"distance {metres:g} m")
+    for pattern in BEARING_PATTERNS:
+        for m in reader.take(pattern):
+            _bearing(said, m)
     _read_common(said)
-    for m in reader.take(r"(?:(?:with|using|by) )?<a>(?P<side>left|right) (?:hand|arm|index finger|finger)"):
-        said.hands.append((m.group(), m["side"]))
-        reader.note(m, f"{m['side']} hand")
+    _read_second_halves(said)
+    refuse_unknown_place(reader)
+    for m in reader.take(
+        r"(?:(?:with|using|by) )?<a>(?P<side>left|right) (?:hand|arm|index finger|finger)|hand (?P<side2>left|right)"
+    ):
+        side = m["side"] or m["side2"]
+        said.hands.append((m.group(), side))
+        reader.note(m, f"{side} hand")
     for m in reader.take(rf"(?:<n> )?{PLURAL}"):
         raise PromptError(
             f"target: {m.group()!r} is more than one person; a prompt describes one, a Simulator takes several"
@@ -77,11 +101,46 @@ def read_wanted(text: str) -> Phrases:
     return said
 
 
+def _bearing(said: Phrases, match: re.Match[str]) -> None:
+    side = match["side"]
+    angle = number(match["angle"]) * (-1.0 if side == "right" else 1.0)
+    if not -90.0 <= angle <= 90.0:
+        raise PromptError(
+            f"azimuth: {match.group()!r} is {angle:g}°; allowed are -90° to 90°, positive to the radar's left"
+        )
+    said.bearings.append((match.group(), angle + 0.0))
+    said.reader.note(match, f"place at azimuth {angle + 0.0:g}°")
+
+
+def _read_second_halves(said: Phrases) -> None:
+    """Take what goes on with a verb said before: "raises the left arm and the right leg", "swipes left and right"."""
+    reader = said.reader
+    if said.names("_raised"):
+        for m in reader.take(r"(?:(?:and|then|and then) )?<a>(?P<side>left|right) (?P<limb>arm|hand|leg|foot|knee)"):
+            limb = "arm" if m["limb"] in ("arm", "hand") else "leg"
+            _name_all(said, m, [m["side"], limb, "raised"])
+    again = r"(?:(?:and then|and|then) |(?<=or ))"
+    if said.names("swipe_"):
+        way = r"<a>(?:own )?(?P<side>left|right)(?:wards?)?(?: side)?(?! (?:hand|arm))"
+        for m in [*reader.take(rf"{again}(?:to )?{way}"), *reader.take(rf"to {way}")]:
+            _name_all(said, m, ["swipe", m["side"]])
+    if said.names("circle_"):
+        for m in reader.take(rf"{again}(?P<turn>clockwise|(?:counter|anti) ?clockwise)"):
+            _name_all(said, m, ["circle", "clockwise" if m["turn"] == "clockwise" else "counterclockwise"])
+
+
 def read_unwanted(text: str) -> Phrases:
     """Read a negative prompt: beside phrases, single words ("left", "arm", "clockwise") name all they occur in."""
-    said = Phrases(Reader(text))
+    text, scenes = split_keyword(text)
+    said = Phrases(Reader(text), scenes=scenes)
+    said.reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
     _read_common(said)
     reader = said.reader
+    both_walks = frozenset({"walk", "walk_straight"})
+    said.actions = [
+        (words, both_walks if named == {"walk"} and not compile_pattern(TO_AND_FRO).search(words) else named)
+        for words, named in said.actions
+    ]
     for m in reader.take(r"(?:(?P<side>left|right) )?(?P<limb>arm|hand|leg|foot|feet|knee|swipe|circle)s?"):
         limb = {"arm": "arm", "hand": "arm", "swipe": "swipe", "circle": "circle"}.get(m["limb"], "leg")
         _name_all(said, m, [w for w in (m["side"], limb) if w])
@@ -108,18 +167,32 @@ def _name_all(said: Phrases, match: re.Match[str], words: list[str]) -> None:
 
 def _read_common(said: Phrases) -> None:
     reader = said.reader
+    _read_speeds(said, PACE_PATTERNS)
+    both_ways = compile_pattern(TO_AND_FRO).search(reader.text)
     for template, pattern in ACTION_PATTERNS:
         for m in reader.take(pattern):
             groups = m.groupdict()
             named = _fill(template, groups)
+            both = compile_pattern(BOTH_HANDS).search(m.group()) if ACTIONS[min(named)].one_handed else None
+            if both:
+                said.ignored.append(both.group())
             said.actions.append((m.group(), named))
             reader.note(m, f"action {' or '.join(sorted(named))}")
+            for way in WAYS.keys() & groups.keys():
+                if groups[way]:
+                    reader.erase(*m.span(way))
+                    said.orientations.append((groups[way], WAYS[way]))
+                    reader.understood.append((groups[way], f"walks that way: orientation {WAYS[way]:g}°"))
+            if groups.get("ahead"):
+                reader.erase(*m.span("ahead"))
             if groups.get("side") and "arm" not in template and "leg" not in template:
                 said.hands.append((m.group(), groups["side"]))
     for m in reader.take(r"the (?P<side>left|right) one"):
         _name_all(said, m, [m["side"]])
+    if said.names("walk"):
+        reader.take(TO_AND_FRO, "action walk")
     reader.take(IN_VIEW, "within the radar's view, where everything is")
-    for m in reader.take(TURN_PATTERN):
+    for m in [*reader.take(ORIENTATION_NUMBER), *reader.take(TURN_PATTERN)]:
         angle = number(m["angle"]) * (-1.0 if m["side"] == "right" else 1.0) % 360.0
         said.orientations.append((m.group(), angle))
         reader.note(m, f"orientation {angle:g}°")
@@ -127,19 +200,22 @@ def _read_common(said: Phrases) -> None:
         for m in reader.take(pattern):
             said.orientations.append((m.group(), angle))
             reader.note(m, f"orientation {angle:g}°")
-    for speed, pattern in SPEED_PATTERNS:
+    for angle, pattern in WAY_PATTERNS:
         for m in reader.take(pattern):
-            said.speeds.append((m.group(), speed))
-            reader.note(m, f"speed × {speed:g}")
-    for scene, pattern in SCENE_PATTERNS.items():
-        # "box" or "street" are common words: they name a scene only after "in a" or alone between commas.
-        inside = rf"(?:in|inside|within|at|on) <a>(?:{pattern})|(?:(?<=, )|^)<a>(?:{pattern})(?= ,|$)"
-        for m in reader.take(
-            inside if scene in COMMON_SCENE_WORDS else rf"(?:(?:in|inside|within|at) <a>)?(?:{pattern})"
-        ):
-            said.scenes.append((m.group(), scene))
-            reader.note(m, f"surroundings {scene}")
+            said.orientations.append((m.group(), angle))
+            reader.note(m, f"orientation {angle:g}°")
+            if not both_ways:  # who walks towards the radar does not come back
+                said.actions = [(w, frozenset({"walk_straight"}) if n == {"walk"} else n) for w, n in said.actions]
+    _read_speeds(said, SPEED_PATTERNS)
+    said.scenes += read_scenes(reader)
     said.body.read_adjectives(reader)
+
+
+def _read_speeds(said: Phrases, patterns: Iterable[tuple[float, str]]) -> None:
+    for speed, pattern in patterns:
+        for m in said.reader.take(pattern):
+            said.speeds.append((m.group(), speed))
+            said.reader.note(m, f"speed × {speed:g}")
 
 
 def _fill(template: str, groups: dict[str, str | None]) -> frozenset[str]:
@@ -149,7 +225,8 @@ def _fill(template: str, groups: dict[str, str | None]) -> frozenset[str]:
             sides = [groups[name] or ""] if groups.get(name) else ["left", "right"]
             return frozenset(template.replace(f"{{{name}}}", side) for side in sides)
     if "{other}" in template:
-        sides = [_OTHER[groups["side"] or ""]] if groups.get("side") else ["left", "right"]
+        side = groups.get("side") or groups.get("side2")
+        sides = [_OTHER[side]] if side else ["left", "right"]
         return frozenset(template.replace("{other}", side) for side in sides)
     if "{turn}" in template:
         turn = groups.get("turn") or groups.get("turn2")

@@ -8,21 +8,31 @@ possibilities that the negative prompt allows, and the report says so.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
 
 from rfgen_sionna.generative.body_prompt import BodyPrompt, PromptError, draw_body
+from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, Decision, drawn, tabulate
 from rfgen_sionna.generative.motion.actions import ACTIONS
+from rfgen_sionna.generative.motion.kinematic import preferred_hand
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.reading import Reader, compile_pattern
-from rfgen_sionna.generative.vocabulary import FILLERS, FREE_SPACE, NEGATION, SCENE_PATTERNS
+from rfgen_sionna.generative.reading import compile_pattern
+from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment
+from rfgen_sionna.generative.vocabulary import NEGATION
 
 T = TypeVar("T")
 
 __all__ = ["BodyPrompt", "EnvironmentPrompt", "PromptError", "ScenePrompt", "parse_environment", "parse_prompt"]
+
+DEFAULT_DISTANCE = 3.0
+"""Distance from the radar where neither prompt nor caller says one [m]."""
+DECIDED = "decided:"
+"""Heading of the decisions in a report."""
+_FACING = {0.0: ", facing the radar", 90.0: ", turned left", 180.0: ", back to the radar", 270.0: ", turned right"}
+_UNITS = {"gender": "", "age": " years", "height": " m", "weight": " kg", "muscle": " (0 to 1)"}
 
 
 @dataclass(frozen=True)
@@ -41,51 +51,70 @@ class ScenePrompt:
     """Angle by which the person is turned from facing the radar, counter-clockwise seen from above, so
     towards the person's own left [degrees, 0 to 360)."""
     distance_m: float | None = None
-    """Distance from the radar [m]."""
+    """Distance from the radar over the floor [m]."""
+    bearing_deg: float | None = None
+    """Angle to the radar's boresight at which the person is, seen from above, positive to the radar's left
+    [degrees, -90 to 90]."""
     body: BodyPrompt = field(default_factory=BodyPrompt)
     hand: str | None = None
-    """"left" or "right": the hand of a gesture."""
+    """"left" or "right": the hand of a gesture; the seed draws it where no words say it."""
     speed: float | None = None
     """Factor on the action's usual speed."""
     surroundings: str | None = None
-    """Name of a scene."""
+    """Name of a scene, or "free space"."""
     understood: tuple[tuple[str, str], ...] = ()
     """(phrase, what it was read as)."""
     unused: tuple[str, ...] = ()
     """Phrases that were not understood and have no effect."""
-    notes: tuple[str, ...] = ()
-    """What the seed decided, and other remarks."""
+    origins: Mapping[str, str] = field(default_factory=dict, hash=False)
+    """Where each value comes from that is not None (see :mod:`rfgen_sionna.generative.decisions`)."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """One sentence for each phrase without effect."""
         return tuple(f"prompt: {phrase!r} was not understood and has no effect" for phrase in self.unused)
 
-    def report(self) -> str:
-        """Several lines: what was understood, what was drawn, what was not understood."""
+    def decisions(self) -> list[Decision]:
+        """Everything that is decided before there is a body: what words say, defaults, and what the seed drew."""
+        action = f"{self.action}: {ACTIONS[self.action].description}"
+        angle, bearing = self.orientation_deg or 0.0, self.bearing_deg or 0.0
+        rows = [("target", f"a {self.target}"), ("action", action)]
+        if self.hand is not None:
+            rows.append(("hand", self.hand))
+        rows += [
+            ("orientation", f"{angle:g}°{_FACING.get(angle, '')}"),
+            ("distance", f"{DEFAULT_DISTANCE if self.distance_m is None else self.distance_m:g} m"),
+            ("azimuth", f"{bearing:g}°{'' if bearing else ', straight ahead'}"),
+            ("speed", f"× {1.0 if self.speed is None else self.speed:g}"),
+            ("surroundings", self.surroundings or NOWHERE),
+        ]
+        found = [Decision(name, value, self.origins.get(name, DEFAULT)) for name, value in rows]
+        for trait, value in self.body.traits().items():
+            origin = self.origins.get(trait, drawn(self.seed))
+            text = "open" if value is None else value if isinstance(value, str) else f"{value:g}{_UNITS[trait]}"
+            found.append(Decision(trait, text, origin))
+        return found
+
+    def words(self) -> str:
+        """Several lines: the phrases, and what each was read as."""
         lines = [f"prompt: {self.text}"]
         if self.negative:
             lines.append(f"negative: {self.negative}")
-        width = max(len(phrase) for phrase, _ in self.understood)
+        width = max((len(phrase) for phrase, _ in self.understood), default=0)
         lines += [f"  {phrase:<{width}}  {meaning}" for phrase, meaning in self.understood]
-        lines += [f"  {note}" for note in self.notes]
-        lines += [f"  not understood, no effect: {phrase}" for phrase in self.unused]
         return "\n".join(lines)
 
+    def report(self, decisions: Sequence[Decision] | None = None) -> str:
+        """Several lines: what was understood and what was not, what is decided and where each value comes from.
 
-@dataclass(frozen=True)
-class EnvironmentPrompt:
-    """The surroundings a text asks for."""
-
-    text: str
-    scene: str
-    """Name of a scene."""
-    unused: tuple[str, ...] = ()
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for each phrase without effect."""
-        return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in self.unused)
+        Args:
+            decisions: what is known by now; None is :meth:`decisions`, in which a body that no words describe is
+                still open.
+        """
+        lines = [self.words()]
+        lines += [f"  not understood, no effect: {phrase}" for phrase in self.unused]
+        lines += [DECIDED, *tabulate(self.decisions() if decisions is None else decisions)]
+        return "\n".join(lines)
 
 
 def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> ScenePrompt:
@@ -97,9 +126,11 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         seed: seed for what both leave open.
 
     Raises:
-        PromptError: no known target or action, several of them, a negation inside `prompt`, a number out of
-            range, or two statements that contradict each other. The message lists what is known.
+        PromptError: no known target or action, several of them, unknown surroundings, a negation inside `prompt`, a
+            number out of range, or two statements that contradict each other. The message lists what is known.
+        ValueError: a seed that is none.
     """
+    check_seed(seed)
     for name, text in (("prompt", prompt), ("negative", negative)):
         if not isinstance(text, str):
             raise TypeError(f"{name}: expected a text, got {type(text).__name__}")
@@ -111,13 +142,14 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         )
     if denied.targets and not denied.reader.understood:
         raise PromptError(f"negative prompt: {denied.targets[0]!r} forbids the only target that is known, a person")
-    notes: list[str] = []
+    named = ("target", "action", "orientation", "distance", "azimuth", "speed", "surroundings")
+    origins = dict.fromkeys(named, PROMPT)
     if not said.targets:
         if said.unused or not said.actions:
             raise PromptError(
                 f"target: {prompt!r} names none that is known{_rest(said)}; known: a person, {_examples()}"
             )
-        notes.append("no target named: a person")
+        origins["target"] = DEFAULT
     options = _one_action(said, prompt)
     allowed = [a for a in ACTIONS if a in options and not any(a in named for _, named in denied.actions)]
     if not allowed:
@@ -125,8 +157,8 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         raise PromptError(f"action: the negative prompt {negative!r} forbids {asked}, which {prompt!r} asks for")
     action = allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))]
     if len(allowed) > 1:
-        notes.append(f"action {action} drawn from {' or '.join(allowed)} (seed {seed})")
-    hand, unused = _hand(said, denied, action)
+        origins["action"] = drawn(seed, allowed)
+    hand, origins["hand"], unused = _hand(said, denied, action, seed)
     orientation = _one("orientation", said.orientations, denied.orientations)
     if orientation is None and any(angle == 0.0 for _, angle in denied.orientations):
         # Facing the radar is what a prompt without orientation gets, so forbidding it asks for another one.
@@ -134,8 +166,15 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         if not others:
             raise PromptError(f"orientation: the negative prompt {negative!r} leaves none")
         orientation = others[int(np.random.default_rng([seed, 11]).integers(len(others)))]
-        notes.append(f"orientation {orientation:g}° drawn (seed {seed})")
-    body, drawn = draw_body(said.body, denied.body, seed)
+        origins["orientation"] = drawn(seed, [f"{angle:g}°" for angle in others])
+    body, from_words = draw_body(said.body, denied.body, seed)
+    distance, bearing = _one("distance", said.distances), _one("azimuth", said.bearings)
+    speed = _one("speed", said.speeds, denied.speeds)
+    surroundings = _one("surroundings", said.scenes, denied.scenes)
+    values = (True, True, orientation, distance, bearing, speed, surroundings)
+    for name, value in zip(named, values, strict=True):
+        if value is None:
+            del origins[name]
     return ScenePrompt(
         text=prompt,
         negative=negative,
@@ -143,38 +182,29 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         action=action,
         choices=tuple(allowed),
         orientation_deg=orientation,
-        distance_m=_one("distance", said.distances),
+        distance_m=distance,
+        bearing_deg=bearing,
         body=body,
         hand=hand,
-        speed=_one("speed", said.speeds, denied.speeds),
-        surroundings=_one("surroundings", said.scenes, denied.scenes),
+        speed=speed,
+        surroundings=surroundings,
         understood=(
             *said.reader.understood,
             *((words, f"not {meaning}") for words, meaning in denied.reader.understood),
         ),
         unused=(*said.unused, *unused, *denied.unused),
-        notes=(*notes, *drawn),
+        origins=origins | from_words,
     )
 
 
-def parse_environment(text: str | None) -> EnvironmentPrompt | None:
-    """Read which scene a text asks for; None, an empty text or "free space" is no surroundings at all.
+def check_seed(seed: int) -> None:
+    """Whether numpy takes it.
 
     Raises:
-        PromptError: no known scene, or several.
+        ValueError: it is no whole number of at least 0.
     """
-    if text is None:
-        return None
-    if not isinstance(text, str):
-        raise TypeError(f"environment: expected a text or None, got {type(text).__name__}")
-    reader = Reader(text)
-    if not reader.text or reader.take(rf"<a>(?:{FREE_SPACE})"):
-        return None
-    scenes = [scene for scene, pattern in SCENE_PATTERNS.items() if reader.take(rf"<a>(?:{pattern})", scene)]
-    if len(scenes) != 1:
-        found = f"names several scenes ({', '.join(scenes)})" if scenes else "names no scene that is known"
-        raise PromptError(f"environment: {text!r} {found}; known: free space, {', '.join(sorted(SCENE_PATTERNS))}")
-    return EnvironmentPrompt(text=text, scene=scenes[0], unused=reader.rest(FILLERS))
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
 
 
 def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
@@ -197,14 +227,16 @@ def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
     return options
 
 
-def _hand(said: Phrases, denied: Phrases, action: str) -> tuple[str | None, tuple[str, ...]]:
-    """The hand of a gesture, and the words about hands that have no effect on this action."""
+def _hand(said: Phrases, denied: Phrases, action: str, seed: int) -> tuple[str | None, str, tuple[str, ...]]:
+    """The hand of a gesture, where it comes from, and the words about hands that have no effect on this action."""
     if not ACTIONS[action].one_handed:
-        return None, tuple(words for words, _ in said.hands)
+        return None, DEFAULT, tuple(words for words, _ in said.hands)
     hand = _one("hand", said.hands, denied.hands)
-    if hand is None and len({side for _, side in denied.hands}) == 1:
-        hand = "right" if denied.hands[0][1] == "left" else "left"
-    return hand, ()
+    if hand is not None:
+        return hand, PROMPT, ()
+    if len({side for _, side in denied.hands}) == 1:
+        return "right" if denied.hands[0][1] == "left" else "left", NEGATIVE, ()
+    return preferred_hand(action, seed), drawn(seed), ()
 
 
 def _one(name: str, said: list[tuple[str, T]], denied: Sequence[tuple[str, T]] = ()) -> T | None:

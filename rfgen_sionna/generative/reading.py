@@ -18,7 +18,7 @@ _NUMBER_WORDS = {
     "fifty": 50, "sixty": 60, "seventy": 70, "eighty": 80, "ninety": 90,
 }  # fmt: skip
 _NUMBER = (
-    r"(?:minus )?(?:\d+(?:\.\d+)?|half an?|(?:(?:twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety) )?"
+    r"(?:minus )?(?:\d{1,9}(?:\.\d+)?(?!\d)|half an?|(?:(?:twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety) )?"
     rf"(?:one|two|three|four|five|six|seven|eight|nine)|{'|'.join(_NUMBER_WORDS)})(?: and an? half)?"
 )
 _ARTICLE = r"(?:(?:an?|the|one|either|his|her|their|its|my|your|some) )?"
@@ -28,6 +28,13 @@ _EITHER = re.compile(
     r"|clockwise or (?:counter|anti)-?clockwise|(?:counter|anti)-?clockwise or clockwise"
 )
 _TAKEN = "~"
+_VALUE_KEY = re.compile(
+    r"""["']?\b(orientation|facing|distance|range|azimuth|bearing|height|weight|age|hand)\b["']?\s*[:=]\s*"""
+)
+_PLAIN_KEY = re.compile(
+    r"""["']?\b(?:action|activity|motion|movement|gesture|pose|posture|target|subject|person|gender|sex|body|build"""
+    r"""|speed|pace)\b["']?\s*[:=]\s*"""
+)
 
 
 def number(text: str) -> float:
@@ -61,8 +68,12 @@ def _feet(match: re.Match[str]) -> str:
 
 
 def normalise(text: str) -> str:
-    """Lower case, one kind of separator (","), units apart from their numbers, no hyphens or apostrophes."""
+    """Lower case, one kind of separator (","), units apart from their numbers, no hyphens or apostrophes.
+
+    Keywords begin a phrase: "action: push" becomes ", push", "distance: 2 m" ", distance 2 m".
+    """
     text = unicodedata.normalize("NFKC", text).lower()
+    text = _PLAIN_KEY.sub(" , ", _VALUE_KEY.sub(r" , \1 ", text))
     text = re.sub(r"(\d),(\d{1,2})(?!\d)", r"\1.\2", text)  # decimal comma
     text = re.sub(r"(^|\s)[-−](?=\d)", r"\1minus ", text)
     text = text.replace("°", " degrees ").replace("m/s", " mps ")
@@ -72,7 +83,7 @@ def normalise(text: str) -> str:
     text = re.sub(r"\.(?!\d)|[,;:!?()\[\]\"“”\n/]", " , ", text)
     text = re.sub(r"[^\w., ]|_", " ", text)
     text = re.sub(r"(\d)([a-z])", r"\1 \2", text)
-    text = re.sub(r"(\d+) (?:ft|feet|foot) (\d+)(?: in(?:ch(?:es)?)?)?\b", _feet, text)
+    text = re.sub(r"\b(\d{1,2}) (?:ft|feet|foot) (\d{1,2})(?: in(?:ch(?:es)?)?)?\b", _feet, text)
     return " ".join(text.split())
 
 
@@ -92,10 +103,14 @@ class Reader:
         """
         matches = list(compile_pattern(pattern).finditer(self.text))
         for match in matches:
-            self.text = self.text[: match.start()] + _TAKEN * len(match.group()) + self.text[match.end() :]
+            self.erase(match.start(), match.end())
             if meaning is not None:
                 self.understood.append((match.group(), meaning))
         return matches
+
+    def erase(self, start: int, end: int) -> None:
+        """Take a stretch of the text, such as a group of a match."""
+        self.text = self.text[:start] + _TAKEN * (end - start) + self.text[end:]
 
     def note(self, match: re.Match[str], meaning: str) -> None:
         """Record what a phrase taken without a meaning was understood as."""

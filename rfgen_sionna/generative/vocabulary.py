@@ -20,16 +20,29 @@ _ARM, _LEG = r"(?:arm|hand)", r"(?:leg|foot|knee)"
 _UP = r"(?:up(?: high)?|high|upwards?|overhead|aloft|raised|lifted|in the air|into the air|(?:above|over) <a>head)"
 _HELD = r"(?:<hold|held>|<put>|<stretch>|<keep|kept>|<throw|threw>)"
 _RAISE = r"(?:<raise>|<lift>)"
-_ARMS = r"(?:(?:both|two) (?:of )?)?<a>(?:arms|hands)"
+_LEFT_AND_RIGHT = (
+    rf"<a>(?:left (?:{_ARM} )?and (?:also )?<a>right|right (?:{_ARM} )?and (?:also )?<a>left) (?:arms?|hands?)"
+)
+_ARMS = rf"(?:(?:(?:both|two) (?:of )?)?<a>(?:arms|hands)|{_LEFT_AND_RIGHT})"
 _SIDEWAYS = r"(?:sideways|to (?:the|both|either|his|her|their) sides?)"
 _HAND = r"(?:with )?<a>(?:(?P<side>left|right) )?(?:open )?(?:hand|arm|palm|index finger|finger)"
 _GESTURE = r"(?:gesture|motion|movement)s?"
-_TO_AND_FRO = r"(?:back and forth|back and forwards?|to and fro|up and down|forwards? and backwards?)"
+TO_AND_FRO = (
+    r"(?:back and forth|back and forwards?|to and fro|up and down|forwards? and backwards?|forth and back"
+    rf"|towards? and away from {_RADAR}|(?:(?:towards?|up to|to) {_RADAR}|away(?: from {_RADAR})?) and (?:then )?"
+    rf"(?:(?:<walk>|<go|went>|<come|came>|<move>) )?(?:back|away(?: from (?:it|{_RADAR}))?)(?: again)?)"
+)
+"""Both ways, one after the other."""
+_WALK = r"(?:<walk>|<stroll>|<pace>|<stride|strode>|<march>)"
+_GO = r"(?:<go|went>|<move>|<come|came>|<step>|<head>)"
+_ADVERBS = r"(?: (?:[a-z]+ly|very|quite|rather|fast|,))*?"
+_STRAIGHT = r"(?:(?:straight|right|directly|forwards?|ahead) )*"
+_OWN = r"(?:to )?<a>(?:own )?"
+_NOT_LIMB = r"(?:wards?)?(?: side)?(?! (?:arm|hand|leg|foot|and|or|to)\b)"
+_AWAY = rf"away(?: from {_RADAR})?"
 _AIR = r"(?:in|into) (?:the )?(?:mid ?)?air"
 _TURN = r"(?:clockwise|counter ?clockwise|anti ?clockwise)"
-_DIRECTION = (
-    r"(?:(?:from )?<a>(?:left|right) )?(?:to |towards? )?(?:the |<a>own )?(?P<direction>left|right)(?:wards?)?(?: side)?"
-)
+_DIRECTION = r"(?:(?:from )?<a>(?:left|right) )?(?:to |towards? )?(?:the |<a>own )?(?P<direction>left|right)(?:wards?)?(?: side)?"
 
 ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
     ("jumping_jacks", r"(?:jumping ?jacks?|star ?jumps?|side straddle hops?)"),
@@ -50,9 +63,10 @@ ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
     ("{side}_leg_raised", rf"{_HELD} <a>{_SIDE}{_LEG} {_UP}"),
     ("{side}_leg_raised", rf"{_HELD} up <a>{_SIDE}{_LEG}"),
     ("{side}_leg_raised", rf"<a>{_SIDE}{_LEG} (?:is )?(?:being )?(?:(?:held|stretched) )?{_UP}"),
-    ("{other}_leg_raised", rf"(?:<stand|stood>|<balance>) (?:only )?on (?:only )?<a>{_SIDE}{_LEG}(?: only)?"),
+    ("{other}_leg_raised", rf"(?:<stand|stood>|<balance>) (?:only )?on (?:only )?<a>{_SIDE}{_LEG}(?: only)?"
+                           rf"(?: , (?:the )?(?P<side2>left|right) (?:one|{_LEG}))?"),
     ("finger_swing", r"(?:<swing|swung>|<wag>|<wiggle>|<wave>) <a>(?:(?P<side>left|right) )?(?:index )?fingers?"
-                     rf"(?: {_TO_AND_FRO}| (?:from )?side to side| (?:from )?(?:left (?:and|to) right|right (?:and|to) left))?"),
+                     rf"(?: {TO_AND_FRO}| (?:from )?side to side| (?:from )?(?:left (?:and|to) right|right (?:and|to) left))?"),
     ("finger_swing", rf"(?:index )?finger ?(?:<swing|swung>|<wag>|<wiggle>)(?: {_GESTURE})?"),
     ("circle_{turn}", rf"(?:(?:<draw|drew|drawn>|<trace>|<make|made>|<describe>|<do|does|did>|<perform>|<paint>) )?"
                       rf"(?<!in )(?<!in a )<a>(?:(?P<turn>{_TURN}) )?(?:circular {_GESTURE}|<circle>(?: {_GESTURE})?)"
@@ -71,8 +85,14 @@ ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
                 rf"(?:<pick> {_THING} up|(?:<pick> ?up|pickup)(?! speed)(?: {_THING})?|<lift> {_THING} up"
                 rf"|(?:<grab>|<collect>|<lift>|<take|took|taken>|<retrieve>|<fetch>|<pick>) (?:up )?{_THING}(?= {_FLOOR}))"
                 rf"(?: {_FLOOR})?"),
-    ("walk", rf"(?:<walk>|<stroll>|<pace>|<stride|strode>)(?: {_TO_AND_FRO}| around| about| towards? and away from {_RADAR})?"),
-    ("walk", rf"(?:<go|went>|<move>) {_TO_AND_FRO}"),
+    ("walk", rf"(?:{_WALK}|{_GO}) {TO_AND_FRO}|{_WALK} (?:around|about)"),
+    ("walk_straight", rf"(?:{_WALK}|{_GO})(?= (?P<to>back (?:to|towards?) {_RADAR}))"),
+    ("walk_straight", rf"(?:{_WALK}|{_GO})(?={_ADVERBS} (?:(?P<to>{_STRAIGHT}(?:(?:towards?|up to|to) {_RADAR}|closer(?: to {_RADAR})?))"
+                      rf"|(?P<away>{_STRAIGHT}{_AWAY})))"),
+    ("walk_straight", rf"<approach>(?= (?P<to>{_RADAR}))"),
+    ("walk_straight", rf"{_WALK}(?={_ADVERBS} (?:(?P<left>{_OWN}left{_NOT_LIMB})|(?P<right>{_OWN}right{_NOT_LIMB})))"),
+    ("walk_straight", rf"{_WALK}(?={_ADVERBS} (?P<ahead>straight(?: ahead| on| forwards?)?|forwards?|ahead|in a straight line)(?! and\b))"),
+    ("walk", rf"{_WALK}(?! backwards?\b)"),
     ("jump", r"(?:<jump>|<hop>|<leap|leapt>)(?! ?rop)"
              r"(?: (?:up and down|up|in place|on the spot|(?:high )?(?:in|into) the air|high))*"),
     # Weakest last: everybody stands while doing something else.
@@ -83,14 +103,14 @@ ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
 the match; where the phrase doesn't say them, both possibilities stay open."""
 
 ORIENTATION_PATTERNS: tuple[tuple[float, str], ...] = (
-    (180.0, rf"(?:<face>|<look>|turned|oriented|moving)(?: directly)? (?:away(?: from {_RADAR})?|backwards?)"),
+    (180.0, rf"(?:<face>|<look>|turned|oriented|orientation|moving)(?: directly)? (?:away(?: from {_RADAR})?|backwards?)"),
     (180.0, rf"(?:with )?<a>back (?:is )?(?:turned )?(?:to|towards?|facing) {_RADAR}"),
-    (180.0, rf"(?:(?:seen|viewed) )?from behind|rear view|back view|away from {_RADAR}"),
-    (0.0, rf"(?:<face>|<look>|turned|oriented)(?: directly| straight)? (?:(?:at|to|towards?) )?(?:{_RADAR}|forwards?|<a>front|ahead)"),
-    (0.0, rf"(?:directly |straight )?(?:towards?|at) {_RADAR}|(?:(?:seen|viewed) )?from the front|front view|frontal|(?:face|head) on"),
-    (90.0, r"(?:<face>|<look>|turned|oriented) (?:(?:to|towards?) )?(?:the |<a>own )?left(?:wards?)?|(?:in )?left profile"),
-    (270.0, r"(?:<face>|<look>|turned|oriented) (?:(?:to|towards?) )?(?:the |<a>own )?right(?:wards?)?|(?:in )?right profile"),
-    (90.0, rf"(?:<face>|<look>|turned|oriented) (?:sideways|to the side)|side ?(?:on|ways)(?: (?:to|towards?) {_RADAR})?|side view"
+    (180.0, r"(?:(?:seen|viewed) )?from behind|rear view|back view"),
+    (0.0, rf"(?:<face>|<look>|turned|oriented|orientation)(?: directly| straight)? (?:(?:at|to|towards?) )?(?:{_RADAR}|forwards?|<a>front|ahead)"),
+    (0.0, rf"(?:directly |straight )?at {_RADAR}|(?:(?:seen|viewed) )?from the front|front view|frontal|(?:face|head) on"),
+    (90.0, r"(?:<face>|<look>|turned|oriented|orientation) (?:(?:to|towards?) )?(?:the |<a>own )?left(?:wards?)?|(?:in )?left profile"),
+    (270.0, r"(?:<face>|<look>|turned|oriented|orientation) (?:(?:to|towards?) )?(?:the |<a>own )?right(?:wards?)?|(?:in )?right profile"),
+    (90.0, rf"(?:<face>|<look>|turned|oriented|orientation) (?:sideways|to the side)|side ?(?:on|ways)(?: (?:to|towards?) {_RADAR})?|side view"
            r"|(?:(?:seen|viewed) )?from the side|in profile|profile view"),
 )  # fmt: skip
 """(angle [degrees], pattern): 0 faces the radar, positive turns towards the person's own left."""
@@ -99,24 +119,49 @@ TURN_PATTERN = (
     r"(?:(?:<face>|turned|rotated|oriented|<rotate>|<turn>) )?(?:(?:at|by) )?(?:an angle of )?(?P<angle><n>) degrees?"
     r"(?: (?:to (?:the |<a>own )?)?(?P<side>left|right))?(?: (?:to|from) " + _RADAR + ")?"
 )
+ORIENTATION_NUMBER = r"orientation(?: angle)?(?: of)? (?P<angle><n>)(?! degrees)(?: (?:to the )?(?P<side>left|right))?"
+
+WAYS = {"to": 0.0, "away": 180.0, "left": 90.0, "right": 270.0}
+"""Group of a pattern of walking one way -> where the person faces, which is where it goes [degrees]."""
+WAY_PATTERNS: tuple[tuple[float, str], ...] = (
+    (180.0, rf"(?:directly |straight )?away from {_RADAR}"),
+    (0.0, rf"(?:directly |straight )?towards? {_RADAR}"),
+)
+"""The way that somebody walks or faces, said anywhere in the sentence."""
+
+_BORESIGHT = r"(?:<a>(?:radar )?(?:boresight|cent(?:re|er) ?line|(?:optical )?axis)|straight ahead)"
 
 _METRES = r"(?P<unit>m|met(?:re|er)s?|cm|centimet(?:re|er)s?|feet|foot|ft)"
 _ABOUT = r"(?:(?:about|around|roughly|approximately|some|ca) )?"
+_SIDE_OF = rf"(?: (?:(?:to|on|towards) (?:the |its )?)?(?P<side>left|right)(?: of (?:{_BORESIGHT}|{_RADAR}))?)"
+BEARING_PATTERNS: tuple[str, ...] = (
+    rf"(?:(?:at|in|with|under|from) )?<a>(?:azimuth|bearing)(?: angle)?(?: of)? {_ABOUT}(?P<angle><n>)(?: degrees?)?{_SIDE_OF}?",
+    rf"(?:at )?<a>(?:angle of )?{_ABOUT}(?P<angle><n>) degrees? (?:in |of )?azimuth{_SIDE_OF}?",
+    rf"(?:at )?<a>(?:angle of )?{_ABOUT}(?P<angle><n>) degrees? (?:off|from|away from) {_BORESIGHT}{_SIDE_OF}?",
+    rf"(?:at )?{_ABOUT}(?P<angle><n>) degrees? (?:(?:to|on) (?:the |its )?)?(?P<side>left|right) of (?:{_BORESIGHT}|{_RADAR})",
+)
+"""Where the person is, seen from the radar: an angle to its boresight, positive to its left as in Sionna's frame."""
 _LENGTH = rf"{_ABOUT}(?P<value><n>) {_METRES}"
 DISTANCE_PATTERNS: tuple[str, ...] = (
     rf"(?:at |from )?<a>(?:distance|range) (?:of )?{_LENGTH}(?: (?:away )?(?:from|to|of) {_RADAR})?",
     rf"(?:at )?{_LENGTH} (?:away(?: from {_RADAR})?|from {_RADAR}|in front of {_RADAR}|distant|distance|off)",
     rf"at {_LENGTH}(?! (?:tall|high|per))",
     rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)",
+    r"distance (?P<value><n>)(?= ,|$)",
 )
+"""Where no unit follows a keyword ("distance: 2"), it is metres."""
 HEIGHT_PATTERNS: tuple[str, ...] = (
     rf"(?:<a>height (?:of )?){_LENGTH}(?: tall)?",
     rf"{_LENGTH} (?:tall|high|in height)",
 )
 WEIGHT_PATTERN = (
-    r"(?:(?:<weigh>|weight)(?: of)? )?" + _ABOUT + r"(?P<value><n>) (?P<unit>kg|kilos?|kilograms?|lbs?|pounds?)(?: heavy)?"
+    r"(?:(?:<weigh>|weight)(?: of)? )?"
+    + _ABOUT
+    + r"(?P<value><n>) (?P<unit>kg|kilos?|kilograms?|lbs?|pounds?)(?: heavy)?"
 )
-AGE_PATTERN = r"(?:(?:aged|age|age of) )(?P<value><n>)(?: years?(?: old)?)?|(?P<value2><n>) (?:years? (?:old|of age)|yo)"
+AGE_PATTERN = (
+    r"(?:(?:aged|age|age of) )(?P<value><n>)(?: years?(?: old)?)?|(?P<value2><n>) (?:years? (?:old|of age)|yo)"
+)
 METRES = {"m": 1.0, "c": 0.01, "f": 0.3048}
 """First letter of a unit of length -> metres."""
 KILOGRAMS = {"k": 1.0, "l": 0.45359237, "p": 0.45359237}
@@ -126,8 +171,13 @@ SPEED_PATTERNS: tuple[tuple[float, str], ...] = (
     (1.6, r"(?:very|extremely|really) (?:quickly|quick|fast|rapidly)|as (?:fast|quickly) as possible"),
     (0.7, r"slowly|slow|leisurely|gently|gentle|unhurriedly"),
     (1.3, r"quickly|quick|fast|rapidly|rapid|briskly|brisk|swiftly|swift|hurriedly|energetically|vigorously"),
-    (1.0, r"(?:at )?<a>(?:normal|usual|ordinary) (?:speed|pace)"),
 )
+PACE_PATTERNS: tuple[tuple[float, str], ...] = (
+    (0.7, r"(?:at|with|in) <a>(?:slow|leisurely|gentle|unhurried|low) (?:speed|pace)"),
+    (1.3, r"(?:at|with|in) <a>(?:fast|quick|brisk|rapid|swift|high) (?:speed|pace)"),
+    (1.0, r"(?:(?:at|with|in) )?<a>(?:normal|usual|ordinary|medium) (?:speed|pace)"),
+)
+"""The same as a noun, to be read before the verb that "pace" is as well."""
 """(factor on the usual speed, pattern)."""
 
 PERSON = (
@@ -161,8 +211,22 @@ SCENE_PATTERNS: dict[str, str] = {
 COMMON_SCENE_WORDS = frozenset(SCENE_PATTERNS) - {"living_room", "etoile", "florence", "munich", "san_francisco"}
 """Scenes whose names are common words as well."""
 IN_VIEW = rf"in front of {_RADAR}"
-FREE_SPACE = r"(?:in )?(?:free space|empty space|vacuum|anechoic (?:chamber|room)|nothing|none)"
+SCENE_PREFIX = r"(?:in|inside|within|at|on|through|across|along|down|or)"
+FREE_SPACE = r"(?:(?:in|inside) <a>)?(?:free space|empty space|vacuum|anechoic (?:chamber|room))"
+NO_SCENE = rf"{FREE_SPACE}|nothing|none|no (?:environment|surroundings|scene)"
+UNKNOWN_PLACE = (
+    r"(?:in|inside|within|at|on|through|across|along|down|around|into|outside) <a>(?:[a-z]+ ){0,3}?"
+    r"(?:[a-z]*rooms?|[a-z]*house|[a-z]*yard|kitchen|office|lab|laboratory|hall|hallway|corridor|lobby|home|flat|apartment|building|basement"
+    r"|cellar|attic|garage|balcony|terrace|porch|garden|park|lot|forest|woods?|field|meadow|beach|desert"
+    r"|mountains?|street|road|highway|avenue|alley|pavement|sidewalk|square|plaza|bridge|tunnel|city|town|village"
+    r"|downtown|shop|store|mall|market|supermarket|warehouse|factory|workshop|studio|gym|stadium|theatre|theater"
+    r"|cinema|museum|church|school|university|library|hospital|clinic|ward|hotel|restaurant|cafe|bar|airport|station"
+    r"|train|bus|car|cabin|aircraft|plane|ship|boat|elevator|lift|staircase|stairs|stage|wardrobe|cave)"
+    r"|indoors|outdoors|outside"
+)
+"""How places are said that are no scene of ours, so that they are refused and not replaced by free space."""
 
+BOTH_HANDS = r"(?:both|two) (?:of )?<a>(?:arms|hands)|hands|arms"
 NEGATION = r"(?:not|never|no|without|neither|nor|except|instead of|rather than)"
 FILLERS = frozenset({
     "a", "an", "the", "of", "is", "are", "be", "being", "been", "and", "or", "with", "while", "who", "whose",
@@ -170,6 +234,6 @@ FILLERS = frozenset({
     "they", "his", "her", "their", "him", "them", "one", "then", "just", "doing", "do", "does", "done", "did",
     "performing", "performs", "perform", "making", "makes", "make", "made", "showing", "shows", "show", "having",
     "has", "have", "gesture", "motion", "movement", "pose", "posture", "position", "only", "exercise",
-    "exercises", "times", "time", "degrees",
+    "exercises", "times", "time", "degrees", "orientation",
 })  # fmt: skip
 """Words that carry no choice of their own."""

@@ -112,6 +112,7 @@ def build_rig(parameters: dict[str, float]) -> Rig:
         face_parts=face_parts,
         height=height,
         mass=mass,
+        parameters=dict(parameters),
     )
 
 

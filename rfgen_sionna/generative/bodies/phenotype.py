@@ -188,6 +188,20 @@ def _solve(
     return float(brentq(lambda v: measure({**parameters, name: v}) - goal, 0.0, top, xtol=1e-4))
 
 
+def describe(rig: Rig) -> Phenotype:
+    """The person that a body is, as far as it tells: all attributes where it was made by :func:`person`."""
+    if rig.parameters is None:
+        return Phenotype(height=rig.height, weight=rig.mass)
+    p = rig.parameters
+    return Phenotype(
+        gender=p["gender"],
+        age=float(np.interp(p["age"], _AGE_PARAMETER, _YEARS)),
+        height=rig.height,
+        weight=rig.mass,
+        muscle=p["muscle"],
+    )
+
+
 def person(phenotype: Phenotype | None = None, *, seed: int = 0) -> Rig:
     """The rigged body of a person.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -47,6 +48,8 @@ class Rig:
     """Stature [m]."""
     mass: float
     """Body mass [kg]."""
+    parameters: Mapping[str, float] | None = None
+    """The body model's parameters, where it was made from such."""
 
     @cached_property
     def ancestors(self) -> FloatArray:

@@ -1,5 +1,6 @@
 """Bodies: the person asked for, skinned as anny skins, labelled, and made into actors."""
 
+import re
 import subprocess
 import sys
 
@@ -189,6 +190,88 @@ def test_the_place_before_a_radar_and_the_caller_s_own_place(rig):
         "a person standing", seed=0, duration=0.5, body=rig, position=(1, 2, 0), orientation=(0.5, 0, 0)
     )
     assert (placed.position, placed.orientation) == ((1.0, 2.0, 0.0), (0.5, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("bearing", [25.0, -40.0])
+def test_the_azimuth_is_a_place_and_not_a_turn(rig, bearing):
+    """Positive to the radar's left, at the same distance, and the person faces the radar from there."""
+    radar = Radar.load("awr1843", position=(1.0, 1.0, 1.0), look_at=(4.0, 4.0, 0.5))
+    prompt = f"a person standing at 2 m, at azimuth {bearing:g} degrees"
+    actor = Actor.from_prompt(prompt, seed=0, duration=0.2, body=rig, radar=radar)
+    offset = np.array(actor.position)[:2] - 1.0
+    assert np.hypot(*offset) == pytest.approx(2.0)
+    seen = np.append(offset, 0.0) @ radar.rotation
+    assert np.degrees(np.arctan2(seen[1], seen[0])) == pytest.approx(bearing, abs=1.0)  # the radar looks down a little
+    yaw = actor.orientation[0]
+    np.testing.assert_allclose([np.cos(yaw), np.sin(yaw)], -offset / 2.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("way", "sign"), [("towards", -1), ("away from", 1)])
+def test_walking_towards_and_away_from_the_radar_goes_one_way(rig, way, sign):
+    actor = Actor.from_prompt(f"a person walks {way} the radar", seed=2, duration=3.0, body=rig)
+    hips = np.array([actor.joints(t)[0] for t in np.arange(0.0, 3.0, 0.05)])
+    steps = np.diff(np.linalg.norm(hips[:, :2], axis=1))
+    assert (sign * steps > 0.02).all()
+    assert 0.5 * (hips[0, 0] + hips[-1, 0]) == pytest.approx(3.0, abs=0.15)
+    assert re.search(r"path +\d\.\d m at", actor.report())
+
+
+def test_a_walk_that_leads_to_the_radar_is_refused_with_what_fits(rig):
+    def walk(distance: float, duration: float) -> Actor:
+        prompt = f"a person walks towards the radar, at {distance:g} m"
+        return Actor.from_prompt(prompt, seed=2, duration=duration, body=rig)
+
+    with pytest.raises(
+        ValueError, match=r"5 s at .* at most [\d.]+ s fit there, or take .* at least [\d.]+ m"
+    ) as caught:
+        walk(2.0, 5.0)
+    time, distance = re.search(r"most ([\d.]+) s .* least ([\d.]+) m, or", str(caught.value)).groups()
+    walk(2.0, float(time))
+    walk(float(distance), 5.0)
+    with pytest.raises(ValueError, match="walk"):
+        walk(2.0, float(time) + 0.3)
+
+
+def test_a_walk_too_short_to_come_back_says_so(rig, caplog):
+    actor = Actor.from_prompt("a person walks back and forth", seed=0, duration=1.2, body=rig)
+    assert "1.2 s show no way back" in caplog.text
+    assert "1.2 s are too short for the way back" in actor.report()
+    caplog.clear()
+    assert "forth and back" in Actor.from_prompt("a person walking", seed=0, duration=3.0, body=rig).report()
+    assert not caplog.records
+
+
+def test_the_report_names_the_body_that_was_drawn_and_every_origin(caplog):
+    actor = Actor.from_prompt("a tall woman pulls, 40 years old, wearing a hat", seed=1, duration=0.2)
+    decided = {d.name: (d.value, d.origin) for d in actor.decisions}
+    assert decided["age"] == ("40 years", "from the prompt")
+    assert decided["gender"] == ("female", "from the prompt")
+    assert decided["height"] == (f"{actor.body.height:.2f} m", "drawn from tall (seed 1)")
+    assert decided["weight"] == (f"{actor.body.mass:.0f} kg", "drawn from seed 1")
+    assert decided["muscle"][1] == "drawn from seed 1"
+    assert decided["hand"] == (actor.prompt.hand, "drawn from seed 1")
+    assert decided["distance"] == ("3 m", "default")
+    assert all(f"  {name}" in actor.report() for name in decided)
+    assert caplog.text.count("hat") == 1
+    wrist = np.array([actor.joints(t) for t in (0.0, 0.2)])
+    moved = np.linalg.norm(np.diff(wrist, axis=0)[0], axis=-1)
+    other = "right" if actor.prompt.hand == "left" else "left"
+    assert moved[JOINT[f"{actor.prompt.hand}_wrist"]] > moved[JOINT[f"{other}_wrist"]]
+
+
+def test_the_report_names_what_arguments_replace(rig):
+    actor = Actor.from_prompt(
+        "a man standing", seed=0, duration=0.2, body=rig, position=(1, 2, 0), orientation=(0.5, 0, 0), material="wood"
+    )
+    decided = {d.name: (d.value, d.origin) for d in actor.decisions}
+    assert decided["position"] == ("(1, 2, 0) m", "from the argument position")
+    assert decided["orientation"] == ("(0.5, 0, 0) rad", "from the argument orientation")
+    assert decided["height"] == (f"{rig.height:.2f} m", "from the argument body")
+    assert decided["material"] == ("wood", "from the argument material")
+    assert not {"distance", "azimuth"} & decided.keys()
+    mesh = Actor.from_motion(actor.motion, body=rig)
+    with pytest.raises(ValueError, match="not made from a prompt"):
+        mesh.report()
 
 
 def test_bad_prompts_and_durations_fail_before_the_body_is_built():

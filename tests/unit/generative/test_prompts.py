@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rfgen_sionna.generative.body_prompt import AGES, HEIGHTS
+from rfgen_sionna.generative.motion import KinematicSource
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
 from rfgen_sionna.generative.vocabulary import SCENE_PATTERNS
@@ -21,6 +25,9 @@ PARAPHRASES = {
         "Someone strolls around in front of the radar",
         "a pedestrian paces to and fro",
         "a person walks towards and away from the radar",
+        "a person walking slowly back and forth",
+        "somebody moves towards the radar and back again",
+        "a man walks away from the radar and then comes back",
         "person, walk",
         "a human who strode up and down",
     ],
@@ -56,6 +63,9 @@ PARAPHRASES = {
         "woman standing in a Y pose with both arms up",
         "a person does a Y-pose",
         "Person raises both arms",
+        "a person raises the left arm and the right arm",
+        "a person lifting the right and the left arm",
+        "somebody holds up his left and right arms",
         "a person with hands in the air",
         "a kid holding both hands above the head",
     ],
@@ -85,7 +95,7 @@ PARAPHRASES = {
         "a swipe gesture to the left by a person",
     ],
     "swipe_right": ["Somebody is swiping right with the left hand", "a person swept their hand to the right"],
-    "push": ["a person pushes both hands forward towards the radar", "someone performing a push gesture", "push"],
+    "push": ["a person pushes the left hand forward towards the radar", "someone performing a push gesture", "push"],
     "pull": ["pulling the hand back towards the body", "a person pulls", "a woman pulled her hand in"],
     "circle_clockwise": [
         "a person draws a circle clockwise with the right hand",
@@ -108,6 +118,19 @@ PARAPHRASES = {
         "The woman waves her finger from side to side",
         "person swinging right index finger left and right",
         "finger swing",
+    ],
+    "walk_straight": [
+        "a person walking towards the radar",
+        "a woman walks away from the sensor",
+        "a man slowly walking away",
+        "somebody approaches the radar",
+        "a person walks at a normal pace toward the radar",
+        "a girl comes closer",
+        "a person moving away from the camera",
+        "a person walks straight ahead",
+        "a man walking forwards",
+        "a person walks to the left",
+        "a person walking, towards the radar",
     ],
     "standing": ["human standing motionless", "A person is idle", "a person stays still", "person, standing"],
 }
@@ -152,6 +175,10 @@ def test_the_examples_in_error_messages_are_themselves_understood(action: str) -
         ("at an angle of thirty degrees to the left", 30),
         ("rotated by -45 degrees", 315),
         ("facing 90 degrees to the right", 270),
+        ("orientation: 90", 90),
+        ("orientation: 30 degrees to the right", 330),
+        ("orientation = left", 90),
+        ("orientation: away", 180),
     ],
 )
 def test_orientation(phrase: str, angle: float) -> None:
@@ -338,14 +365,173 @@ def test_only_texts_are_prompts(arguments: tuple) -> None:
         parse_prompt(*arguments)
 
 
-@given(st.text(max_size=80))
-def test_any_text_is_read_or_refused_but_never_crashes(text: str) -> None:
+SENTENCES: list[tuple[str, dict[str, Any]]] = [
+    ("a person walks towards the radar", {"action": "walk_straight", "orientation_deg": 0}),
+    ("a man is walking slowly away from the radar", {"action": "walk_straight", "orientation_deg": 180, "speed": 0.7}),
+    ("She approaches the sensor quickly", {"action": "walk_straight", "orientation_deg": 0, "speed": 1.3}),
+    ("a kid comes closer to the radar", {"action": "walk_straight", "orientation_deg": 0}),
+    ("she walks at a brisk pace towards the radar", {"action": "walk_straight", "orientation_deg": 0, "speed": 1.3}),
+    ("a person walks back to the radar", {"action": "walk_straight", "orientation_deg": 0}),
+    ("a man strides to his right", {"action": "walk_straight", "orientation_deg": 270}),
+    ("a person walks straight towards the radar", {"action": "walk_straight", "orientation_deg": 0}),
+    ("a person walks back and forth", {"action": "walk", "orientation_deg": None}),
+    ("a person walking back and forth towards the radar", {"action": "walk", "orientation_deg": 0}),
+    ("a person walks towards the radar and back", {"action": "walk", "orientation_deg": None}),
+    ("somebody walks away from the radar and comes back again", {"action": "walk", "orientation_deg": None}),
+    ("a person paces slowly up and down", {"action": "walk", "speed": 0.7}),
+    ("a person walks with her back to the radar", {"action": "walk", "orientation_deg": 180}),
+    ("a person walking, facing away from the radar", {"action": "walk", "orientation_deg": 180}),
+    ("a man jumping at azimuth 20 degrees", {"bearing_deg": 20, "orientation_deg": None}),
+    ("a man standing at an azimuth of -30°, 2 m away", {"bearing_deg": -30, "distance_m": 2}),
+    ("a woman pushes, 20 degrees to the left of the radar's boresight", {"bearing_deg": 20, "orientation_deg": None}),
+    ("a woman pulls 15 degrees right of boresight", {"bearing_deg": -15}),
+    ("a man standing at a bearing of ten degrees to the right", {"bearing_deg": -10}),
+    ("a man 10 degrees off the boresight, standing, facing left", {"bearing_deg": 10, "orientation_deg": 90}),
+    ("somebody jumps 25° azimuth, turned 45 degrees to the right", {"bearing_deg": 25, "orientation_deg": 315}),
+    ("a person stands 45 degrees to the left", {"bearing_deg": None, "orientation_deg": 45}),
+    ("a person raises the left and the right arm", {"action": "y_pose"}),
+    ("a woman lifts her right hand and her left hand", {"action": "y_pose"}),
+    ("a person stretches the left arm and the right arm out to the sides", {"action": "t_pose"}),
+    ("a person raises an arm, the right arm", {"action": "right_arm_raised"}),
+    ("a person raises the left arm or the right arm", {"choices": ("left_arm_raised", "right_arm_raised")}),
+    ("a person swipes to the left or to the right", {"choices": ("swipe_left", "swipe_right")}),
+    ("a person quickly swipes to the right", {"action": "swipe_right", "speed": 1.3}),
+    ("a person swipes quickly to the left with the left hand", {"action": "swipe_left", "hand": "left", "speed": 1.3}),
+    ("action: push", {"action": "push"}),
+    ("Action: jumping jacks; target: woman; orientation: 90; distance: 2 m; environment: living room",
+     {"action": "jumping_jacks", "orientation_deg": 90, "distance_m": 2, "surroundings": "living_room"}),
+    ("action=push, hand=left, distance=2, azimuth=-10",
+     {"action": "push", "hand": "left", "distance_m": 2, "bearing_deg": -10}),
+    ('{"action": "click", "target": "a tall man", "environment": "free space"}',
+     {"action": "click", "surroundings": "free space"}),
+    ("target: man, age: 30, height: 1.8 m, weight: 80 kg, action: standing, orientation: facing left",
+     {"action": "standing", "orientation_deg": 90}),
+    ("orientation: 45 distance: 2.5 m action: wave a finger, person", {"orientation_deg": 45, "distance_m": 2.5}),
+    ("scene: Munich, person, walk", {"surroundings": "munich", "action": "walk"}),
+    ("a person standing in free space", {"surroundings": "free space"}),
+    ("a person walks along a street", {"surroundings": "simple_street_canyon", "action": "walk"}),
+    ("two metres in front of the radar a man does star jumps", {"action": "jumping_jacks", "distance_m": 2}),
+    ("an elderly woman at three and a half metres picks something up", {"action": "pick_up", "distance_m": 3.5}),
+    ("Raise your right hand", {"action": "right_arm_raised"}),
+    ("T-pose, woman, at 2 m, facing the radar", {"action": "t_pose", "distance_m": 2, "orientation_deg": 0}),
+    ("he stands on one leg, the left leg", {"action": "right_leg_raised"}),
+    ("in a living room a teenager hops on the spot, seen from the side",
+     {"action": "jump", "surroundings": "living_room", "orientation_deg": 90}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("prompt", "fields"), SENTENCES, ids=[prompt for prompt, _ in SENTENCES])
+def test_natural_sentences_and_keywords(prompt: str, fields: dict[str, Any]) -> None:
+    scene = parse_prompt(prompt)
+    assert {name: getattr(scene, name) for name in fields} == fields
+    assert scene.unused == ()
+
+
+def test_keywords_describe_the_body() -> None:
+    body = parse_prompt("target: woman, age: 30, height: 1.7 m, weight: 60 kg, action: push").body
+    assert (body.gender, body.age_years, body.height_m, body.weight_kg) == ("female", 30, 1.7, 60)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "message"),
+    [
+        ("a person raises the left arm, then the right arm", "action: .*several"),
+        ("a person raises the left arm and the right leg", "action: .*several"),
+        ("a person swipes left and right", "action: .*several"),
+        ("a person draws a circle clockwise and then counter-clockwise", "action: .*several"),
+        ("a person walks backwards", "not understood: 'walks backwards'"),
+        ("a person walks towards the radar, facing away", "orientation: .*several"),
+        ("a person standing at azimuth 120 degrees", "azimuth: .*-90° to 90°"),
+        ("a person standing at azimuth 20 degrees, 10 degrees left of boresight", "azimuth: .*several"),
+        ("a person walking in a living room or street", "surroundings: .*several: 'in a living room', 'or street'"),
+        ("a person walking in Munich or Florence", "surroundings: .*several"),
+        ("a person walking in a kitchen", r"surroundings: 'in a kitchen' names none that is known; .*living_room"),
+        ("a person walking in a small modern office", "surroundings: 'in a small modern office'"),
+        ("a person jumping outdoors", "surroundings: 'outdoors'.*free space"),
+        ("a person walks across the room", "surroundings: 'across the room'"),
+        ("action: push, environment: moon base", "environment: 'moon base' names no scene"),
+        ("action: push, environment: not a living room", "negates something"),
+    ],
+)
+def test_what_would_be_misread_is_refused(prompt: str, message: str) -> None:
+    with pytest.raises(PromptError, match=message):
+        parse_prompt(prompt)
+
+
+def test_a_gesture_of_both_hands_is_said_to_be_of_one() -> None:
+    scene = parse_prompt("a person pushes both hands forward")
+    assert scene.action == "push"
+    assert scene.unused == ("both hands",)
+
+
+@pytest.mark.parametrize("negative", ["walking", "a person who walks"])
+def test_a_negative_prompt_without_a_way_forbids_every_walk(negative: str) -> None:
+    with pytest.raises(PromptError, match="forbids"):
+        parse_prompt("a person walks towards the radar", negative)
+    assert parse_prompt("a person walks away from the radar", "walking back and forth").action == "walk_straight"
+
+
+def test_the_report_says_what_was_decided_and_by_whom() -> None:
+    scene = parse_prompt("a tall woman pulls, facing left", seed=1)
+    report = scene.report()
+    for name, value, origin in (
+        ("target", "a person", "from the prompt"),
+        ("action", "pull: pulls a hand back", "from the prompt"),
+        ("hand", scene.hand, r"drawn from seed 1"),
+        ("orientation", "90°, turned left", "from the prompt"),
+        ("distance", "3 m", "default"),
+        ("azimuth", "0°, straight ahead", "default"),
+        ("speed", "× 1", "default"),
+        ("surroundings", "free space", "default"),
+        ("gender", "female", "from the prompt"),
+        ("age", f"{scene.body.age_years:g} years", r"drawn from young adult or middle-aged or elderly \(seed 1\)"),
+        ("height", f"{scene.body.height_m:g} m", r"drawn from tall \(seed 1\)"),
+        ("weight", "open", "drawn from seed 1"),
+        ("muscle", "open", "drawn from seed 1"),
+    ):
+        assert re.search(rf"^  {name} +{value} +{origin}$", report, re.MULTILINE), (name, report)
+    assert re.search("^  hand +right +from the prompt$", parse_prompt("right hand click").report(), re.MULTILINE)
+    assert re.search(
+        "^  hand +right +from the negative prompt$", parse_prompt("click", "left hand").report(), re.MULTILINE
+    )
+
+
+def test_the_hand_that_the_report_names_is_the_one_that_moves() -> None:
+    hands = {}
+    for seed in range(30):
+        hands[seed] = parse_prompt("a person pulls", seed=seed).hand
+        drawn, named = (KinematicSource(30.0)("pull", 0.5, seed, hand=hand) for hand in (None, hands[seed]))
+        np.testing.assert_array_equal(drawn.rotations, named.rotations)
+    assert set(hands.values()) == {"left", "right"}
+
+
+@pytest.mark.parametrize("seed", [-1, None, 0.5, True, "0"])
+def test_seeds_that_are_none(seed: Any) -> None:
+    with pytest.raises(ValueError, match=rf"seed is {seed!r}: a whole number of at least 0"):
+        parse_prompt("a person walking", seed=seed)
+
+
+WORDS = """
+    a the his left right arm hand leg and or then not in at to of , . : 3 m 45 degrees radar person man walks raises
+    swipes pushes circle clockwise towards away from back forth azimuth orientation distance environment living room
+    street box kitchen tall 1.8 80 kg years old slowly facing boresight 99999999999999 minus half 5ft 6 \u0663 ² (?P<a>
+    ~ m/s ° environment:
+"""
+
+
+@given(
+    st.one_of(st.text(max_size=80), st.lists(st.sampled_from([*WORDS.split(), "9" * 400]), max_size=14).map(" ".join)),
+    st.lists(st.sampled_from(WORDS.split()), max_size=4),
+)
+def test_any_text_is_read_or_refused_but_never_crashes(text: str, negative: list[str]) -> None:
     try:
-        scene = parse_prompt("a person walking, " + text)
+        scene = parse_prompt("a person walking, " + text, " ".join(negative))
     except PromptError:
         return
     assert scene.action in scene.choices
-    assert "person" in scene.report()
+    assert scene.action in scene.report()
+    for value in (scene.orientation_deg, scene.distance_m, scene.bearing_deg):
+        assert value is None or np.isfinite(value)
 
 
 @pytest.mark.parametrize(
@@ -366,7 +552,9 @@ def test_surroundings(text: str, scene: str) -> None:
     assert parse_environment(text).scene == scene
 
 
-@pytest.mark.parametrize("text", [None, "", "  ", "free space", "in free space", "an anechoic chamber"])
+@pytest.mark.parametrize(
+    "text", [None, "", "  ", "free space", "in free space", "an anechoic chamber", "no surroundings"]
+)
 def test_no_surroundings(text: str | None) -> None:
     assert parse_environment(text) is None
 
@@ -374,8 +562,12 @@ def test_no_surroundings(text: str | None) -> None:
 def test_unknown_surroundings_are_refused_and_unknown_furniture_is_said() -> None:
     with pytest.raises(PromptError, match=r"'a kitchen' names no scene that is known.*living_room"):
         parse_environment("a kitchen")
-    with pytest.raises(PromptError, match="several scenes"):
-        parse_environment("Munich or Florence")
+    for several in ("Munich or Florence", "a living room or a street", "free space or a living room"):
+        with pytest.raises(PromptError, match="several scenes"):
+            parse_environment(several)
+    for negated in ("not a living room", "anything except a street", "a street without cars", "no living room"):
+        with pytest.raises(PromptError, match=r"negates something .* known: free space"):
+            parse_environment(negated)
     with pytest.raises(TypeError, match="environment"):
         parse_environment(3)
     cosy = parse_environment("a cosy living room with a piano")

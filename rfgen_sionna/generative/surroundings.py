@@ -1,0 +1,118 @@
+"""Which scene a text names: in a prompt, after a keyword, or as a description of its own."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from rfgen_sionna.generative.body_prompt import PromptError
+from rfgen_sionna.generative.reading import Reader, compile_pattern
+from rfgen_sionna.generative.vocabulary import (
+    COMMON_SCENE_WORDS,
+    FILLERS,
+    FREE_SPACE,
+    NEGATION,
+    NO_SCENE,
+    SCENE_PATTERNS,
+    SCENE_PREFIX,
+    UNKNOWN_PLACE,
+)
+
+NOWHERE = "free space"
+"""What no surroundings at all are called."""
+KNOWN = f"known: {NOWHERE}, {', '.join(sorted(SCENE_PATTERNS))}"
+
+_KEYWORD = re.compile(
+    r"""["']?\b(?:environment|surroundings|scene|location|place|room|background|setting)\b["']?\s*[:=]([^,;.\n}]*)""",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True)
+class EnvironmentPrompt:
+    """The surroundings a text asks for."""
+
+    text: str
+    scene: str
+    """Name of a scene."""
+    unused: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence for each phrase without effect."""
+        return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in self.unused)
+
+
+def parse_environment(text: str | None) -> EnvironmentPrompt | None:
+    """Read which scene a text asks for; None, an empty text or "free space" is no surroundings at all.
+
+    Raises:
+        PromptError: no known scene, several, or a negation: what is not wanted leaves open what is.
+    """
+    if text is None:
+        return None
+    if not isinstance(text, str):
+        raise TypeError(f"environment: expected a text or None, got {type(text).__name__}")
+    reader = Reader(text)
+    if not reader.text:
+        return None
+    scenes = [NOWHERE] if reader.take(rf"<a>(?:{NO_SCENE})") else []
+    negation = compile_pattern(NEGATION).search(reader.text)
+    if negation:
+        raise PromptError(
+            f"environment: {text!r} negates something ({negation.group()!r}); say which one is wanted, {KNOWN}"
+        )
+    scenes += [scene for scene, pattern in SCENE_PATTERNS.items() if reader.take(rf"<a>(?:{pattern})", scene)]
+    if len(scenes) != 1:
+        found = f"names several scenes ({', '.join(scenes)})" if scenes else "names no scene that is known"
+        raise PromptError(f"environment: {text!r} {found}; {KNOWN}")
+    if scenes == [NOWHERE]:
+        return None
+    return EnvironmentPrompt(text=text, scene=scenes[0], unused=reader.rest(FILLERS))
+
+
+def split_keyword(text: str) -> tuple[str, list[tuple[str, str]]]:
+    """Take "environment: a living room" and the like out of a text.
+
+    Returns:
+        the rest, and (words, scene) for each such keyword; "free space" is no scene.
+
+    Raises:
+        PromptError: the value of a keyword is no scene that is known.
+    """
+    found = []
+    for match in _KEYWORD.finditer(text):
+        named = parse_environment(match[1].strip(" \"'"))
+        found.append((match.group().strip(), NOWHERE if named is None else named.scene))
+    return _KEYWORD.sub(" , ", text), found
+
+
+def read_scenes(reader: Reader) -> list[tuple[str, str]]:
+    """Take the surroundings that a prompt names: (words, scene)."""
+    found: list[tuple[str, str]] = []
+
+    def take(pattern: str, scene: str) -> None:
+        for match in reader.take(pattern):
+            found.append((match.group(), scene))
+            reader.note(match, f"surroundings {scene}")
+
+    take(FREE_SPACE, NOWHERE)
+    for scene, pattern in SCENE_PATTERNS.items():
+        # "box" or "street" are common words: they name a scene only after "in a" or alone between commas.
+        if scene in COMMON_SCENE_WORDS:
+            inside = SCENE_PREFIX if found else SCENE_PREFIX.replace("|or", "")
+            take(rf"{inside} <a>(?:{pattern})|(?:(?<=, )|^)<a>(?:{pattern})(?= ,|$)", scene)
+        else:
+            take(rf"(?:(?:in|inside|within|at) <a>)?(?:{pattern})", scene)
+    return found
+
+
+def refuse_unknown_place(reader: Reader) -> None:
+    """Refuse what is left of a prompt where it says a place that is no scene.
+
+    Raises:
+        PromptError: naming the place and the scenes that are known.
+    """
+    match = compile_pattern(UNKNOWN_PLACE).search(reader.text)
+    if match:
+        raise PromptError(f"surroundings: {match.group()!r} names none that is known; {KNOWN}")
