@@ -42,8 +42,15 @@ rfgen generate "someone raises an arm" --negative "left arm" --environment "free
 
 rfgen generate "a woman swipes to the left with the right hand, 1 m away" --preset di_gesture
 
-A prompt names a person and one action; it may name orientation, distance, body, hand, speed and surroundings.
-What is not understood is said, and nothing is guessed: where words leave a choice, the seed draws it."""
+rfgen generate "a person walks towards the radar, at azimuth 20 degrees" --environment "free space"
+
+rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
+
+rfgen generate "a man jumps, 6 m away" --environment Munich --radar-position 8,21,2 --look-at 20,21,1
+
+A prompt names a person and one action; it may name orientation, distance, azimuth, body, hand, speed and surroundings.
+What is not understood is said, and nothing is guessed: where words leave a choice, the seed draws it, and the report
+says of every value whether it comes from the prompt, an argument, a default or the seed."""
 )
 def generate(
     prompt: Annotated[str, typer.Argument(help="Who does what, in a sentence or keywords.", show_default=False)],
@@ -67,6 +74,14 @@ def generate(
     distance: Annotated[
         float | None, typer.Option(help="Distance of the person from the radar in metres, if the prompt names none.")
     ] = None,
+    radar_position: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="Where the radar stands, in metres (default: 0,0,1, as in our rooms)."),
+    ] = None,
+    look_at: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="At what it looks (default: 3,0,1; along +x from a given position)."),
+    ] = None,
     pir_resolution: Annotated[str, typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images.")] = "128x128",
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
@@ -75,9 +90,10 @@ def generate(
     from rfgen_sionna.generative.prompts import parse_prompt
 
     resolution = _resolution(pir_resolution)
+    place, target_point = _point("--radar-position", radar_position), _point("--look-at", look_at)
     read = parse_prompt(prompt, negative, seed=seed)
     target = output if output is not None else Path(f"{read.action}.h5")
-    _out.print(escape(read.report()), soft_wrap=True)
+    _out.print(escape(read.words()), soft_wrap=True)
     check_output(target, overwrite)
     if pictures:
         _check_pictures(target, overwrite)
@@ -98,8 +114,11 @@ def generate(
             noise=noise,
             rtol=rtol,
             distance=distance,
+            radar_position=place,
+            look_at=target_point,
             pir_resolution=resolution,
             progress=progress,
+            report=_decided,
         ).close()
     _wrote(target)
     if pictures:
@@ -113,18 +132,17 @@ def radars() -> None:
 
     # Narrow enough for 80 columns; where it is narrower still, names fold and nothing is cut off.
     table = Table(box=None, padding=(0, 1, 0, 0))
-    for heading in ("radar", "preset"):
-        table.add_column(heading, overflow="fold")
+    table.add_column("radar, preset", overflow="fold")
     for heading in ("GHz", "Tx×Rx", "frame", "Hz", "range m", "speed m/s"):
         table.add_column(heading, justify="right", no_wrap=True, overflow="fold")
     for name, presets in Radar.available().items():
+        table.add_row(f"[bold]{name}[/bold]")
         for preset in presets:
             r = Radar.load(name, preset)
             wave = r.waveform
             low = wave.start_frequency + wave.slope * wave.adc_start_time
             table.add_row(
-                name,
-                preset,
+                f"  {preset}",
                 f"{low / 1e9:.2f}–{(low + wave.bandwidth) / 1e9:.2f}",
                 f"{len(r.tx_positions)}×{len(r.rx_positions)}",
                 f"{wave.num_loops}×{wave.num_samples}",
@@ -247,6 +265,24 @@ def _check_pictures(file: Path, overwrite: bool) -> None:
 
 def _wrote(path: Path | None) -> None:
     _out.print(f"[green]wrote[/green] {escape(str(path))}", soft_wrap=True)
+
+
+def _decided(report: str) -> None:
+    """Print what the report adds to the words, which are shown already; a warning names those without effect."""
+    from rfgen_sionna.generative.prompts import DECIDED
+
+    _, heading, decisions = report.partition(DECIDED)
+    _out.print(escape(heading + decisions), soft_wrap=True)
+
+
+def _point(option: str, text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"{option}: {text!r} is not X,Y,Z in metres, such as 0,0,1") from None
+    return x, y, z
 
 
 def _resolution(text: str) -> tuple[int, int]:

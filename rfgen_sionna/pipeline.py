@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import logging
+import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
-from rfgen_sionna.generative.actor import DEFAULT_DISTANCE, Actor
-from rfgen_sionna.generative.prompts import ScenePrompt, parse_environment, parse_prompt
+from rfgen_sionna.generative.actor import Actor
+from rfgen_sionna.generative.decisions import Decision, argument
+from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
+from rfgen_sionna.generative.placing import before_radar
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
+from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.load import load_scene
 from rfgen_sionna.simulation import Simulator
 
@@ -47,9 +55,12 @@ def generate(
     noise: bool = True,
     rtol: float = 1e-3,
     distance: float | None = None,
+    radar_position: tuple[float, float, float] | None = None,
+    look_at: tuple[float, float, float] | None = None,
     pir_resolution: tuple[int, int] = (128, 128),
     fov_deg: float | tuple[float, float] = 60.0,
     progress: Callable[[int, int], None] | None = None,
+    report: Callable[[str], None] | None = None,
 ) -> Run:
     """Radar data of what a prompt describes.
 
@@ -61,7 +72,7 @@ def generate(
         Surroundings in words ("a living room") or the name of a scene; None takes what the prompt says, "free space"
         is none.
     radar
-        Name or TOML file of a radar, placed at `RADAR_POSITION` looking at `RADAR_TARGET`, or a placed Radar.
+        Name or TOML file of a radar, or a placed Radar.
     preset
         Configuration of the radar; its default if None.
     duration
@@ -77,11 +88,18 @@ def generate(
     rtol
         Relative error that the tracer may make.
     distance
-        Distance of the person from the radar [m] where the prompt names none.
+        Distance of the person from the radar [m] over the floor where the prompt names none.
+    radar_position, look_at
+        Where a radar of a name or file stands and at what it looks [m]. Without either it is `RADAR_POSITION`, looking
+        at `RADAR_TARGET`, which suits our rooms; with a position alone it looks along +x. The person stands where it
+        looks, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
     pir_resolution, fov_deg
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file.
     progress
         Called with the frames done and in all.
+    report
+        Called once, before the first frame, with what the prompt was read as and with everything that was decided,
+        each with its origin: prompt, argument, default or seed. The file keeps it (`Run.report`); None logs it.
 
     Returns
     -------
@@ -92,36 +110,40 @@ def generate(
     ValueError, TypeError
         Before any long work, naming the argument, its value and what is allowed.
     """
+    for name, value in (("overwrite", overwrite), ("noise", noise)):
+        if not isinstance(value, bool):
+            raise TypeError(f"{name} is {value!r}: True or False is needed")
     check_view(pir_resolution, fov_deg)
-    said = _read(prompt, negative, seed, distance)
+    said, surroundings = _read(prompt, negative, environment, seed, distance)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
-    surroundings = parse_environment(said.surroundings if environment is None else environment)
-    if surroundings is not None:
-        for sentence in surroundings.warnings:
-            _LOG.warning(sentence)
-    if isinstance(radar, Radar):
-        if preset is not None:
-            raise ValueError(f"preset is {preset!r} but a Radar is given, which has its own ('{radar.preset}')")
-    else:
-        radar = Radar.load(radar, preset, position=RADAR_POSITION, look_at=RADAR_TARGET)
-    place = said.distance_m or DEFAULT_DISTANCE
+    radar = _placed(radar, preset, radar_position, look_at)
+    place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
     if place > radar.max_range:
         raise ValueError(
             f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
             f"{radar.max_range:.2f} m: come closer, or take a preset with a lower slope or a higher sample rate"
         )
+    spot, _ = before_radar(radar, place, said.bearing_deg or 0.0)
+    _check_size(duration, radar, pir_resolution, target)
     # What they refuse is refused before a scene is read, and before a body is built.
     count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
     scene = load_scene(None if surroundings is None else surroundings.scene)
     Simulator(scene, radar, rtol=rtol)
 
-    person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar)
+    found = floor_under(scene, (*spot, float(radar.position[2])))
+    height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
+    person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height)
     simulator = Simulator(scene, radar, [person], rtol=rtol)
     if simulator.hidden(person, 0.0, duration):
         raise ValueError(
             f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; "
-            "choose another distance or environment"
+            "choose another distance or environment, or place the radar elsewhere"
         )
+    text = person.report([Decision("floor", f"{height + 0.0:.2f} m", why)])
+    if report is None:
+        _LOG.info("%s", text)
+    else:
+        report(text)
 
     info = RunInfo(
         radar=radar,
@@ -131,6 +153,7 @@ def generate(
         seeds={"body": seed, "motion": seed, "noise": seed if noise else None},
         actors=(ActorInfo.of(person),),
         labels=STANDARD_LABELS,
+        report=text,
     )
     middle = 0.5 * radar.waveform.frame_length
     frames = simulator.frames(duration, noise=noise, seed=seed)
@@ -151,15 +174,75 @@ def generate(
     return open_run(target)
 
 
-def _read(prompt: str, negative: str, seed: int, distance: float | None) -> ScenePrompt:
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
+def _read(
+    prompt: str, negative: str, environment: str | None, seed: int, distance: float | None
+) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
+    """What the prompt and the arguments beside it ask for; logs the words without effect."""
+    check_seed(seed)
     said = parse_prompt(prompt, negative, seed=seed)
     if distance is not None and not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"distance is {distance!r} m: a positive, finite distance is needed")
     if distance is not None and said.distance_m is None:
-        said = replace(said, distance_m=float(distance))
-    return said
+        said = replace(said, distance_m=float(distance), origins={**said.origins, "distance": argument("distance")})
+    surroundings = parse_environment(said.surroundings if environment is None else environment)
+    if environment is not None:
+        name = NOWHERE if surroundings is None else surroundings.scene
+        if said.surroundings not in (None, name):
+            raise PromptError(f"environment: {environment!r}, but the prompt says {said.surroundings}: leave one out")
+        said = replace(said, surroundings=name, origins={**said.origins, "surroundings": argument("environment")})
+    for sentence in (*said.warnings, *(surroundings.warnings if surroundings else ())):
+        _LOG.warning(sentence)
+    return said, surroundings
+
+
+def _placed(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
+    """The radar where the arguments want it."""
+    if isinstance(radar, Radar):
+        if preset is not None:
+            raise ValueError(f"preset is {preset!r} but a Radar is given, which has its own ('{radar.preset}')")
+        for name, value in (("radar_position", position), ("look_at", look_at)):
+            if value is not None:
+                raise ValueError(f"{name} is {value!r} but a Radar is given, which is placed: radar.placed(…) moves it")
+        return radar
+    place = RADAR_POSITION if position is None else _vector("radar_position", position)
+    if look_at is not None:
+        target = _vector("look_at", look_at)
+    else:
+        target = RADAR_TARGET if position is None else (place[0] + 1.0, place[1], place[2])
+    if target == place:
+        raise ValueError(f"look_at is {look_at!r}, which is where the radar stands: a point away from it is needed")
+    return Radar.load(radar, preset, position=place, look_at=target)
+
+
+def _vector(name: str, value: Any) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(component) for component in value)
+    except (TypeError, ValueError):
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError(f"{name} is {value!r}: three finite coordinates x, y, z [m] are needed")
+    return x, y, z
+
+
+def _check_size(duration: Any, radar: Radar, pir_resolution: tuple[int, int], target: Path) -> None:
+    """Whether the samples and images of so long a run have room on the disk; other mistakes are told elsewhere."""
+    if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)) or not duration > 0:
+        return
+    # A PIR image has three float32 channels, samples are complex64; meshes come on top.
+    frame = 8 * math.prod(radar.frame_shape) + 12 * math.prod(pir_resolution)
+    needed = frame * max(1.0, duration / radar.waveform.frame_period)
+    free = shutil.disk_usage(target.parent).free
+    fits = min(MAX_DURATION, free / frame * radar.waveform.frame_period)
+    if duration > MAX_DURATION or needed > free:
+        raise ValueError(
+            f"duration is {duration:g} s: samples and images take {_bytes(needed)}, and '{target.parent}' has "
+            f"{_bytes(free)} free; allowed are at most {math.floor(fits):g} s"
+        )
+
+
+def _bytes(count: float) -> str:
+    power = min(int(math.log10(max(count, 1.0)) // 3), 5)
+    return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB', 'PB')[power]}"
 
 
 def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:

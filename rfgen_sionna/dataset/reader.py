@@ -116,6 +116,11 @@ class Run:
         return str(self._opened.attrs["negative_prompt"])
 
     @property
+    def report(self) -> str:
+        """What the prompt was read as and what was decided, by whom; empty where the file does not say."""
+        return str(self._opened.attrs.get("report", ""))
+
+    @property
     def environment(self) -> str:
         return str(self._opened.attrs["environment"])
 

@@ -13,7 +13,8 @@ general tools open it. Complex samples are the compound (r, i) that h5py and Num
     /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]
     /labels/NAME    (frame, ...) as declared, with units
 
-The attributes of the file say the prompt, the environment, the radar (JSON), seeds and versions (JSON).
+The attributes of the file say the prompt, what was made of it (report), the environment, the radar (JSON), seeds and
+versions (JSON).
 
     >>> import xarray                                                           # doctest: +SKIP
     >>> run = xarray.open_dataset("jacks.h5", engine="h5netcdf")                # doctest: +SKIP
@@ -151,6 +152,8 @@ class RunInfo:
     """What drew from which seed, for instance {"motion": 0, "noise": 1}; None where nothing was drawn."""
     actors: tuple[ActorInfo, ...] = ()
     labels: Mapping[str, Label] = field(default_factory=dict)
+    report: str = ""
+    """What the prompt was read as and what was decided, by whom; text of several lines."""
     software: Mapping[str, str] = field(default_factory=software_versions)
 
     def __post_init__(self) -> None:

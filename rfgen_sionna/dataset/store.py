@@ -34,7 +34,11 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     ------
     OutputError
         The file exists (without `overwrite`), is a folder, or its folder is missing or not writable.
+    TypeError
+        `path` is no path.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"output is {path!r}: the path of a file is needed")
     target = Path(path)
     folder = target.parent
     if target.is_dir() or not target.name:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -82,6 +85,15 @@ BAD: list[tuple[dict[str, Any], tuple[str, ...]]] = [
     ({"prompt": "a person pushing", "distance": float("nan")}, ("distance is nan",)),
     ({"output": "nowhere/run.h5"}, ("nowhere", "does not exist")),
     ({"output": "."}, ("is a folder",)),
+    ({"duration": 1e9}, ("duration is 1e+09 s", " TB", "free", "at most 600 s")),
+    ({"duration": 601.0}, ("duration is 601 s", " MB", "at most 600 s")),
+    ({"prompt": PROMPT + " in a living room"}, ("'free space'", "the prompt says living_room")),
+    ({"prompt": PROMPT + " in a kitchen"}, ("'in a kitchen'", "living_room")),
+    ({"environment": "not a living room"}, ("environment", "negates")),
+    ({"radar_position": (0, 0)}, ("radar_position is (0, 0)", "three finite coordinates")),
+    ({"radar_position": (0, 0, float("nan"))}, ("radar_position is",)),
+    ({"look_at": "ahead"}, ("look_at is 'ahead'", "three finite coordinates")),
+    ({"radar_position": (3, 0, 1), "look_at": (3, 0, 1)}, ("look_at is (3, 0, 1)", "where the radar stands")),
     ({"output": "/proc/run.h5"}, ("/proc",)),
 ]
 
@@ -107,6 +119,11 @@ def test_types_that_cannot_be(quick: dict[str, Any]) -> None:
         rfgen.generate(PROMPT, **quick | {"environment": 3})
     with pytest.raises(ValueError, match=r"radar is 1843.*awr1843"):
         rfgen.generate(PROMPT, **quick | {"radar": 1843})
+    with pytest.raises(TypeError, match="output is 3: the path of a file"):
+        rfgen.generate(PROMPT, **quick | {"output": 3})
+    for name in ("noise", "overwrite"):
+        with pytest.raises(TypeError, match=f"{name} is 'no': True or False is needed"):
+            rfgen.generate(PROMPT, **quick | {name: "no"})
     with pytest.raises(TypeError, match="distnace"):
         rfgen.generate(PROMPT, distnace=3, **quick)
 
@@ -116,6 +133,16 @@ def test_a_radar_that_has_its_preset_gets_no_other(quick: dict[str, Any]) -> Non
     radar = rfgen.Radar.load(quick["radar"])
     with pytest.raises(ValueError, match=r"preset is 'mmmesh' but a Radar is given, which has its own \('tiny'\)"):
         rfgen.generate(PROMPT, **quick | {"radar": radar, "preset": "mmmesh"})
+    with pytest.raises(ValueError, match=r"look_at is \(1, 0, 0\) but a Radar is given"):
+        rfgen.generate(PROMPT, **quick | {"radar": radar, "look_at": (1, 0, 0)})
+
+
+@pytest.mark.usefixtures("no_work")
+def test_a_run_that_the_disk_has_no_room_for(quick: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = 8 * 2 * 4 * 64 * 8 + 12 * 12 * 16
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=100 * frame))
+    with pytest.raises(ValueError, match=r"duration is 6 s: .* take 4\.21 MB, .* has 3\.51 MB free; .* at most 5 s"):
+        rfgen.generate(PROMPT, **quick | {"duration": 6.0})
 
 
 @pytest.mark.usefixtures("no_work")
@@ -277,6 +304,53 @@ def test_the_prompt_says_where(quick: dict[str, Any], caplog: pytest.LogCaptureF
         assert abs(run.labels["azimuth"].values[0, 0]) < 0.1
 
 
+def test_the_report_is_told_before_the_frames_and_kept_in_the_file(
+    quick: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    said: list[str] = []
+    prompt = "a woman pulls, at azimuth 15 degrees, wearing a hat"
+    options = quick | {"duration": 0.05, "distance": 2.0}
+    with rfgen.generate(prompt, seed=1, output="run.h5", report=said.append, **options) as run:
+        assert run.report == said[0]
+        assert run.labels["azimuth"].values[0, 0] == pytest.approx(np.radians(15), abs=0.07)
+        assert run.labels["distance"].values[0, 0] == pytest.approx(2.0, abs=0.2)
+        yaw = run.labels["orientation"].values[0, 0]
+        assert np.cos(yaw - np.radians(195)) == pytest.approx(1.0, abs=0.05)  # facing the radar
+    for name, value, origin in (
+        ("hand", "left|right", "drawn from seed 1"),
+        ("orientation", "0°, facing the radar", "default"),
+        ("distance", "2 m", "from the argument distance"),
+        ("azimuth", "15°", "from the prompt"),
+        ("speed", "× 1", "default"),
+        ("surroundings", "free space", "from the argument environment"),
+        ("gender", "female", "from the prompt"),
+        ("age", r"\d+ years", "drawn from .*seed 1.*"),
+        ("height", r"1\.\d\d m", "drawn from seed 1"),
+        ("weight", r"\d+ kg", "drawn from seed 1"),
+        ("floor", r"0\.00 m", "no surface there, so height 0"),
+    ):
+        assert re.search(rf"^  {name} +(?:{value}) +{origin}$", said[0], re.MULTILINE), (name, said[0])
+    assert "not understood, no effect: hat" in said[0]
+    assert caplog.text.count("'hat'") == 1
+
+
+@pytest.mark.filterwarnings("ignore:materials extrapolated")
+def test_a_radar_placed_in_a_scene_of_sionna(quick: dict[str, Any]) -> None:
+    """The person stands where the radar looks, at the distance, on what is there: the floor of a street at -3 cm."""
+    with rfgen.generate(
+        "a person pushing, 2 m away", output="run.h5", radar_position=(1, -2, 1.2), look_at=(1, 3, 1),
+        **quick | {"environment": "a street", "duration": 0.05},
+    ) as run:  # fmt: skip
+        assert run.radar.position == (1, -2, 1.2)
+        np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [1, 0], atol=0.2)
+        assert run.actors["person"].vertices(0)[:, 2].min() == pytest.approx(-0.03, abs=0.02)
+        assert "'floor' there" in run.report
+    with rfgen.generate(
+        PROMPT, output="ahead.h5", radar_position=(2, 1, 1), **quick | {"duration": 0.05}
+    ) as run:  # it looks along +x
+        np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [3.5, 1], atol=0.2)
+
+
 def test_labels_follow_a_person_who_turns(quick: dict[str, Any]) -> None:
     """Walking there and back, a person faces where it goes: the radar at first, away from it later."""
     radar = rfgen.Radar.load(quick["radar"])
@@ -303,7 +377,10 @@ def test_labels_follow_a_person_who_turns(quick: dict[str, Any]) -> None:
 def rfgen_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
     """The entry point as the shell calls it: (exit code, output, errors)."""
 
+    monkeypatch.setattr(logging.getLogger("rfgen_sionna"), "handlers", [])  # each call adds one
+
     def call(*arguments: object) -> tuple[int, str, str]:
+        logging.getLogger("rfgen_sionna").handlers.clear()
         monkeypatch.setattr(sys, "argv", ["rfgen", *map(str, arguments)])
         monkeypatch.setenv("COLUMNS", "300")
         with pytest.raises(SystemExit) as ended:
@@ -337,6 +414,18 @@ def test_mistakes_on_the_command_line_end_with_code_2(
     assert said in err
     assert "Traceback" not in err
     assert list(folder.iterdir()) == []
+
+
+def test_the_command_line_says_each_thing_once(rfgen_command: Any, tiny_toml: Path) -> None:
+    code, out, err = rfgen_command(
+        *("generate", PROMPT + ", wearing a hat", "--environment", "free space", "--radar", tiny_toml),
+        *("--duration", 0.05, "--rtol", 0.03, "--pir-resolution", "8x8", "--no-pictures", "--output", "cli.h5"),
+    )
+    assert code == 0, err
+    assert err.count("'hat'") == 1
+    assert "effect: hat" not in out
+    assert out.count("drawn from seed 0") >= 3
+    assert re.search(r"^  distance +1\.5 m +from the prompt *$", out, re.MULTILINE)
 
 
 def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, folder: Path) -> None:

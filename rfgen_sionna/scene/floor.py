@@ -1,0 +1,42 @@
+"""The floor of a scene under a place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna.scene.load import RadarScene
+from rfgen_sionna.scene.rays import RayScene
+
+SLAB = 0.5
+"""Surfaces of one object that lie less than this above each other [m] are the two sides of a slab."""
+_STEP = 1e-3
+"""How far under a surface the next one is looked for [m]."""
+
+
+def floor_under(scene: RadarScene, point: tuple[float, float, float]) -> tuple[float, str] | None:
+    """Height [m] of the floor under a point (x, y, z) [m] and the name of its object; None where there is none.
+
+    The floor is the lowest surface below the point, so that furniture is none; of a slab it is the upper side. Where
+    there is nothing below, the point may be under a slope: then the nearest surface above is taken.
+    """
+    if not scene.objects:
+        return None
+    rays = RayScene([(item.vertices, item.faces) for item in scene.objects], origin=point)
+    x, y, z = point
+    found: list[tuple[float, int]] = []
+    while True:
+        hit = rays.first_hit((x, y, z), [(0.0, 0.0, -1.0)])
+        if hit.object[0] < 0:
+            break
+        z -= float(hit.distance[0])
+        found.append((z, int(hit.object[0])))
+        z -= _STEP
+    if not found:
+        hit = rays.first_hit(point, [(0.0, 0.0, 1.0)])
+        if hit.object[0] < 0:
+            return None
+        found.append((point[2] + float(hit.distance[0]), int(hit.object[0])))
+    height, index = found[-1]
+    sides = [z for z, other in found if other == index and z - height < SLAB]
+    # float32 rays resolve a few micrometres near their origin
+    return float(np.round(max(sides), 5)) + 0.0, scene.objects[index].name
