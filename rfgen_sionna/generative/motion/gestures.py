@@ -105,30 +105,43 @@ def swipe_right(score: Score, rng: np.random.Generator, hand: str, speed: float)
     _swipe(score, rng, hand, speed, -1)
 
 
+def _to_and_fro(
+    score: Score,
+    rng: np.random.Generator,
+    hand: str,
+    speed: float,
+    reaches: Sequence[tuple[float, float]],
+    times: Sequence[tuple[float, float]],
+    drawn_in: tuple[float, float],
+    grip: Sequence[float],
+) -> tuple[FloatArray, FloatArray]:
+    """The hand goes out in front of the body and comes back, again and again.
+
+    Args:
+        reaches: ranges of near, far, level and side of the wrist from the shoulder, in units of the arm's reach.
+        times: ranges of the times [s] of going out, staying there, coming back and staying here.
+        drawn_in: how much further out to the side and lower the hand is when it is near.
+        grip: what the hand does at the end of each of the four.
+
+    Returns:
+        (n,) grip, and (n,) how near the hand is, 0 .. 1 between far and near.
+    """
+    reach = _ready(score, rng, hand)
+    near, far, level, side = (rng.uniform(*between) for between in reaches)
+    durations = [rng.uniform(*between) for between in times]
+    out, back = (far, side, level), (near, side + drawn_in[0], level - drawn_in[1])
+    values = [(*place, closed) for place, closed in zip((out, out, back, back), grip, strict=True)]
+    state = _repeat(score.t, rng, durations, values, speed)
+    _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
+    return state[:, 3], (far - state[:, 0]) / (far - near)
+
+
 def push(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The palm is thrust forwards quickly and comes back slowly."""
-    reach = _ready(score, rng, hand)
-    near, far, level, side = (
-        rng.uniform(0.34, 0.44),
-        rng.uniform(0.88, 0.95),
-        rng.uniform(-0.25, 0.0),
-        rng.uniform(-0.2, 0.1),
-    )
-    thrust, hold, back, wait = (
-        rng.uniform(0.3, 0.42),
-        rng.uniform(0.15, 0.35),
-        rng.uniform(0.7, 1.0),
-        rng.uniform(0.1, 0.35),
-    )
-    values = [
-        (far, side, level, 1.0),
-        (far, side, level, 1.0),
-        (near, side + 0.06, level - 0.06, 0.0),
-        (near, side + 0.06, level - 0.06, 0.0),
-    ]
-    state = _repeat(score.t, rng, (thrust, hold, back, wait), values, speed)
-    _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
-    out, wrist = state[:, 3], score.hands[hand]
+    reaches = (0.34, 0.44), (0.88, 0.95), (-0.25, 0.0), (-0.2, 0.1)
+    times = (0.3, 0.42), (0.15, 0.35), (0.7, 1.0), (0.1, 0.35)
+    out, _ = _to_and_fro(score, rng, hand, speed, reaches, times, (0.06, 0.06), (1.0, 1.0, 0.0, 0.0))
+    wrist = score.hands[hand]
     wrist.pronation = 1.2 + 0.1 * out + rng.uniform(-0.1, 0.05)
     wrist.flexion = -0.75 - 0.3 * out + rng.uniform(-0.06, 0.1)
     wrist.curl = np.broadcast_to(OPEN_HAND * rng.uniform(0.5, 1.8), (score.n, 5, 3)).copy()
@@ -139,32 +152,13 @@ def push(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
 
 def pull(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand reaches out slowly, grasps, and is drawn to the body quickly."""
-    reach = _ready(score, rng, hand)
-    near, far, level, side = (
-        rng.uniform(0.34, 0.45),
-        rng.uniform(0.86, 0.94),
-        rng.uniform(-0.35, -0.1),
-        rng.uniform(-0.15, 0.1),
-    )
-    out, grasp, draw, hold = (
-        rng.uniform(0.75, 1.1),
-        rng.uniform(0.18, 0.3),
-        rng.uniform(0.32, 0.45),
-        rng.uniform(0.15, 0.4),
-    )
-    values = [
-        (far, side, level, 0.0),
-        (far, side, level, 1.0),
-        (near, side + 0.12, level - 0.15, 1.0),
-        (near, side + 0.12, level - 0.15, 0.3),
-    ]
-    state = _repeat(score.t, rng, (out, grasp, draw, hold), values, speed)
-    _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
-    closed, wrist = np.clip(state[:, 3], 0.0, 1.0)[:, None, None], score.hands[hand]
+    reaches = (0.34, 0.45), (0.86, 0.94), (-0.35, -0.1), (-0.15, 0.1)
+    times = (0.75, 1.1), (0.18, 0.3), (0.32, 0.45), (0.15, 0.4)
+    grip, nearness = _to_and_fro(score, rng, hand, speed, reaches, times, (0.12, 0.15), (0.0, 1.0, 1.0, 0.3))
+    closed, wrist = np.clip(grip, 0.0, 1.0)[:, None, None], score.hands[hand]
     wrist.pronation[:] = rng.uniform(0.2, 0.9)
     wrist.flexion = -0.15 + 0.2 * closed[:, 0, 0]
     wrist.curl = OPEN_HAND + closed * (FIST - OPEN_HAND) * 0.92
-    nearness = (far - state[:, 0]) / (far - near)
     score.turn += 0.12 * side_sign(hand) * nearness * rng.uniform(0.5, 1.2)
     score.pitch -= 0.03 * nearness
     stand_up_straight(score)
