@@ -54,7 +54,8 @@ def summary(run: Run | str | os.PathLike[str]) -> str:
             ("seeds", seeds or "-"),
             ("software", ", ".join(f"{name} {version}" for name, version in source.software.items())),
         ]
-    return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows)
+        report = f"\n\n{source.report}" if source.report else ""
+    return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows) + report
 
 
 def _pir_line(run: Run) -> str:

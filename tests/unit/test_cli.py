@@ -54,7 +54,9 @@ def write_run(path: Path, prompt: str) -> None:
     radar = Radar.load("awr1843", "mmmesh")
     radar = replace(radar, waveform=replace(radar.waveform, num_loops=8, num_samples=16))
     rng = np.random.default_rng(0)
-    with RunWriter(path, RunInfo(radar, prompt=prompt, seeds={"noise": 0})) as writer:
+    with RunWriter(
+        path, RunInfo(radar, prompt=prompt, seeds={"noise": 0}, report="decided:\n  hand  left  drawn from seed 0")
+    ) as writer:
         for frame in range(2):
             samples = rng.standard_normal((8, 3, 4, 16, 2)).view(np.complex128)[..., 0]
             writer.append(1e-6 * samples, time=0.1 * frame)
@@ -115,6 +117,7 @@ def test_show_says_what_a_file_holds_and_draws_it_once(rfgen: Rfgen, tmp_path: P
     assert code == 0, err
     assert "a person walking" in out
     assert "2 × 8 × 3 × 4 × 16" in out
+    assert "hand  left  drawn from seed 0" in out
     assert list(tmp_path.glob("run.*")) == [tmp_path / "run.h5"]
     (tmp_path / "run.png").write_text("mine")
     code, out, err = rfgen("show", "run.h5")
