@@ -36,8 +36,9 @@ from rfgen_sionna.signal.formats.frames import (
     quantize,
     resolve_scale,
 )
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, read_sidecar, with_radar, write_sidecar
-from rfgen_sionna.signal.formats.studio import RX_PER_DEVICE, read_studio, studio_config
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
+from rfgen_sionna.signal.formats.studio import read_studio, studio_config
+from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
 
 NAME = "cascade"
 DEVICES = ("master", "slave1", "slave2", "slave3")
@@ -142,7 +143,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     folder = Path(path)
     if DATA_NAME.fullmatch(folder.name):
         folder = folder.parent
-    known, swapped = _describe(folder, radar)
+    known = described(folder, folder / SIDECAR, radar, lambda hardware: _configured(folder, hardware))
     receivers = _receivers(known.radar)
     loops, slots, _, samples = frame_shape(known.radar)
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
@@ -166,7 +167,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
             file, offset, _ = found[number]
             shape = (loops, slots, samples, RX_PER_DEVICE, 2)
             stored[:, :, :, place] = np.memmap(file, dtype="<i2", mode="r", offset=offset, shape=shape)
-        if swapped:
+        if known.iq_swap:
             stored = stored[..., ::-1]
         levels = stored.reshape(loops, slots, samples, -1, 2).swapaxes(2, 3)
         return element_order(complex_lsb(levels), known.radar, receivers)
@@ -233,17 +234,13 @@ def _read_index(path: Path, partial: bool) -> NDArray[Any]:
     return entries
 
 
-def _describe(folder: Path, radar: Radar | None) -> tuple[Description, bool]:
-    if (sidecar := folder / SIDECAR).is_file():
-        return with_radar(read_sidecar(sidecar), radar, folder), False
-    if radar is None:
-        raise CaptureFormatError(f"'{folder}' has no '{SIDECAR}' that says which radar took it: pass radar=")
+def _configured(folder: Path, hardware: Radar) -> Description:
     configs = sorted(folder.glob("*.mmwave.json"))
-    if len(configs) == 1:
-        found = read_studio(configs[0], radar, len(DEVICES))
-        # Frames are counted by the index: the host drops some, and the last ones when it is stopped.
-        return Description(found.radar, None, None, None), found.iq_swap
-    return Description(radar, None, None, None), False
+    if len(configs) != 1:
+        return Description(hardware, None, None, None)
+    found = read_studio(configs[0], hardware, len(DEVICES))
+    # Frames are counted by the index: the host drops some, and the last ones when it is stopped.
+    return Description(found.radar, None, None, None, found.iq_swap)
 
 
 def _receivers(radar: Radar) -> list[int]:

@@ -33,12 +33,12 @@ from rfgen_sionna.signal.formats.sidecar import (
     SUFFIX,
     Description,
     describe,
+    described,
     even_times,
-    read_sidecar,
-    with_radar,
     write_sidecar,
 )
-from rfgen_sionna.signal.formats.studio import RX_PER_DEVICE, read_studio, setup_config, studio_config
+from rfgen_sionna.signal.formats.studio import read_studio, setup_config, studio_config
+from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
 
 NAME = "dca1000"
 STANDARD = "adc_data.bin"
@@ -89,7 +89,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     is there, the waveform and the Tx elements that fire.
     """
     data = need_file(data_file(path, STANDARD))
-    known, swapped = _describe(data, radar)
+    known = described(data, beside(data, SUFFIX), radar, lambda hardware: _configured(data, hardware))
     _even_samples(known.radar)
     shape = frame_shape(known.radar)
     frame_size = 4 * int(np.prod(shape))
@@ -101,25 +101,20 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     def frame(number: int) -> NDArray[Any]:
         stored = np.memmap(data, dtype="<i2", mode="r", offset=number * frame_size, shape=packed)
         levels = stored.swapaxes(-1, -2).reshape(loops, slots, channels, samples, 2)
-        if swapped:
+        if known.iq_swap:
             levels = levels[..., ::-1]
         return element_order(complex_lsb(levels), known.radar, receivers)
 
     return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
 
 
-def _describe(data: Path, radar: Radar | None) -> tuple[Description, bool]:
-    if (sidecar := beside(data, SUFFIX)).is_file():
-        return with_radar(read_sidecar(sidecar), radar, data), False
-    if radar is None:
-        raise CaptureFormatError(
-            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
-        )
-    if (config := beside(data, ".mmwave.json")).is_file():
-        found = read_studio(config, radar)
-        times = None if found.frames is None else even_times(found.frames, found.radar)
-        return Description(found.radar, None, times, None), found.iq_swap
-    return Description(radar, None, None, None), False
+def _configured(data: Path, hardware: Radar) -> Description:
+    config = beside(data, ".mmwave.json")
+    if not config.is_file():
+        return Description(hardware, None, None, None)
+    found = read_studio(config, hardware)
+    times = None if found.frames is None else even_times(found.frames, found.radar)
+    return Description(found.radar, None, times, None, found.iq_swap)
 
 
 def _even_samples(radar: Radar) -> None:

@@ -1,8 +1,9 @@
 """A MATLAB file: version 5 through SciPy; version 7.3, which is HDF5, where `adc` would exceed version 5's 2 GB.
 
 Variables: `adc` (frame, chirp, tx, rx, sample) complex single; `dims`, its axes; `units`, a struct with the unit of
-each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample); `tx_name`, `rx_name`,
-`tx_position`, `rx_position` (element, 3); `scale`; `description`, JSON with the radar in full.
+each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample), or (tx, sample) where kinds
+of chirps differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx; `tx_position`, `rx_position`
+(element, 3); `scale`; `description`, JSON with the radar in full.
 """
 
 from __future__ import annotations
@@ -85,15 +86,17 @@ def write(
 
 
 def _variables(cube: AdcCube, scale: float | None) -> dict[str, Any]:
-    radar = cube.radar
+    radar, wave = cube.radar, cube.radar.waveform
+    profiles = [wave.profiles[slot.profile] for slot in wave.slots] if wave.other_profiles else [wave.profiles[0]]
     units = _UNITS if scale == 1.0 else _UNITS | {"adc": "1" if scale is None else "scale sqrt(W)"}
     return {
         "dims": ", ".join(_DIMS),
         "units": units,
         "frame_time": np.asarray(cube.frame_times, dtype=np.float64)[:, None],
-        "chirp_time": np.array(radar.waveform.chirp_times),
-        "sample_time": np.array(radar.waveform.sample_times)[None, :],
+        "chirp_time": np.array(wave.chirp_times),
+        "sample_time": np.stack([profile.sample_times(wave.num_samples) for profile in profiles]),
         "tx_name": ", ".join(radar.tx_names),
+        "slot_name": ", ".join(radar.axis_names),
         "rx_name": ", ".join(radar.rx_names),
         "tx_position": np.array(radar.tx_positions),
         "rx_position": np.array(radar.rx_positions),

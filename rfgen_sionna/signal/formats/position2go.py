@@ -35,7 +35,7 @@ from rfgen_sionna.signal.formats.frames import (
     quantize,
     resolve_scale,
 )
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, read_sidecar, with_radar, write_sidecar
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
 
 NAME = "position2go"
 STANDARD = "position2go.raw"
@@ -104,7 +104,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     files = sorted(target.glob("*.raw")) if target.is_dir() else [need_file(data_file(target, STANDARD))]
     if not files:
         raise FileNotFoundError(f"'{target}' holds no .raw file")
-    known = _describe(files[0], radar)
+    known = described(files[0], beside(files[0], SUFFIX), radar, lambda hardware: _configured(files[0], hardware))
     receivers = _receivers(known.radar)
     loops, slots, channels, samples = frame_shape(known.radar)
     record = np.dtype([("levels", ">f4", (loops, slots, channels, 2, samples)), ("trailer", ">u4", len(_TRAILER))])
@@ -140,21 +140,19 @@ def _check_trailers(path: Path, trailers: NDArray[Any], wanted: tuple[int, int, 
         )
 
 
-def _describe(data: Path, radar: Radar | None) -> Description:
-    if (sidecar := beside(data, SUFFIX)).is_file():
-        return with_radar(read_sidecar(sidecar), radar, data)
-    if radar is None:
-        raise CaptureFormatError(
-            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
-        )
-    if (config := beside(data, ".xml")).is_file():
-        radar = radar_from_xml(config, radar)
-    return Description(radar, None, None, None)
+def _configured(data: Path, hardware: Radar) -> Description:
+    config = beside(data, ".xml")
+    return Description(radar_from_xml(config, hardware) if config.is_file() else hardware, None, None, None)
 
 
 def _receivers(radar: Radar) -> list[int]:
     if len(radar.tx_names) != 1:
         raise CaptureFormatError(f"radar '{radar.name}' has {len(radar.tx_names)} Tx; Position2Go has one")
+    if radar.waveform.num_slots > 1 or radar.waveform.slope < 0:
+        raise CaptureFormatError(
+            f"preset '{radar.preset}' has {radar.waveform.num_slots} slots a loop, the first with a slope of "
+            f"{radar.waveform.slope:g} Hz/s; Position2Go has one kind of chirp, upwards or of a constant frequency"
+        )
     return channel_numbers(radar.rx_names, "RX", _MOST_RECEIVERS, "the receiver mask")
 
 
@@ -227,6 +225,7 @@ def radar_from_xml(path: Path, hardware: Radar) -> Radar:
             hardware.waveform,
             start_frequency=lower,
             slope=(upper - lower) / ramp,
+            range_limit=hardware.waveform.range_limit if upper != lower else hardware.max_range,
             sample_rate=float(text("AdcxmcEndpoint/AdcxmcConfiguration/samplerateHz")),
             num_samples=int(text("BaseEndpoint/FrameFormat/numSamplesPerChirp")),
             num_loops=int(text("BaseEndpoint/FrameFormat/numChirpsPerFrame")),

@@ -19,7 +19,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, write_json
 from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, read_sidecar, with_radar, write_sidecar
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
 
 NAME = "rfgenesis"
 STANDARD = "radar_frames.npy"
@@ -37,6 +37,11 @@ def write(
     """Write `path` (or `radar_frames.npy` in it, where it is a folder) and its configuration; see `write_capture`."""
     check_cube(cube)
     radar, frames = cube.radar, cube.data.shape[0]
+    if radar.waveform.slots:
+        raise CaptureFormatError(
+            f"preset '{radar.preset}' has slots of its own ({radar.waveform.multiplexing}, "
+            f"{len(radar.waveform.profiles)} profiles); RF Genesis knows one Tx at a time and one kind of chirp"
+        )
     divisor, declared = resolve_scale(cube, scale, full_scale_dbm, None)
     loops, slots, channels, samples = frame_shape(radar)
     order = list(radar.waveform.tx_order)
@@ -89,14 +94,7 @@ def _config(radar: Radar) -> dict[str, Any]:
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the one it was made with."""
     data = need_file(data_file(path, STANDARD))
-    if (sidecar := beside(data, SUFFIX)).is_file():
-        known = with_radar(read_sidecar(sidecar), radar, data)
-    elif radar is not None:
-        known = Description(radar, None, None, None)
-    else:
-        raise CaptureFormatError(
-            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
-        )
+    known = described(data, beside(data, SUFFIX), radar, lambda hardware: Description(hardware, None, None, None))
     loops, slots, channels, samples = frame_shape(known.radar)
     stored = _open(data, (slots, channels, loops, samples), partial)
     frames = len(stored)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ class Description:
     frame_times: FloatArray | None
     """None where nothing says when frames were taken, or how many there are."""
     seed: int | None
+    iq_swap: bool = False
+    """Whether Q stands before I."""
 
     @property
     def frames(self) -> int | None:
@@ -42,6 +45,25 @@ class Description:
         if self.frame_times is None:
             return even_times(frames, self.radar)
         return self.frame_times[:frames]
+
+
+def described(
+    data: Path, sidecar: Path, radar: Radar | None, read_config: Callable[[Radar], Description]
+) -> Description:
+    """What is known of the capture in `data`: by its sidecar, else by `radar` and the tool's own configuration.
+
+    Raises
+    ------
+    CaptureFormatError
+        There is no sidecar, and no `radar` either; or `radar` is not the one that took it.
+    """
+    if sidecar.is_file():
+        return with_radar(read_sidecar(sidecar), radar, data)
+    if radar is None:
+        raise CaptureFormatError(
+            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
+        )
+    return read_config(radar)
 
 
 def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale: int | None) -> dict[str, Any]:
@@ -110,9 +132,9 @@ def with_radar(known: Description, radar: Radar | None, path: Path) -> Descripti
     if radar is None:
         return known
     ours, theirs = frame_shape(radar), frame_shape(known.radar)
-    if ours != theirs or radar.waveform.tx_order != known.radar.waveform.tx_order:
+    if ours != theirs or radar.waveform.slot_axis != known.radar.waveform.slot_axis:
         raise CaptureFormatError(
-            f"radar '{radar.name}' gives frames (chirp, tx, rx, sample) of {ours} and fires {radar.waveform.tx_order}; "
-            f"'{path}' was taken with {theirs}, firing {known.radar.waveform.tx_order}: leave `radar` out to take its"
+            f"radar '{radar.name}' gives frames (chirp, tx, rx, sample) of {ours}, firing {radar.waveform.slot_axis}; "
+            f"'{path}' was taken with {theirs}, firing {known.radar.waveform.slot_axis}: leave `radar` out to take its"
         )
     return Description(radar, known.scale, known.frame_times, known.seed)

@@ -8,7 +8,7 @@ simulate (receive gain, back-off, filters, lanes) has mmWave Studio's defaults.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,18 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 from rfgen_sionna.signal.formats.files import read_json
 from rfgen_sionna.signal.formats.frames import channel_numbers
+from rfgen_sionna.signal.formats.studio_chirps import (
+    RX_PER_DEVICE,
+    TX_PER_DEVICE,
+    Chirp,
+    chirp_tables,
+    chirps_of,
+    number,
+    read_chirps,
+    read_profiles,
+    slots_of,
+)
 
-TX_PER_DEVICE, RX_PER_DEVICE = 3, 4
 _FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
 
 
@@ -29,33 +39,39 @@ def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]
     what = "one device" if devices == 1 else f"a cascade of {devices} devices"
     tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, what)
     rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, what)
-    fired = [tx[index] for index in radar.waveform.tx_order]
+    chirps, loops = chirps_of(radar.waveform, tx)
     return {
         "configGenerator": {"createdBy": "rfgen_sionna", "isConfigIntermediate": 0},
         "currentVersion": {"jsonCfgVersion": {"major": 0, "minor": 4, "patch": 0}},
         "systemConfig": {"summary": f"{radar.name}, preset {radar.preset}"},
-        "mmWaveDevices": [_device(radar, frames, number, devices, fired, rx) for number in range(devices)],
+        "mmWaveDevices": [_device(radar, frames, place, devices, (chirps, loops), tx, rx) for place in range(devices)],
         "processingChainConfig": {},
     }
 
 
 def _device(
-    radar: Radar, frames: int, number: int, devices: int, fired: Sequence[int], receivers: Sequence[int]
+    radar: Radar,
+    frames: int,
+    place: int,
+    devices: int,
+    frame: tuple[Sequence[Chirp], int],
+    transmitters: Sequence[int],
+    receivers: Sequence[int],
 ) -> dict[str, Any]:
     wave = radar.waveform
+    chirps, loops = frame
     cascade = devices > 1
-    first_tx, first_rx = TX_PER_DEVICE * number + 1, RX_PER_DEVICE * number + 1
-    tx_bits = [_bits([tx - first_tx], TX_PER_DEVICE) for tx in fired]
+    first_tx, first_rx = TX_PER_DEVICE * place + 1, RX_PER_DEVICE * place + 1
     return {
-        "mmWaveDeviceId": number,
+        "mmWaveDeviceId": place,
         "rfConfig": {
             "waveformType": "legacyFrameChirp",
-            "MIMOScheme": "TDM",
+            "MIMOScheme": {"bpm": "BPM", "ddm": "DDM"}.get(wave.multiplexing, "TDM"),
             "rlCalibrationDataFile": "",
             "rlChanCfg_t": {
                 "rxChannelEn": f"0x{_bits([rx - first_rx for rx in receivers], RX_PER_DEVICE):X}",
-                "txChannelEn": f"0x{_bits([tx - first_tx for tx in fired], TX_PER_DEVICE):X}",
-                "cascading": 0 if not cascade else 1 if number == 0 else 2,
+                "txChannelEn": f"0x{_bits([tx - first_tx for tx in transmitters], TX_PER_DEVICE):X}",
+                "cascading": 0 if not cascade else 1 if place == 0 else 2,
                 "cascadingPinoutCfg": "0x0",
             },
             "rlAdcOutCfg_t": {"fmt": {"b2AdcBits": 2, "b8FullScaleReducFctr": 0, "b2AdcOutFmt": 1}},
@@ -63,49 +79,34 @@ def _device(
             "rlProfiles": [
                 {
                     "rlProfileCfg_t": {
-                        "profileId": 0,
+                        "profileId": index,
                         "pfVcoSelect": "0x0",
                         "pfCalLutUpdate": "0x0",
-                        "startFreqConst_GHz": _scaled(wave.start_frequency, 1e9),
-                        "idleTimeConst_usec": _scaled(wave.idle_time, 1e-6),
-                        "adcStartTimeConst_usec": _scaled(wave.adc_start_time, 1e-6),
-                        "rampEndTime_usec": _scaled(wave.ramp_end_time, 1e-6),
+                        "startFreqConst_GHz": _scaled(profile.start_frequency, 1e9),
+                        "idleTimeConst_usec": _scaled(profile.idle_time, 1e-6),
+                        "adcStartTimeConst_usec": _scaled(profile.adc_start_time, 1e-6),
+                        "rampEndTime_usec": _scaled(profile.ramp_end_time, 1e-6),
                         "txOutPowerBackoffCode": "0x0",
                         "txPhaseShifter": "0x0",
-                        "freqSlopeConst_MHz_usec": _scaled(wave.slope, 1e12),
+                        "freqSlopeConst_MHz_usec": _scaled(profile.slope, 1e12),
                         "txStartTime_usec": 0.0,
                         "numAdcSamples": wave.num_samples,
-                        "digOutSampleRate": _scaled(wave.sample_rate, 1e3),
+                        "digOutSampleRate": _scaled(profile.sample_rate, 1e3),
                         "hpfCornerFreq1": 0,
                         "hpfCornerFreq2": 0,
                         "rxGain_dB": "0x1E",
                     }
                 }
+                for index, profile in enumerate(wave.profiles)
             ],
-            "rlChirps": [
-                {
-                    "rlChirpCfg_t": {
-                        "chirpStartIdx": slot,
-                        "chirpEndIdx": slot,
-                        "profileId": 0,
-                        "startFreqVar_MHz": 0.0,
-                        "freqSlopeVar_KHz_usec": 0.0,
-                        "idleTimeVar_usec": 0.0,
-                        "adcStartTimeVar_usec": 0.0,
-                        "txEnable": f"0x{bits:X}",
-                    }
-                }
-                for slot, bits in enumerate(tx_bits)
-            ],
-            "rlBpmChirps": [],
-            "rlRfPhaseShiftCfgs": [],
+            **chirp_tables(chirps, place),
             "rlFrameCfg_t": {
                 "chirpStartIdx": 0,
-                "chirpEndIdx": len(fired) - 1,
-                "numLoops": wave.num_loops,
+                "chirpEndIdx": len(chirps) - 1,
+                "numLoops": loops,
                 "numFrames": frames,
                 "framePeriodicity_msec": _scaled(wave.frame_period, 1e-3),
-                "triggerSelect": 2 if cascade and number else 1,
+                "triggerSelect": 2 if cascade and place else 1,
                 "frameTriggerDelay": 0.0,
             },
         },
@@ -199,8 +200,6 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Studio:
     rf, raw = records[0]["rfConfig"], records[0]["rawDataCaptureConfig"]
     if rf["waveformType"] not in _FRAME_WAVEFORMS:
         raise ValueError(f"waveformType is '{rf['waveformType']}'; supported: {', '.join(_FRAME_WAVEFORMS)}")
-    if len(rf["rlProfiles"]) != 1:
-        raise ValueError(f"rlProfiles has {len(rf['rlProfiles'])} profiles; frames of one profile are supported")
     output = rf["rlAdcOutCfg_t"]["fmt"]
     if output["b2AdcBits"] != 2 or output["b2AdcOutFmt"] not in (1, 2):
         raise ValueError(
@@ -210,37 +209,45 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Studio:
     interleave = raw["rlDevDataFmtCfg_t"]["chInterleave"]
     if interleave != (1 if devices == 1 else 0):
         raise ValueError(f"chInterleave is {interleave!r}; {1 if devices == 1 else 0} is the layout of this format")
-    if devices == 1 and "rlDevLaneEnable_t" in raw and _hex(raw["rlDevLaneEnable_t"]["laneEn"]) != 3:
+    if devices == 1 and "rlDevLaneEnable_t" in raw and number(raw["rlDevLaneEnable_t"]["laneEn"]) != 3:
         raise ValueError(f"laneEn is {raw['rlDevLaneEnable_t']['laneEn']!r}; two lanes (0x3) are supported")
-    profile, frame = rf["rlProfiles"][0]["rlProfileCfg_t"], rf["rlFrameCfg_t"]
-    fired = _fired(records, int(frame["chirpStartIdx"]), int(frame["chirpEndIdx"]))
+    frame = rf["rlFrameCfg_t"]
+    chirps = read_chirps(records, int(frame["chirpStartIdx"]), int(frame["chirpEndIdx"]))
+    fired = {tx for chirp in chirps for tx in chirp.phases}
 
     what = "one device" if devices == 1 else f"a cascade of {devices} devices"
     numbers = channel_numbers(hardware.tx_names, "TX", TX_PER_DEVICE * devices, what)
-    if absent := set(fired) - set(numbers):
+    if absent := fired - set(numbers):
         raise ValueError(f"TX{min(absent)} fires; radar '{hardware.name}' has {', '.join(hardware.tx_names)}")
-    kept = [index for index, number in enumerate(numbers) if number in fired]
+    kept = [index for index, tx in enumerate(numbers) if tx in fired]
     enabled = {
         RX_PER_DEVICE * place + bit + 1
         for place, record in enumerate(records)
         for bit in range(RX_PER_DEVICE)
-        if _hex(record["rfConfig"]["rlChanCfg_t"]["rxChannelEn"]) >> bit & 1
+        if number(record["rfConfig"]["rlChanCfg_t"]["rxChannelEn"]) >> bit & 1
     }
     receivers = channel_numbers(hardware.rx_names, "RX", RX_PER_DEVICE * devices, what)
     if absent := enabled - set(receivers):
         raise ValueError(f"RX{min(absent)} is enabled; radar '{hardware.name}' has {', '.join(hardware.rx_names)}")
-    heard = [index for index, number in enumerate(receivers) if number in enabled]
+    heard = [index for index, rx in enumerate(receivers) if rx in enabled]
+    profiles, samples = read_profiles(rf["rlProfiles"])
+    used = sorted({chirp.profile for chirp in chirps})
+    if used[-1] >= len(profiles):
+        raise ValueError(f"rlChirps use profile {used[-1]}; rlProfiles has {len(profiles)}")
+    chirps = [replace(chirp, profile=used.index(chirp.profile)) for chirp in chirps]
+    order, slots = slots_of(chirps, [numbers[index] for index in kept])
     waveform = replace(
         hardware.waveform,
-        start_frequency=float(profile["startFreqConst_GHz"]) * 1e9,
-        slope=float(profile["freqSlopeConst_MHz_usec"]) * 1e12,
-        sample_rate=float(profile["digOutSampleRate"]) * 1e3,
-        num_samples=int(profile["numAdcSamples"]),
-        idle_time=float(profile["idleTimeConst_usec"]) * 1e-6,
-        adc_start_time=float(profile["adcStartTimeConst_usec"]) * 1e-6,
-        ramp_end_time=float(profile["rampEndTime_usec"]) * 1e-6,
+        **asdict(profiles[used[0]]),
+        num_samples=samples,
         num_loops=int(frame["numLoops"]),
-        tx_order=tuple(kept.index(numbers.index(number)) for number in fired),
+        tx_order=order,
+        slots=slots,
+        other_profiles=tuple(profiles[index] for index in used[1:]),
+        slot_starts=None,
+        loop_time=None,
+        separated=False,
+        range_limit=None if any(profiles[index].slope for index in used) else hardware.max_range,
         frame_period=float(frame["framePeriodicity_msec"]) * 1e-3,
     )
     radar = replace(
@@ -255,30 +262,8 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Studio:
     return Studio(radar, int(frame["numFrames"]) or None, swapped)
 
 
-def _fired(records: Sequence[dict[str, Any]], first: int, last: int) -> list[int]:
-    """Number of the Tx that each chirp of a loop fires."""
-    slots: list[list[int]] = [[] for _ in range(first, last + 1)]
-    for place, record in enumerate(records):
-        for entry in record["rfConfig"]["rlChirps"]:
-            chirp = entry["rlChirpCfg_t"]
-            for index in range(int(chirp["chirpStartIdx"]), int(chirp["chirpEndIdx"]) + 1):
-                if first <= index <= last:
-                    bits = _hex(chirp["txEnable"])
-                    slots[index - first] += [
-                        TX_PER_DEVICE * place + bit + 1 for bit in range(TX_PER_DEVICE) if bits >> bit & 1
-                    ]
-    for slot, fired in enumerate(slots):
-        if len(fired) != 1:
-            raise ValueError(f"rlChirps: chirp {first + slot} fires {len(fired)} Tx; one at a time (TDM) is supported")
-    return [fired[0] for fired in slots]
-
-
 def _bits(channels: Sequence[int], count: int) -> int:
     return sum(1 << channel for channel in channels if 0 <= channel < count)
-
-
-def _hex(value: Any) -> int:
-    return int(value, 16) if isinstance(value, str) else int(value)
 
 
 def _scaled(value: float, unit: float) -> float:
