@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import signal
 import sys
 import threading
@@ -70,6 +71,10 @@ def generate(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
     noise: Annotated[bool, typer.Option(help="Thermal noise of the receiver.")] = True,
+    receiver: Annotated[
+        Path | None,
+        typer.Option(help="TOML file of the receiver's impairments: leakage, phase noise, ADC …", dir_okay=False),
+    ] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the traced signal.")] = 1e-3,
     distance: Annotated[
         float | None, typer.Option(help="Distance of the person from the radar in metres, if the prompt names none.")
@@ -112,6 +117,7 @@ def generate(
             output=target,
             overwrite=overwrite,
             noise=noise,
+            receiver=receiver,
             rtol=rtol,
             distance=distance,
             radar_position=place,
@@ -140,14 +146,15 @@ def radars() -> None:
         for preset in presets:
             r = Radar.load(name, preset)
             wave = r.waveform
-            low = wave.start_frequency + wave.slope * wave.adc_start_time
+            low, high = wave.sampled_band
+            cell = f"{r.range_resolution:.3f}" if math.isfinite(r.range_resolution) else "-"
             table.add_row(
                 f"  {preset}",
-                f"{low / 1e9:.2f}–{(low + wave.bandwidth) / 1e9:.2f}",
+                f"{low / 1e9:.2f}–{high / 1e9:.2f}",
                 f"{len(r.tx_positions)}×{len(r.rx_positions)}",
                 f"{wave.num_loops}×{wave.num_samples}",
                 f"{1 / wave.frame_period:g}",
-                f"{r.range_resolution:.3f} {r.max_range:.1f}",
+                f"{cell} {r.max_range:.1f}",
                 f"{r.velocity_resolution:.3f} ±{r.max_velocity:.2f}",
             )
     _out.print(table)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -26,6 +26,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.load import load_scene
+from rfgen_sionna.signal import Receiver, read_receiver, receiver_record
 from rfgen_sionna.simulation import Simulator
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def generate(
     output: str | PathLike[str] | None = None,
     overwrite: bool = False,
     noise: bool = True,
+    receiver: Receiver | Mapping[str, Any] | str | PathLike[str] | None = None,
     rtol: float = 1e-3,
     distance: float | None = None,
     radar_position: tuple[float, float, float] | None = None,
@@ -84,7 +86,10 @@ def generate(
     overwrite
         Whether an existing file is replaced.
     noise
-        Whether thermal noise is added.
+        Whether thermal noise is added; False takes it out of `receiver`, and without one leaves the samples ideal.
+    receiver
+        The receiver's impairments: a Receiver, a table of its parts or a TOML file with that
+        (:func:`~rfgen_sionna.signal.read_receiver`); None is thermal noise and the radar's ADC. The file keeps it.
     rtol
         Relative error that the tracer may make.
     distance
@@ -117,6 +122,7 @@ def generate(
     said, surroundings = _read(prompt, negative, environment, seed, distance)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
+    impairments = _receiver(receiver, radar, noise)
     place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
     if place > radar.max_range:
         raise ValueError(
@@ -150,13 +156,14 @@ def generate(
         prompt=prompt,
         negative_prompt=negative,
         environment="" if surroundings is None else surroundings.scene,
-        seeds={"body": seed, "motion": seed, "noise": seed if noise else None},
+        seeds={"body": seed, "motion": seed, "noise": seed if noise or receiver is not None else None},
         actors=(ActorInfo.of(person),),
         labels=STANDARD_LABELS,
         report=text,
+        receiver=receiver_record(impairments),
     )
     middle = 0.5 * radar.waveform.frame_length
-    frames = simulator.frames(duration, noise=noise, seed=seed)
+    frames = simulator.frames(duration, seed=seed, receiver=impairments)
     with RunWriter(target, info, overwrite=overwrite) as writer:
         for frame in frames:
             t = frame.time + middle
@@ -165,6 +172,8 @@ def generate(
                 time=frame.time,
                 pir=simulator.pir(t, pir_resolution, fov_deg),
                 mesh_time=t,
+                full_scale=frame.full_scale,
+                clipped=frame.clipped,
                 vertices={person.name: person.vertices(t)},
                 joints={person.name: person.joints(t)},
                 labels={"action": [said.action], **_labels(person, radar, t)},
@@ -172,6 +181,14 @@ def generate(
             if progress is not None:
                 progress(frame.index + 1, count)
     return open_run(target)
+
+
+def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
+    """What the arguments make of the receiver."""
+    if receiver is None:
+        return Receiver() if noise else Receiver.ideal()
+    known = read_receiver(receiver, radar)
+    return known if noise else known.without_noise()
 
 
 def _read(

@@ -30,6 +30,7 @@ def create_run(file: h5py.File, info: RunInfo, filters: Mapping[str, Any]) -> No
             "negative_prompt": info.negative_prompt,
             "environment": info.environment,
             "report": info.report,
+            "receiver": "" if info.receiver is None else json.dumps(info.receiver),
             "radar": json.dumps(radar.to_dict()),
             "seeds": json.dumps({name: None if seed is None else int(seed) for name, seed in info.seeds.items()}),
             "software": json.dumps(dict(info.software)),

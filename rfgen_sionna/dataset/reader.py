@@ -116,6 +116,22 @@ class Run:
         return str(self._opened.attrs["negative_prompt"])
 
     @property
+    def receiver(self) -> dict[str, Any] | None:
+        """The receiver's record (`signal.receiver_from_record` makes a receiver of it); None where the run has none."""
+        return self._json("receiver") if self._opened.attrs.get("receiver") else None
+
+    @property
+    def full_scale(self) -> float | None:
+        """Largest I or Q of the ADC [sqrt(W)]; None where the samples were not quantised, or nobody says."""
+        value = self.adc.attrs.get("full_scale")
+        return None if value is None else float(value)
+
+    @property
+    def clipped(self) -> int:
+        """Words of I and Q, of `2 adc.size`, that were beyond the ADC's range."""
+        return int(self.adc.attrs.get("clipped", 0))
+
+    @property
     def report(self) -> str:
         """What the prompt was read as and what was decided, by whom; empty where the file does not say."""
         return str(self._opened.attrs.get("report", ""))

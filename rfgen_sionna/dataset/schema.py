@@ -154,6 +154,8 @@ class RunInfo:
     labels: Mapping[str, Label] = field(default_factory=dict)
     report: str = ""
     """What the prompt was read as and what was decided, by whom; text of several lines."""
+    receiver: Mapping[str, Any] | None = None
+    """The receiver's record (`signal.receiver_record`), ready for JSON; None where there was none or nobody says."""
     software: Mapping[str, str] = field(default_factory=software_versions)
 
     def __post_init__(self) -> None:

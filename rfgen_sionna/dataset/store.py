@@ -130,6 +130,8 @@ class RunWriter:
         joints: Mapping[str, ArrayLike] | None = None,
         labels: Mapping[str, Any] | None = None,
         mesh_time: float | None = None,
+        full_scale: float | None = None,
+        clipped: float = 0.0,
     ) -> None:
         """Add one frame.
 
@@ -147,6 +149,10 @@ class RunWriter:
             One value for each label that was declared.
         mesh_time
             Instant of `vertices`, `joints` and `labels` [s]; `time` by default.
+        full_scale
+            Largest I or Q of the ADC [sqrt(W)], that of all frames; None where the samples are not quantised.
+        clipped
+            Share of the frame's words of I and Q that were beyond it; the file counts the words.
 
         Raises
         ------
@@ -166,6 +172,12 @@ class RunWriter:
             raise ValueError(f"time is {time!r}: seconds are needed")
         if self.frames and not time > file["frame_time"][self.frames - 1]:
             raise ValueError(f"time is {time} s; frames ascend, the last began at {file['frame_time'][-1]} s")
+        known = file["adc"].attrs.get("full_scale") if self.frames else full_scale
+        if known != full_scale or not 0 <= clipped <= 1 or (full_scale is not None and not 0 < full_scale < np.inf):
+            raise ValueError(
+                f"full_scale is {full_scale!r} and clipped {clipped!r}: that of the frames before ({known!r}), and a "
+                "share in 0 … 1, are needed"
+            )
         rows: list[tuple[str, Any]] = [
             ("adc", samples.astype(np.complex64)),
             ("frame_time", time),
@@ -180,6 +192,9 @@ class RunWriter:
             dataset = file[name]
             dataset.resize(self.frames + 1, axis=0)
             dataset[self.frames] = value
+        if full_scale is not None:
+            words = int(file["adc"].attrs.get("clipped", 0)) + round(2 * samples.size * clipped)
+            file["adc"].attrs.update({"full_scale": full_scale, "clipped": words})
         self.frames += 1
 
     def _geometry(

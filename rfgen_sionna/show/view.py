@@ -6,14 +6,18 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.dataset import Run, open_run
 from rfgen_sionna.processing.azimuth import RangeAzimuth, range_azimuth
+from rfgen_sionna.processing.demultiplex import select_profile, select_slot
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
-from rfgen_sionna.processing.spectrum import range_doppler, remove_static, watts_to_dbm
+from rfgen_sionna.processing.spectrum import range_doppler, watts_to_dbm
+from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 
@@ -34,6 +38,29 @@ def check_frame(run: Run, frame: int) -> int:
     return int(frame) % len(run)
 
 
+def shown(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any, Any]], Radar]:
+    """The samples (..., chirp, tx, rx, sample) that pictures are made of, and their radar.
+
+    Of several profiles that is the first; of several beams the first. A constant frequency has no picture.
+
+    Raises
+    ------
+    ValueError
+        If the chirps tell no ranges.
+    """
+    array, radar = np.asarray(samples), run.radar
+    if radar.waveform.other_profiles:
+        array, radar = select_profile(array, radar, 0)
+    if radar.waveform.multiplexing == "beam":
+        array, radar = select_slot(array, radar, 0)
+    if radar.waveform.slope == 0:
+        raise ValueError(
+            f"'{run.path}': radar '{radar.name}' with preset '{radar.preset}' keeps its frequency and tells no ranges: "
+            "there are no pictures of it; processing.range_doppler and micro_doppler give velocities"
+        )
+    return array, radar
+
+
 @dataclass(frozen=True)
 class RunView:
     """Spectrograms of the whole run; what does not move within a frame is taken out."""
@@ -48,14 +75,14 @@ class RunView:
 
 def view_run(run: Run) -> RunView:
     """Spectrograms, one frame in memory at a time."""
-    radar, times = run.radar, run.frame_times
+    radar, times = shown(run, run.adc[:1])[1], run.frame_times
     gaps = np.diff(times)
     # With pauses a short-time transform has no windows to fill them: one spectrum a frame then says it all.
     per_frame = len(times) > 1 and bool(np.any(gaps > 1.05 * radar.waveform.frame_length))
     if per_frame:
         ranges, dopplers = [], []
         for index, start in enumerate(times):
-            cube = run.adc[index : index + 1]
+            cube, _ = shown(run, run.adc[index : index + 1])
             ranges.append(range_time(cube, radar, frame_times=[start]))
             dopplers.append(doppler_time(cube, radar, frame_times=[start]))
         distance = RangeTime(
@@ -68,7 +95,7 @@ def view_run(run: Run) -> RunView:
             dopplers[0].duration,
         )
     else:
-        cube = run.adc[:]
+        cube, _ = shown(run, run.adc[:])
         distance = range_time(cube, radar, frame_times=times)
         doppler = micro_doppler(cube, radar, frame_times=times)
     return RunView(distance, doppler, per_frame, _liveliest(doppler, times))
@@ -102,13 +129,14 @@ class FrameView:
 
 def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
     """Range-Doppler and range-azimuth maps and the point cloud of one frame; `static` keeps what does not move."""
-    radar, samples = run.radar, run.adc[frame]
+    samples, radar = shown(run, run.adc[frame])
     # As long as the map allows: frames may be short.
     train = (min(12, (samples.shape[-1] - 1) // 4), 0)
     guard = (train[0] // 3, 0)
     maps = range_doppler(
-        samples if static else remove_static(samples),
+        samples,
         radar,
+        static=static,
         velocity_bins=2 * samples.shape[0],
         range_bins=2 * samples.shape[3],
     )

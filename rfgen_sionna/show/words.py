@@ -14,12 +14,16 @@ def radar_line(run: Run) -> str:
     """One line about the radar's configuration."""
     radar = run.radar
     wave = radar.waveform
-    low = wave.start_frequency + wave.slope * wave.adc_start_time
+    low, high = wave.sampled_band
+    sent = f"{len(radar.tx_positions)} Tx"
+    if wave.slots:
+        kinds = f", {len(wave.profiles)} kinds of chirps" if wave.other_profiles else ""
+        sent = f"{wave.num_slots} slots of {len(radar.tx_positions)} Tx ({wave.multiplexing}{kinds})"
+    cell = f"{radar.range_resolution * 100:.1f} cm × " if np.isfinite(radar.range_resolution) else ""
     return (
-        f"{radar.name} · {radar.preset} · {low / 1e9:.2f}–{(low + wave.bandwidth) / 1e9:.2f} GHz · "
-        f"{wave.num_loops} loops × {len(radar.tx_positions)} Tx × {len(radar.rx_positions)} Rx × "
-        f"{wave.num_samples} samples · cell {radar.range_resolution * 100:.1f} cm × "
-        f"{radar.velocity_resolution * 100:.1f} cm/s"
+        f"{radar.name} · {radar.preset} · {low / 1e9:.2f}–{high / 1e9:.2f} GHz · "
+        f"{wave.num_loops} loops × {sent} × {len(radar.rx_positions)} Rx × "
+        f"{wave.num_samples} samples · cell {cell}{radar.velocity_resolution * 100:.1f} cm/s"
     )
 
 

@@ -14,7 +14,10 @@ from rfgen_sionna.signal.receiver import (
     RampError,
     RangeBias,
     Receiver,
+    read_receiver,
     receive,
+    receiver_from_record,
+    receiver_record,
 )
 from rfgen_sionna.signal.synthesis import synthesize
 
@@ -33,6 +36,9 @@ __all__ = [
     "Receiver",
     "add_thermal_noise",
     "noise_power",
+    "read_receiver",
     "receive",
+    "receiver_from_record",
+    "receiver_record",
     "synthesize",
 ]

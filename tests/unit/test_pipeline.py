@@ -17,6 +17,8 @@ import pytest
 
 import rfgen_sionna as rfgen
 from rfgen_sionna import cli
+from rfgen_sionna.radar import Adc
+from rfgen_sionna.signal import DcOffset, Receiver, receiver_from_record
 
 pytest.importorskip("anny", reason="people need the body model")
 
@@ -95,6 +97,9 @@ BAD: list[tuple[dict[str, Any], tuple[str, ...]]] = [
     ({"look_at": "ahead"}, ("look_at is 'ahead'", "three finite coordinates")),
     ({"radar_position": (3, 0, 1), "look_at": (3, 0, 1)}, ("look_at is (3, 0, 1)", "where the radar stands")),
     ({"output": "/proc/run.h5"}, ("/proc",)),
+    ({"receiver": "nowhere.toml"}, ("receiver file 'nowhere.toml' does not exist",)),
+    ({"receiver": {"leakage": {"level_db": 3.0}}}, ("leakage.level_db is 3.0", "-200 … 0")),
+    ({"receiver": {"mismatch": {"rx_gain_db": [1.0]}}}, ("mismatch.rx_gain_db has 1 values", "RX1, RX2")),
 ]
 
 
@@ -289,6 +294,34 @@ def test_a_run_is_in_its_file(quick: dict[str, Any], folder: Path, tiny_toml: Pa
     # An earlier file is replaced where that is asked for.
     with rfgen.generate(PROMPT, seed=6, output="again.h5", overwrite=True, **quick) as run:
         assert run.seeds["noise"] == 6
+
+
+def test_a_receiver_of_ones_own(quick: dict[str, Any], tmp_path: Path) -> None:
+    """Its impairments are in the samples, and it is in the file with seed, full scale and what was clipped."""
+    board = tmp_path / "board.toml"
+    board.write_text("adc = {bits = 8, full_scale_dbm = -100.0}\n[dc_offset]\nlevel_dbm = -99.0\n")
+    short = quick | {"duration": 0.05}
+    with rfgen.generate(PROMPT, seed=5, output="board.h5", receiver=board, noise=False, **short) as run:
+        assert run.receiver is not None
+        receiver = receiver_from_record(run.receiver, run.radar)
+        assert receiver.adc == Adc(8, -100.0)
+        assert receiver.dc_offset == DcOffset(-99.0)
+        assert not receiver.thermal_noise
+        assert run.seeds["noise"] == 5
+        assert run.full_scale == pytest.approx(10 ** (-130 / 20))
+        samples = run.cube().data
+        words = np.stack([samples.real, samples.imag]) * (128 / run.full_scale)
+        np.testing.assert_allclose(words, np.rint(words), atol=1e-4)
+        # A constant of -99 dBm is beyond I or Q wherever its phase puts more than 0.9 of it into one of them.
+        at_the_end = np.count_nonzero((words > 126.5) | (words < -127.5))
+        assert 0 < run.clipped <= at_the_end
+    with rfgen.generate(PROMPT, seed=5, output="ideal.h5", noise=False, **short) as run:
+        assert run.full_scale is None
+        assert run.clipped == 0
+        assert receiver_from_record(run.receiver or {}, run.radar) == Receiver.ideal()
+    with rfgen.generate(PROMPT, seed=5, output="usual.h5", **short) as run:
+        assert receiver_from_record(run.receiver or {}, run.radar) == Receiver()
+        assert run.full_scale is not None
 
 
 def test_the_prompt_says_where(quick: dict[str, Any], caplog: pytest.LogCaptureFixture) -> None:

@@ -9,6 +9,7 @@ from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.receiver import Receiver, receive
+from rfgen_sionna.signal.receiver.record import read_receiver, receiver_from_record, receiver_record
 from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias
 
 __all__ = [
@@ -25,5 +26,8 @@ __all__ = [
     "RangeBias",
     "Receiver",
     "convert",
+    "read_receiver",
     "receive",
+    "receiver_from_record",
+    "receiver_record",
 ]

@@ -1,0 +1,184 @@
+"""Receivers as JSON-able records and as TOML files."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.radar import Adc, Radar
+from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
+from rfgen_sionna.signal.receiver.interference import Interferer
+from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
+from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
+from rfgen_sionna.signal.receiver.receiver import Receiver
+from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias
+
+_PARTS: dict[str, type] = {
+    "leakage": Leakage,
+    "chassis": Chassis,
+    "range_bias": RangeBias,
+    "ramp_error": RampError,
+    "phase_noise": PhaseNoise,
+    "mismatch": Mismatch,
+    "iq_imbalance": IqImbalance,
+    "dc_offset": DcOffset,
+}
+_KNOWN = (*_PARTS, "coupling", "interferers", "thermal_noise", "adc")
+
+
+def receiver_record(receiver: Receiver) -> dict[str, Any]:
+    """Everything that makes up the receiver, ready for JSON; what is off is left out."""
+    record: dict[str, Any] = {"thermal_noise": receiver.thermal_noise, "adc": "none"}
+    if receiver.adc is not None:
+        record["adc"] = receiver.adc if isinstance(receiver.adc, str) else asdict(receiver.adc)
+    for name in _PARTS:
+        if (part := getattr(receiver, name)) is not None:
+            record[name] = asdict(part)
+    if receiver.coupling is not None:
+        matrix = np.array(receiver.coupling.matrix)
+        record["coupling"] = {"real": matrix.real.tolist(), "imag": matrix.imag.tolist()}
+    if receiver.interferers:
+        record["interferers"] = [
+            {item.name: getattr(other, item.name) for item in fields(Interferer)} | {"radar": other.radar.to_dict()}
+            for other in receiver.interferers
+        ]
+    return record
+
+
+def receiver_from_record(record: Mapping[str, Any], radar: Radar) -> Receiver:
+    """Inverse of :func:`receiver_record`; more loosely, what a person writes.
+
+    `coupling` may also be that of neighbours (:meth:`Coupling.of_neighbours`, `level_db` and `phase_deg`), the `radar`
+    of an interferer the name or the file of one, with `preset`, `position` and `look_at` or `orientation` beside it.
+
+    Raises
+    ------
+    ValueError
+        Naming the key, what it is and what is allowed.
+    """
+    if not isinstance(record, Mapping):
+        raise ValueError(f"receiver is {record!r}: a table with keys of {', '.join(_KNOWN)} is needed")
+    _check_keys("receiver", record, _KNOWN)
+    arguments: dict[str, Any] = {}
+    for name, kind in _PARTS.items():
+        if name in record:
+            arguments[name] = _made(kind, f"receiver.{name}", record[name])
+    if "coupling" in record:
+        arguments["coupling"] = _coupling(record["coupling"], radar)
+    if "interferers" in record:
+        arguments["interferers"] = tuple(_interferer(entry) for entry in _list(record["interferers"]))
+    if "thermal_noise" in record:
+        arguments["thermal_noise"] = record["thermal_noise"]
+    if "adc" in record:
+        arguments["adc"] = _adc(record["adc"])
+    try:
+        return Receiver(**arguments)
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+
+
+def read_receiver(source: Receiver | Mapping[str, Any] | str | PathLike[str], radar: Radar) -> Receiver:
+    """A receiver as it is, from a record or from a TOML file with the keys of one, checked against `radar`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or it says what no receiver of this radar has.
+    """
+    if isinstance(source, Receiver):
+        receiver = source
+    elif isinstance(source, Mapping):
+        receiver = receiver_from_record(source, radar)
+    elif isinstance(source, (str, PathLike)):
+        path = Path(source)
+        if not path.is_file():
+            raise ValueError(f"receiver file '{path}' does not exist")
+        try:
+            receiver = receiver_from_record(tomllib.loads(path.read_text(encoding="utf-8")), radar)
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"receiver file '{path}' is not a TOML file: {error}") from error
+        except ValueError as error:
+            raise ValueError(f"receiver file '{path}': {error}") from error
+    else:
+        raise TypeError(
+            f"receiver is {source!r}: a Receiver, a table of its parts or the path of a TOML file is needed"
+        )
+    receiver.check(radar)
+    return receiver
+
+
+def _check_keys(what: str, record: Mapping[str, Any], known: Sequence[str]) -> None:
+    if unknown := set(record) - set(known):
+        raise ValueError(f"{what} has the unknown key '{min(unknown)}'; known: {', '.join(known)}")
+
+
+def _made(kind: type, what: str, record: Any) -> Any:
+    """One part from its table."""
+    names = [item.name for item in fields(kind)]
+    if not isinstance(record, Mapping):
+        raise ValueError(f"{what} is {record!r}: a table with keys of {', '.join(names)} is needed")
+    _check_keys(what, record, names)
+    values = {key: _tuples(value) for key, value in record.items()}
+    try:
+        return kind(**values)
+    except TypeError as error:
+        raise ValueError(f"{what} lacks a key: {', '.join(names)} are known ({error})") from error
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(entry) for entry in value) if isinstance(value, (list, tuple)) else value
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, (list, tuple)):
+        raise ValueError(f"receiver.interferers is {value!r}: a list of tables is needed")
+    return list(value)
+
+
+def _coupling(record: Any, radar: Radar) -> Coupling:
+    if not isinstance(record, Mapping):
+        raise ValueError(f"receiver.coupling is {record!r}: a table is needed")
+    if "real" in record or "imag" in record:
+        _check_keys("receiver.coupling", record, ("real", "imag"))
+        try:
+            real = np.array(record.get("real", 0.0), dtype=np.float64)
+            matrix = real + 1j * np.array(record.get("imag", 0.0), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"receiver.coupling is {record!r}: two square matrices of numbers are needed") from error
+        return Coupling(tuple(map(tuple, np.atleast_2d(matrix))))
+    _check_keys("receiver.coupling", record, ("real", "imag", "level_db", "phase_deg"))
+    if "level_db" not in record:
+        raise ValueError("receiver.coupling lacks 'level_db' (or 'real' and 'imag')")
+    return Coupling.of_neighbours(radar, record["level_db"], record.get("phase_deg", 0.0))
+
+
+def _interferer(record: Any) -> Interferer:
+    place = ("preset", "position", "orientation", "look_at")
+    known = (*(item.name for item in fields(Interferer)), *place)
+    if not isinstance(record, Mapping) or "radar" not in record:
+        raise ValueError(f"receiver.interferers has {record!r}: a table with a 'radar' is needed")
+    _check_keys("receiver.interferers", record, known)
+    values = {key: _tuples(value) for key, value in record.items() if key not in place}
+    if isinstance(record["radar"], Mapping):
+        values["radar"] = Radar.from_dict(dict(record["radar"]))
+    else:
+        given = {key: _tuples(record[key]) for key in place if key in record}
+        values["radar"] = Radar.load(record["radar"], given.pop("preset", None), **given)
+    return Interferer(**values)
+
+
+def _adc(record: Any) -> Any:
+    if record in ("radar", "none"):
+        return None if record == "none" else record
+    if not isinstance(record, Mapping):
+        raise ValueError(
+            f'receiver.adc is {record!r}: "radar", "none" or a table with bits and full_scale_dbm is needed'
+        )
+    level = record.get("full_scale_dbm")
+    return _made(Adc, "receiver.adc", dict(record) | {"full_scale_dbm": None if level == "auto" else level})
