@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene import load_scene as load_scene
     from rfgen_sionna.scene import material as material
     from rfgen_sionna.simulation import Simulator as Simulator
+    from rfgen_sionna.tracing.sionna_paths import from_sionna as from_sionna
+    from rfgen_sionna.tracing.sionna_target import add_actor as add_actor
 
     __version__: str
 
@@ -34,6 +36,8 @@ _HOMES = {
     "Radar": "radar",
     "RadarPaths": "records",
     "Simulator": "simulation",
+    "add_actor": "tracing.sionna_target",
+    "from_sionna": "tracing.sionna_paths",
     "generate": "pipeline",
     "load_scene": "scene",
     "material": "scene",
