@@ -177,6 +177,30 @@ def test_it_is_reciprocal(rt):
     assert abs(gains[1] / gains[0] - 1) < 1e-3
 
 
+def test_targets_of_different_kinds_stand_in_one_scene_and_may_be_moved_there(rt):
+    """Each returns what it returns alone; one that Sionna moves and turns about the vertical is one made there."""
+    radar = apart(position=(0, 0, 1), orientation=(0.1, 0, 0))
+    made = {
+        "board": {"mesh": plate(0.05, 0.04), "material": "wood", "position": (6, 1.0, 1.5), "orientation": (0.2, 0, 0)},
+        "ball": {"mesh": ball(0.04, 3), "material": "metal", "position": (5, -1.0, 0.8)},
+    }
+    actors = {name: Actor.from_mesh(**values, name=name) for name, values in made.items()}
+    both, moved = free_space(radar), free_space(radar)
+    for actor in actors.values():
+        rfgen.add_actor(both, actor)
+    together = rfgen.from_sionna(solve(rt, both), radar, scene=both)
+    target = rfgen.add_actor(moved, replace(actors["board"], position=(3.0, -2.0, 0.5), orientation=(-0.5, 0, 0)))
+    target.position, target.orientation = [6, 1.0, 1.5], [0.7, 0, 0]
+    alone = rfgen.from_sionna(solve(rt, moved), radar, scene=moved)
+    board = together.select(together.object_id == together.object_names.index("board"))
+    assert board.num_paths == 1
+    np.testing.assert_allclose(channel(alone), channel(board), rtol=2e-3)
+    ball_alone = free_space(radar)
+    rfgen.add_actor(ball_alone, actors["ball"])
+    rest = together.select(together.object_id == together.object_names.index("ball"))
+    np.testing.assert_allclose(channel(rfgen.from_sionna(solve(rt, ball_alone), radar)), channel(rest), rtol=1e-5)
+
+
 def test_a_target_over_a_floor_has_its_ghosts_at_their_images(rt):
     """Directly, by the floor on one way or the other, by the floor on both: each at its delay, level and Doppler."""
     radar = apart(axis=2, position=(0, 0, 1.0))
