@@ -80,7 +80,7 @@ def test_walking_shows_the_speeds_of_the_mesh(radar):
     spectrum ends where the fastest visible vertices end.
     """
     fast = one_channel(radar, num_loops=384, num_samples=32)
-    person = Actor.from_prompt("a person walking towards the radar and back", seed=1, radar=fast, duration=3.0)
+    person = Actor.from_prompt("a person walking towards the radar and back", seed=1, radar=fast, duration=6.0)
     tracer = Tracer(None, fast, [person])
     resolution = fast.wavelength / (2 * fast.waveform.frame_length)
     fastest_limb = 0.0
