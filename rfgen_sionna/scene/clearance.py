@@ -74,6 +74,18 @@ def distance(point: ArrayLike, vertices: FloatArray, faces: IntArray) -> float:
     return float(np.sqrt(((nearest - query) ** 2).sum(axis=1).min()))
 
 
+def nearest_surface(point: ArrayLike, scene: RadarScene) -> tuple[str, float]:
+    """Name of the object of a scene that is nearest to a point (3,), and its distance [m]."""
+    place = np.asarray(point, np.float64)
+    name, reach = "", np.inf
+    for item in scene.objects:
+        low, high = item.vertices.min(axis=0), item.vertices.max(axis=0)
+        if np.linalg.norm(np.maximum(0.0, np.maximum(low - place, place - high))) < reach:
+            gap = distance(place, item.vertices, item.faces)
+            name, reach = (item.name, gap) if gap < reach else (name, reach)
+    return name, reach
+
+
 def check_radar_clear(
     position: ArrayLike,
     scene: RadarScene | None,

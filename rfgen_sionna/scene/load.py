@@ -15,6 +15,7 @@ import numpy as np
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.resources import available, resolve
+from rfgen_sionna.scene.enclosure import Interior, read_interior
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.materials import Material, warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals
@@ -67,6 +68,17 @@ class RadarScene:
     def is_free_space(self) -> bool:
         """Whether there are no surroundings."""
         return self.path is None and self._given is None
+
+    @cached_property
+    def interior(self) -> Interior | None:
+        """Where a radar may stand in a scene that is a room, from the file beside the scene's that ends in `.toml`;
+        None where there is no such file.
+
+        Raises:
+            SceneError: the file cannot be used.
+        """
+        beside = None if self.path is None else self.path.with_suffix(".toml")
+        return None if beside is None or not beside.is_file() else read_interior(beside)
 
     @cached_property
     def sionna(self) -> Any:
@@ -155,8 +167,9 @@ def load_scene(scene: Any = None, frequency: float | None = None, outside: Outsi
 
     Args:
         scene: name of a scene of ours ("living_room") or of Sionna's (`available_scenes()` lists both), path of a
-            Mitsuba XML file with Sionna's material conventions, a `sionna.rt.Scene` (its ITU materials are retuned
-            in place), a `RadarScene` (returned as it is), or None for free space.
+            Mitsuba XML file with Sionna's material conventions (a room's may have a TOML file of the same name beside
+            it, which says where its free space is: see `scenes/living_room/scene.toml`), a `sionna.rt.Scene` (its ITU
+            materials are retuned in place), a `RadarScene` (returned as it is), or None for free space.
         frequency: carrier frequency [Hz] for the Sionna scene.
         outside: what to do at frequencies that a material's source does not cover: "extrapolate" and "clamp" warn,
             "raise" is an error.

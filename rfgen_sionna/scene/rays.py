@@ -43,6 +43,12 @@ class Hits:
     barycentric: FloatArray
     """(ray, 3) weights of the face's corners, in its own order; NaN where nothing is hit."""
 
+    def take(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Hits:
+        """Those of some rays."""
+        return Hits(
+            self.distance[index], self.object[index], self.face[index], self.facet[index], self.barycentric[index]
+        )
+
 
 class RayScene:
     """Static and moving triangle meshes that rays are sent through.

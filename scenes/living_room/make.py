@@ -1,4 +1,4 @@
-"""Makes the living room: `python scenes/living_room/make.py` writes scene.xml and meshes/ next to this file.
+"""Makes the living room: `python scenes/living_room/make.py` writes scene.xml, scene.toml and meshes/ next to it.
 
 The room is 5.8 m x 4.4 m x 2.6 m. The floor is z = 0; the origin lies on it, 0.4 m in front of the middle of a short
 wall, so that a radar at (0, 0, 1) looking along +x sees a person at (3, 0, 0). The floor is free for
@@ -21,6 +21,8 @@ from trimesh.transformations import rotation_matrix
 X0, X1, Y0, Y1, HEIGHT = -0.4, 5.4, -2.2, 2.2, 2.6
 WINDOW = (1.8, 3.6, 0.95, 2.2)
 """Opening in the wall at Y0: x from, x to, z from, z to [m]."""
+PANE = Y0 - 0.1
+"""Where the window panes stand."""
 DOOR = (3.9, 4.8, 0.0, 2.06)
 """Opening in the wall at Y1."""
 SEED = 0
@@ -161,7 +163,7 @@ def shell() -> None:
 def window() -> None:
     x0, x1, z0, z1 = WINDOW
     depth, w, xm = 0.16, 0.06, 0.5 * (x0 + x1)
-    y_pane = Y0 - 0.10
+    y_pane = PANE
     add(
         "window panes",
         "panes",
@@ -466,6 +468,10 @@ def write(folder: Path) -> None:
     ElementTree.ElementTree(root).write(folder / "scene.xml", encoding="utf-8")
     with (folder / "scene.xml").open("a", encoding="utf-8") as file_end:
         file_end.write("\n")
+    text = "# Written by make.py: where there is free space, the room and the niche of its window; metres.\n"
+    for low, high in (((X0, Y0, 0.0), (X1, Y1, HEIGHT)), ((WINDOW[0], PANE, WINDOW[2]), (WINDOW[1], Y0, WINDOW[3]))):
+        text += f"\n[[interior]]\nlow = {[round(x, 6) for x in low]}\nhigh = {[round(x, 6) for x in high]}\n"
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
 
 
 def build() -> None:

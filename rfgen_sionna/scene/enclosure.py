@@ -1,0 +1,210 @@
+"""Whether a radar stands in the open or in a room, or inside of a building or below the ground."""
+
+from __future__ import annotations
+
+import tomllib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.errors import SceneError
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene.load import RadarScene
+
+RINGS = (0.97, 0.7, 0.35)
+"""Sines of the elevations at which rays go up. Lower ones run into hills, and from below into buildings that are open
+there."""
+LOW_RING = 0.07
+"""Sine of the elevation at which something must be in the way at least: a roof without walls encloses nothing."""
+PER_RING = 8
+IN_RING, IN_ALL = 0.4, 0.6
+"""Shares of the rays that must find the radar enclosed, in every ring and in all. In Sionna's towns the share in all is
+0 … 0.33 in streets and 0.67 … 1 in buildings (100 random places in each town)."""
+FLOOR_GAP = 0.05
+"""Surfaces this close below the first one beneath the radar [m] are floors too: bottoms of houses lie on the ground."""
+GROUND_SAMPLES = 24
+OPEN_GROUND = 0.1
+"""Share of a floor under the open sky from which it is ground, not the floor of a room."""
+
+
+@dataclass(frozen=True)
+class Interior:
+    """Where there is free space in a scene that is a room: a union of boxes, with low and high corners (box, 3) [m]."""
+
+    low: FloatArray
+    high: FloatArray
+
+    def holds(self, point: ArrayLike) -> bool:
+        """Whether a point (3,) [m] lies in one of the boxes."""
+        place = np.asarray(point, np.float64)
+        return bool(((place >= self.low) & (place <= self.high)).all(axis=1).any())
+
+    def __str__(self) -> str:
+        return " or ".join(
+            ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", low, high, strict=True))
+            for low, high in zip(self.low.tolist(), self.high.tolist(), strict=True)
+        )
+
+
+def read_interior(path: Path) -> Interior:
+    """The interior of a scene from a TOML file: tables `[[interior]]` with `low` and `high` corners [m].
+
+    Raises
+    ------
+    SceneError
+        The file holds anything else, or a box without volume.
+    """
+    wanted = "tables [[interior]] with low = [x, y, z] and high = [x, y, z], low below high, and nothing else"
+    try:
+        held = tomllib.loads(path.read_text(encoding="utf-8"))
+        if set(held) != {"interior"} or any(set(box) != {"low", "high"} for box in held["interior"]):
+            raise ValueError(f"it has {', '.join(held)}")
+        low, high = (np.array([box[end] for box in held["interior"]], np.float64) for end in ("low", "high"))
+        if low.shape[1:] != (3,) or high.shape != low.shape or not (low < high).all():
+            raise ValueError(f"low is {low.tolist()} and high {high.tolist()}")
+    except (ValueError, TypeError) as error:  # those of TOML and Unicode are ValueErrors too
+        raise SceneError(f"scene description {path.name!r}: {error}; allowed are {wanted}") from error
+    return Interior(low, high)
+
+
+def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: Callable[[], bool]) -> None:
+    """Make sure that a radar stands where it can look around: not inside of a building, below the ground, or outside of
+    a room that says where its free space is (:attr:`RadarScene.interior`).
+
+    Buildings of town models have no floor, and the sides that their faces show are no guide: in Sionna's street canyon
+    they look inwards. What holds for all of them: from inside, a ray that goes up leaves through a wall or the roof,
+    and whatever else it enters it leaves again, so that it crosses an odd number of surfaces; from outside an even one.
+    Rooms are told from buildings by their floor: a building stands on ground that goes on under the open sky outside.
+
+    Parameters
+    ----------
+    position
+        (3,) of the radar [m].
+    scene
+        The static surroundings.
+    in_view
+        Whether the radar sees an actor: then what encloses both is a hall. Asked only inside of a building.
+
+    Raises
+    ------
+    SceneError
+        Naming the position, the object and what is allowed.
+    """
+    if scene is None or not scene.objects:
+        return
+    place = np.asarray(position, np.float64)
+    where = "radar position (" + ", ".join(f"{x:g}" for x in place) + ") m"
+    if scene.interior is not None:
+        if not scene.interior.holds(place):
+            raise SceneError(
+                f"{where} lies outside of the room {scene.name!r}, whose walls are opaque: place it within "
+                f"{scene.interior} m"
+            )
+        return
+    surfaces = _Surfaces(scene)
+    enclosing, covered = surfaces.enclosing(place)
+    if not covered:
+        return
+    floors = surfaces.floors(place)
+    if not floors:
+        _, above = surfaces.crossings(place, _vertical(1.0))
+        what = f"below {scene.objects[above[0]].name!r}" if len(above) else "below the scene"
+        raise SceneError(
+            f"{where} lies {what}: there are surfaces above it and all around, and none beneath it; place it above "
+            "the ground, in the open or in a room"
+        )
+    if enclosing is None:
+        return
+    if any(surfaces.open_share(floor, place[2]) > OPEN_GROUND for floor in floors) and not in_view():
+        item = scene.objects[enclosing]
+        raise SceneError(
+            f"{where} lies inside of {item.name!r} ({item.material}), a building that hides all that is outside of it; "
+            "place the radar outside, or an actor in its view"
+        )
+
+
+class _Surfaces:
+    """All triangles of a scene, for counting what a ray crosses."""
+
+    def __init__(self, scene: RadarScene) -> None:
+        items = scene.objects
+        self.corners = np.concatenate([item.vertices[item.faces] for item in items])
+        self.owner = np.repeat(np.arange(len(items)), [len(item.faces) for item in items])
+        self._centre = self.corners.mean(axis=1)
+        self._radius2 = ((self.corners - self._centre[:, None]) ** 2).sum(axis=2).max(axis=1)
+
+    def crossings(self, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Distances [m], ascending, at which a ray crosses faces, and the objects' numbers. `direction` is of unit
+        length."""
+        offset = self._centre - origin
+        along = offset @ direction
+        near = np.flatnonzero(
+            (np.einsum("ij,ij->i", offset, offset) - along**2 <= self._radius2) & (along > -np.sqrt(self._radius2))
+        )
+        points = self.corners[near] - origin
+        side = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+        side /= np.linalg.norm(side)
+        x, y = points @ side, points @ np.cross(direction, side)
+        turns = x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y
+        hit = (turns > 0).all(axis=1) | (turns < 0).all(axis=1)
+        points = points[hit]
+        normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+        distance = np.einsum("ij,ij->i", normal, points[:, 0]) / (normal @ direction)
+        order = np.argsort(distance)
+        order = order[distance[order] > 0.0]
+        return distance[order], self.owner[near[hit][order]]
+
+    def enclosing(self, place: FloatArray) -> tuple[int | None, bool]:
+        """Number of the object that is seen most often from inside, None where the radar is not in anything; and
+        whether something covers the radar above and all around, once or more often."""
+        first: list[int] = []
+        shares: list[float] = []
+        for sine in (*RINGS, LOW_RING):
+            crossed = [self.crossings(place, direction)[1] for direction in _ring(sine)]
+            if np.mean([len(objects) > 0 for objects in crossed]) < IN_RING:
+                return None, False
+            if sine != LOW_RING:
+                odd = [int(objects[0]) for objects in crossed if len(objects) % 2]
+                first += odd
+                shares.append(len(odd) / PER_RING)
+        inside = min(shares) >= IN_RING and np.mean(shares) >= IN_ALL
+        return (Counter(first).most_common(1)[0][0] if inside else None), True
+
+    def floors(self, place: FloatArray) -> list[int]:
+        """Numbers of the objects just beneath a point, the nearest first."""
+        distance, objects = self.crossings(place, _vertical(-1.0))
+        return list(dict.fromkeys(objects[: np.searchsorted(distance, distance[:1].sum() + FLOOR_GAP)].tolist()))
+
+    def open_share(self, number: int, height: float) -> float:
+        """Share of an object's area below `height` [m] above which there is nothing, from seeded samples."""
+        corners = self.corners[self.owner == number]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        level = np.abs(normals[:, 2])
+        rng = np.random.default_rng(0)
+        weights = rng.dirichlet(np.ones(3), 4 * GROUND_SAMPLES)
+        chosen = rng.choice(len(corners), 4 * GROUND_SAMPLES, p=level / level.sum())
+        points = np.einsum("pc,pci->pi", weights, corners[chosen])
+        points = points[points[:, 2] < height][:GROUND_SAMPLES]
+        up = _vertical(1.0)
+        clear = [not (self.crossings(point, up)[0] > 0.01).any() for point in points]
+        return float(np.mean(clear)) if clear else 0.0
+
+
+def _ring(sine: float) -> FloatArray:
+    """(ray, 3) directions of one elevation; no two rings share an azimuth."""
+    azimuth = 2 * np.pi * (np.arange(PER_RING) + sine) / PER_RING
+    level = np.sqrt(1.0 - sine**2)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.full(PER_RING, sine)], axis=1)
+
+
+def _vertical(sign: float) -> FloatArray:
+    """Up or down, a little aslant: along the axes faces meet edge to edge."""
+    direction = np.array([0.00123, 0.00217, sign])
+    return direction / np.linalg.norm(direction)

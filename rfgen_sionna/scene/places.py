@@ -1,0 +1,141 @@
+"""Whether actors stay where a radar can work with them, all through a run; looked at before the run begins."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear
+from rfgen_sionna.scene.collision import ALLOWED, Collision, CollisionFinder, deepest
+from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.rays import RayScene
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene.actor import Actor
+    from rfgen_sionna.scene.load import RadarScene
+
+Policy: TypeAlias = Literal["error", "warn", "ignore"]
+POLICIES = ("error", "warn", "ignore")
+CHECK_STEP = 0.05
+"""Time [s] between the instants of a run at which the actors' places are checked."""
+MIN_CHECK_STEP = 1e-4
+"""Shortest such time where an actor passes the radar [s]."""
+HIDING_INSTANTS = 9
+"""Instants of a run, and below them points of an actor, at which it is looked for behind the scene's surfaces."""
+HIDING_POINTS = 64
+
+
+def check_places(radar: Radar, actors: Sequence[Body], start: float, stop: float) -> None:
+    """Make sure that every actor keeps within the range window, and none of them comes around the radar or through it.
+
+    `actors` are as seen by a radar that stays at its place.
+
+    Raises
+    ------
+    ValueError
+        Naming the actor, the time and what is allowed.
+    """
+    for actor in actors:
+        steps = max(1, math.ceil((stop - start) / CHECK_STEP))
+        earlier = (start, _within_window(radar, actor, start))
+        check_radar_clear(radar.position, None, [actor], start)
+        for t in np.linspace(start, stop, steps + 1)[1:] if stop > start else ():
+            later = (float(t), _within_window(radar, actor, float(t)))
+            _check_passage(radar, actor, earlier, later)
+            earlier = later
+
+
+def warn_frozen(actors: Sequence[Actor], start: float, stop: float, stacklevel: int) -> None:
+    """Actors hold their first and last pose outside of their motion: a stop that nobody meant, most often."""
+    for actor in actors:
+        if np.isfinite(actor.duration) and (start < -1e-9 or stop > actor.duration + 1e-9):
+            warnings.warn(
+                f"actor '{actor.name}' moves from 0 to {actor.duration:.3f} s and holds its pose before and after; "
+                f"the run lasts from {start:.3f} to {stop:.3f} s",
+                stacklevel=stacklevel + 1,
+            )
+
+
+def check_collisions(
+    scene: RadarScene,
+    rays: RayScene | None,
+    actors: Sequence[Actor],
+    start: float,
+    stop: float,
+    policy: Policy,
+    stacklevel: int,
+) -> None:
+    """Make sure that no actor goes through a surface of the scene from `start` to `stop` [s].
+
+    Contact is fine (:data:`~rfgen_sionna.scene.collision.CONTACT`), and what goes deeper is warned of. What goes deeper
+    than :data:`~rfgen_sionna.scene.collision.ALLOWED` is an error or, as `policy` says, is warned of as well.
+
+    Raises
+    ------
+    SceneError
+        Naming the actor, the object, time and place, and what to do.
+    """
+    if policy == "ignore" or rays is None:
+        return
+    for actor in actors:
+        found: list[Collision] = []
+        for each in CollisionFinder(scene, rays, actor).find(start, stop):
+            if each.depth > ALLOWED and policy == "error":
+                raise SceneError(
+                    f"{each}; allowed are {100 * ALLOWED:g} cm. Place the actor elsewhere or at another distance, let "
+                    "it move less, or say Simulator(..., collisions='warn') if it is meant"
+                )
+            found.append(each)
+        if found:
+            warnings.warn("; ".join(map(str, deepest(found))), stacklevel=stacklevel + 1)
+
+
+def hidden(radar: Radar, rays: RayScene | None, actor: Body, start: float, stop: float) -> bool:
+    """Whether the surfaces of `rays` hide an actor from the radar at every instant tried from `start` to `stop` [s]."""
+    if rays is None:
+        return False
+    for t in np.linspace(start, stop, HIDING_INSTANTS if stop > start else 1).tolist():
+        vertices = actor.vertices(t)
+        points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
+        if not rays.occluded(np.asarray(radar.pose(t)[0]), points).all():
+            return False
+    return True
+
+
+def _within_window(radar: Radar, actor: Body, t: float) -> FloatArray:
+    """(vertex, 3) world positions [m], all of them within the range window."""
+    points = actor.vertices(t)
+    reach = float(np.linalg.norm(points - np.asarray(radar.position), axis=1).max())
+    if not np.isfinite(reach):
+        raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
+    if reach > radar.max_range:
+        raise ValueError(
+            f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "
+            f"ends at {radar.max_range:.2f} m: move it closer, or take a preset with a lower slope or a "
+            "higher sample rate"
+        )
+    return points
+
+
+def _check_passage(
+    radar: Radar, actor: Body, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]
+) -> None:
+    """The actor does not meet the radar between two instants; looked at in steps of less than the clearance."""
+    place = np.asarray(radar.position)
+    (t0, before), (t1, after) = earlier, later
+    low, high = np.minimum(before, after).min(axis=0), np.maximum(before, after).max(axis=0)
+    if (place < low - CLEARANCE).any() or (place > high + CLEARANCE).any():
+        return
+    if t1 - t0 > MIN_CHECK_STEP and np.linalg.norm(after - before, axis=1).max() > CLEARANCE:
+        t = 0.5 * (t0 + t1)
+        middle = (t, actor.vertices(t))
+        _check_passage(radar, actor, earlier, middle)
+        _check_passage(radar, actor, middle, later)
+    else:
+        check_radar_clear(radar.position, None, [actor], t1)
