@@ -74,7 +74,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         *("generate", "a person raises an arm", "--negative", "left arm", "--environment", "a living room"),
         *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
         *("--no-noise", "--rtol", "0.01", "--distance", "2", "--pir-resolution", "32x64", "--no-pictures"),
-        *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1"),
+        *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -91,6 +91,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "output": Path("arm.h5"),
         "overwrite": False,
         "noise": False,
+        "receiver": Path("rx.toml"),
         "rtol": 0.01,
         "distance": 2.0,
         "radar_position": (-1.0, 0.5, 1.2),
