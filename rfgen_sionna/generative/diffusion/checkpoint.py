@@ -1,0 +1,96 @@
+"""The file of a trained model: weights in half precision, and everything else that it takes, in its header."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from rfgen_sionna.generative.diffusion.features import HandBasis
+from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
+from rfgen_sionna.generative.diffusion.rhythm import Beat
+from rfgen_sionna.generative.diffusion.text import TextEncoder
+from rfgen_sionna.generative.diffusion.understanding import vocabulary
+from rfgen_sionna.records import FloatArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.generative.diffusion.corpus import Corpus
+
+_FORMAT = "rfgen-motion-1"
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """A trained model in memory."""
+
+    net: DenoisingNet
+    text: TextEncoder
+    hands: HandBasis
+    beats: dict[str, Beat]
+    mean: FloatArray
+    """(NUM_FEATURES,) of the features."""
+    scale: FloatArray
+    """(NUM_FEATURES,) of the features."""
+    facts: dict[str, Any]
+    """Seed, steps, hours."""
+    stems: frozenset[str]
+    """Stems of the words that it was trained on."""
+
+
+def write_model(path: Path, net: DenoisingNet, text: TextEncoder, corpus: Corpus, facts: dict[str, Any]) -> None:
+    """Write a model, whole or not at all."""
+    tensors = {f"net.{k}": v.to(torch.float16) for k, v in net.state_dict().items()}
+    tensors |= {f"text.{k}": v.to(torch.float16) for k, v in text.state_dict().items()}
+    for name in ("mean", "scale"):
+        tensors[f"features.{name}"] = torch.from_numpy(getattr(corpus, name)).float()
+    tensors["hands.mean"] = torch.from_numpy(np.ascontiguousarray(corpus.hands.mean)).float()
+    tensors["hands.components"] = torch.from_numpy(np.ascontiguousarray(corpus.hands.components)).float()
+    header = {
+        "format": _FORMAT,
+        "shape": net.shape.to_dict(),
+        "actions": text.actions,
+        "beats": {name: asdict(beat) for name, beat in corpus.beats.items()},
+        "stems": sorted(vocabulary(tuple({c for e in corpus.entries for c in e.captions}))),
+        "facts": facts,
+    }
+    partial = path.with_suffix(".part")
+    save_file({k: v.contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
+    partial.replace(path)
+
+
+def read_model(path: Path) -> MotionModel:
+    """Read a model, ready for sampling.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file is not a motion model of this version.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"no motion model at {path}")
+    with safe_open(path, "pt") as file:
+        header = json.loads((file.metadata() or {}).get("rfgen", "{}"))
+        if header.get("format") != _FORMAT:
+            raise ValueError(f"{path.name}: format {header.get('format')!r}; this version reads {_FORMAT!r}")
+        tensors = {key: file.get_tensor(key).float() for key in file.keys()}  # noqa: SIM118
+    shape = header["shape"]
+    net = DenoisingNet(Shape(tuple(shape.pop("channels")), **shape)).eval()
+    text = TextEncoder(tuple(header["actions"])).eval()
+    for name, module in (("net", net), ("text", text)):
+        module.load_state_dict({k.removeprefix(f"{name}."): v for k, v in tensors.items() if k.startswith(f"{name}.")})
+        module.requires_grad_(False)
+    return MotionModel(
+        net,
+        text,
+        HandBasis(tensors["hands.mean"].double().numpy(), tensors["hands.components"].double().numpy()),
+        {name: Beat(**beat) for name, beat in header["beats"].items()},
+        tensors["features.mean"].double().numpy(),
+        tensors["features.scale"].double().numpy(),
+        header["facts"],
+        frozenset(header["stems"]),
+    )

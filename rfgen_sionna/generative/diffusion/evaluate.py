@@ -1,0 +1,70 @@
+"""Examine a motion model: `python -m rfgen_sionna.generative.diffusion.evaluate --data FOLDER --out FOLDER`.
+
+Writes `metrics.json` and stick-figure strips; `--data` is the training command's `--out`. With `--mocap FOLDER`
+captured motion is examined too.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rfgen_sionna.generative.diffusion import evaluation
+from rfgen_sionna.generative.diffusion.pictures import strips
+from rfgen_sionna.generative.diffusion.sampling import Sampler
+from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from rfgen_sionna.generative.diffusion.synthesis import read_clips, synthesise
+from rfgen_sionna.generative.diffusion.train import Mocap, Out, prepare, progress_bar
+
+
+def main(
+    data: Annotated[Path, typer.Option(help="The training command's --out.")],
+    out: Out,
+    mocap: Mocap = None,
+    model: Annotated[Path | None, typer.Option(help="Model file; none: the one that ships.")] = None,
+    seeds: Annotated[int, typer.Option(help="How many seeds.")] = 3,
+    each: Annotated[int, typer.Option(help="Motions of each action and seed.")] = 12,
+    clips: Annotated[int, typer.Option(help="Clips of each action in the training set.")] = 300,
+    steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
+    guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
+    refine: Annotated[
+        float, typer.Option(help="Strength at which kinematic drafts are examined as well; 0: not.")
+    ] = 0.92,
+    workers: Annotated[int, typer.Option(help="Processes that synthesise clips.")] = 1,
+) -> None:
+    """Examine a motion model and write figures and pictures."""
+    out.mkdir(parents=True, exist_ok=True)
+    source = DiffusionSource(model, Sampler(steps=steps, guidance=guidance))
+    with progress_bar() as bar:
+        corpus = prepare(data, mocap, clips=clips, seed=0, workers=workers, bar=bar)
+        task = bar.add_task("clips of another seed", total=None, note="")
+        files = synthesise(
+            data / "kinematic-fresh",
+            50,
+            seed=1,
+            workers=workers,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+        fresh = [clip for path in files for clip in read_clips(path)]
+        real = evaluation.reference(fresh, corpus)
+        task = bar.add_task("examination", total=seeds, note="")
+        results = []
+        for seed in range(seeds):
+            result = evaluation.examine(
+                source, real, corpus, each=each, seed=seed, note=lambda line: bar.update(task, note=line)
+            )
+            if refine > 0.0:
+                bar.update(task, note="refining drafts")
+                made = evaluation.drafts(source, refine, each, seed)
+                result[f"refined at {refine:g}"] = evaluation.refined(source, real, made)
+            results.append(result)
+            bar.update(task, advance=1)
+            (out / "metrics.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
+    strips(source, out / "strips.png")
+
+
+if __name__ == "__main__":
+    typer.run(main)

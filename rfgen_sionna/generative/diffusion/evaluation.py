@@ -1,0 +1,260 @@
+"""The model's examination: generated motion beside real, as figures and pictures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.generative.diffusion import metrics
+from rfgen_sionna.generative.diffusion.captions import caption
+from rfgen_sionna.generative.diffusion.control import on_grid
+from rfgen_sionna.generative.diffusion.corpus import Corpus
+from rfgen_sionna.generative.diffusion.exam import AMBIGUOUS, OUTSIDE, PARAPHRASES
+from rfgen_sionna.generative.diffusion.features import encode
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.recogniser import Recogniser, train_recogniser
+from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
+from rfgen_sionna.generative.diffusion.source import DiffusionSource, canonical
+from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE, Clip
+from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource
+from rfgen_sionna.records import FloatArray, Motion
+
+DURATION = 6.0
+FRAMES = int(DURATION * FRAME_RATE) + 1
+PERIODIC = tuple(a for a in CLAUSES if ACTIONS[a].periodic)
+Note = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Real motion that the generator hasn't seen, apart from what the judge was trained on."""
+
+    kinematic: dict[str, list[FloatArray]]
+    """Action -> feature rows."""
+    captured: list[tuple[str, str, FloatArray]]
+    """(action, caption, feature rows) of windows of captured clips."""
+    judge: Recogniser
+
+
+def reference(fresh: Sequence[Clip], corpus: Corpus, *, seed: int = 0) -> Reference:
+    """Train the judge on half of what was held out, and keep the other half to compare with.
+
+    Args:
+        fresh: synthesised clips of another seed than the training set's.
+        corpus: whose held-out captured clips are used.
+        seed: of the judge.
+    """
+    kinematic: dict[str, list[FloatArray]] = {}
+    rows: list[FloatArray] = []
+    labels: list[str] = []
+    for k, clip in enumerate(fresh):
+        features = encode(clip.motion, corpus.hands)
+        if k % 2:
+            kinematic.setdefault(clip.action, []).append(features[:FRAMES])
+        else:
+            rows.append(features)
+            labels.append(clip.action)
+    captured = []
+    windows = [
+        (e.actions[0], e.captions[0], e.features[s : s + FRAMES].astype(np.float64))
+        for e in corpus.entries
+        if e.source == "mocap" and e.held_out and len(e.features) >= 60
+        for s in range(0, max(1, len(e.features) - FRAMES + 1), FRAMES // 2)
+    ]
+    for k, (action, sentence, features) in enumerate(windows):
+        if k % 2:
+            captured.append((action, sentence, features))
+        else:
+            rows.append(features)
+            labels.append(action if action in CLAUSES else f"captured {action}")
+    return Reference(kinematic, captured, train_recogniser(rows, labels, seed=seed))
+
+
+def examine(
+    source: DiffusionSource, real: Reference, corpus: Corpus, *, each: int = 12, seed: int = 0, note: Note = print
+) -> dict[str, Any]:
+    """All figures for one seed.
+
+    Args:
+        source: what is examined.
+        real: what it is compared with.
+        corpus: its training set, for the check against copies.
+        each: motions of an action.
+        seed: of prompts and motions.
+        note: called with a line of progress.
+    """
+    rng = np.random.default_rng([seed, 41])
+    made: dict[str, list[Motion]] = {}
+    for action in CLAUSES:
+        prompts = [_seen(rng, action) for _ in range(each)]
+        made[action] = source.generate_many(prompts, duration=DURATION, seeds=_seeds(rng, each))
+        note(action)
+    out: dict[str, Any] = {"seed": seed, "motions of an action": each}
+    out |= _named(source, real, made)
+    note("paraphrases")
+    out |= _paraphrases(source, real, rng)
+    note("negative prompts")
+    out |= _negatives(source, real, rng)
+    out["outside the vocabulary, warned"] = float(np.mean([not source.read(p).known for p in OUTSIDE]))
+    note("captured")
+    out |= _captured(source, real, rng)
+    out |= _originality(source, made, real, corpus)
+    return out
+
+
+def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
+    """Figures of motions by action that need no prompts: rhythm, distance, variance, jerk, slide, limits."""
+    rows = {a: [on_grid(m, source.model.hands) for m in group] for a, group in made.items()}
+    actions = list(rows)
+    look, _ = real.judge.look([m for a in actions for m in rows[a]])
+    true, _ = real.judge.look([m for a in actions for m in real.kinematic[a]])
+    rng = np.random.default_rng(0)
+    count = min(len(look), len(true) // 2)
+    floor = metrics.frechet_floor(true, count, rng)
+    picks = [true[rng.permutation(len(true))[:count]] for _ in range(5)]
+    some = look[rng.permutation(len(look))[:count]]
+    ratio = {a: metrics.variance(rows[a]) / metrics.variance(real.kinematic[a][: len(rows[a])]) for a in actions}
+    slide = {a: [metrics.foot_slide(m, MEAN_ADULT) for m in group] for a, group in made.items()}
+    beaten = [a for a in actions if a in PERIODIC]
+    jerk = [np.mean([metrics.mean_jerk(m) for a in actions for m in group[a]]) for group in (rows, real.kinematic)]
+    return {
+        "rhythm": float(np.mean([rhythm_score(m, FRAME_RATE) for a in beaten for m in rows[a]])),
+        "rhythm, real": float(np.mean([rhythm_score(m, FRAME_RATE) for a in beaten for m in real.kinematic[a]])),
+        "rhythm by action": {
+            a: [float(np.mean([rhythm_score(m, FRAME_RATE) for m in g[a]])) for g in (rows, real.kinematic)]
+            for a in beaten
+        },
+        "Fréchet distance over floor, kinematic": float(np.mean([metrics.frechet(some, p) for p in picks])) / floor,
+        "Fréchet floor, kinematic": floor,
+        "least variance ratio": float(min(ratio.values())),
+        "variance ratio by action": ratio,
+        "jerk ratio": float(jerk[0] / jerk[1]),
+        "foot slide [m/s]": float(np.nanmean([s for group in slide.values() for s in group])),
+        "foot slide walking [m/s]": float(np.nanmean(slide["walk"] + slide["walk_straight"]))
+        if "walk" in slide
+        else None,
+        "poses out of joint limits": float(np.mean([metrics.out_of_limits(m) for g in made.values() for m in g])),
+    }
+
+
+def _named(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
+    out = compare(source, real, made)
+    right = {a: _hits(source, real, a, group) for a, group in made.items()}
+    truth = {a: np.mean([n == a for n in real.judge.name(g)]) for a, g in real.kinematic.items()}
+    return {
+        "recognised, seen wording": float(np.mean([h for group in right.values() for h in group])),
+        "worst action, seen wording": _worst(right),
+        "recognised, real": float(np.mean(list(truth.values()))),
+        **out,
+    }
+
+
+def _paraphrases(source: DiffusionSource, real: Reference, rng: np.random.Generator) -> dict[str, Any]:
+    right = {}
+    for action, prompts in PARAPHRASES.items():
+        many = list(prompts) * 2
+        motions = source.generate_many(many, duration=DURATION, seeds=_seeds(rng, len(many)))
+        right[action] = _hits(source, real, action, motions)
+    every = [h for group in right.values() for h in group]
+    return {"recognised, paraphrases": float(np.mean(every)), "worst action, paraphrases": _worst(right)}
+
+
+def _negatives(source: DiffusionSource, real: Reference, rng: np.random.Generator) -> dict[str, Any]:
+    complied = {}
+    for prompt, negative, ruled_out in AMBIGUOUS:
+        motions = source.generate_many([prompt] * 6, duration=DURATION, seeds=_seeds(rng, 6), negative=negative)
+        hits = _hits(source, real, ruled_out, motions)
+        complied[f"{prompt} / {negative}"] = 1.0 - float(np.mean(hits))
+    return {"negative prompts complied with": float(np.mean(list(complied.values()))), "negative prompts": complied}
+
+
+def _captured(source: DiffusionSource, real: Reference, rng: np.random.Generator) -> dict[str, Any]:
+    """Windows asked for by the captions of the held-out captured windows, against those windows."""
+    if len(real.captured) < 16:
+        return {}
+    made = []
+    for start in range(0, len(real.captured), 16):
+        prompts = [sentence for _, sentence, _ in real.captured[start : start + 16]]
+        made += source.generate_many(prompts, duration=DURATION, seeds=_seeds(rng, len(prompts)))
+    rows = [on_grid(m, source.model.hands) for m in made]
+    look, _ = real.judge.look(rows)
+    true, _ = real.judge.look([f for _, _, f in real.captured])
+    half = len(true) // 2
+    floor = metrics.frechet_floor(true, half, rng)
+    far = np.mean(
+        [
+            metrics.frechet(look[rng.permutation(len(look))[:half]], true[rng.permutation(len(true))[:half]])
+            for _ in range(5)
+        ]
+    )
+    return {
+        "Fréchet distance over floor, captured": float(far) / floor,
+        "Fréchet floor, captured": floor,
+        "jerk ratio, captured": float(
+            np.mean([metrics.mean_jerk(m) for m in rows]) / np.mean([metrics.mean_jerk(f) for _, _, f in real.captured])
+        ),
+        "foot slide, captured [m/s]": float(np.nanmean([metrics.foot_slide(m, MEAN_ADULT) for m in made])),
+        "windows, captured": len(true),
+    }
+
+
+def _originality(
+    source: DiffusionSource, made: dict[str, list[Motion]], real: Reference, corpus: Corpus
+) -> dict[str, Any]:
+    ratio = []
+    for action in ("walk", "push", "jump"):
+        bank = [
+            e.features.astype(np.float64)
+            for e in corpus.entries
+            if e.actions == (action,) and e.source == "kinematic" and not e.held_out
+        ][:150]
+        ours = metrics.nearest([on_grid(m, source.model.hands) for m in made[action]], bank)
+        theirs = metrics.nearest(real.kinematic[action], bank)
+        ratio.append(float(np.median(ours) / np.median(theirs)))
+    return {"distance to the nearest training clip over that of unseen real clips": float(np.mean(ratio))}
+
+
+def drafts(source: DiffusionSource, strength: float, each: int, seed: int) -> dict[str, list[Motion]]:
+    """Kinematic drafts of every action, refined."""
+    out = {}
+    for action in CLAUSES:
+        group = []
+        for k in range(each):
+            number = 100_000 + 997 * seed + k
+            draft = KinematicSource(FRAME_RATE)(action, DURATION, number)
+            group.append(source.redo(draft, canonical(action), strength=strength, seed=number))
+        out[action] = group
+    return out
+
+
+def refined(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
+    """Figures of refined drafts."""
+    right = {a: _hits(source, real, a, group) for a, group in made.items()}
+    return {
+        "recognised": float(np.mean([h for group in right.values() for h in group])),
+        "worst action": _worst(right),
+        **compare(source, real, made),
+    }
+
+
+def _hits(source: DiffusionSource, real: Reference, action: str, motions: Sequence[Motion]) -> list[bool]:
+    names = real.judge.name([on_grid(m, source.model.hands) for m in motions])
+    return [name == action for name in names]
+
+
+def _seen(rng: np.random.Generator, action: str) -> str:
+    hand = ("left", "right")[int(rng.integers(2))] if ACTIONS[action].one_handed else ""
+    return caption(rng, (action,), hand=hand, doubt=0.0)
+
+
+def _seeds(rng: np.random.Generator, count: int) -> list[int]:
+    return [int(s) for s in rng.integers(2**31, size=count)]
+
+
+def _worst(right: dict[str, list[bool]]) -> dict[str, float]:
+    missed = Counter({a: 1.0 - float(np.mean(h)) for a, h in right.items()})
+    return {a: 1.0 - m for a, m in missed.most_common(3)}

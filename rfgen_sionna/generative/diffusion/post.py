@@ -1,0 +1,56 @@
+"""From features to a motion on a person: smooth at a higher rate, on that person's legs, feet planted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from rfgen_sionna.generative.diffusion.features import HandBasis, decode
+from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
+from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
+from rfgen_sionna.records import FloatArray, Motion
+
+RATE = 60.0
+"""Poses per second of a finished motion [Hz]."""
+
+
+def finish(features: FloatArray, hands: HandBasis, skeleton: Skeleton | None = None, rate: float = RATE) -> Motion:
+    """The motion of (frame, NUM_FEATURES) rows at 20 Hz on a skeleton.
+
+    Args:
+        features: rows in their own units.
+        hands: the fingers' components.
+        skeleton: of the person; None for a mean adult. The path is scaled with the legs.
+        rate: poses per second of the result [Hz].
+    """
+    skeleton = skeleton or MEAN_ADULT
+    motion = resampled(decode(features, hands, FRAME_RATE), rate)
+    scale = skeleton.leg_length() / MEAN_ADULT.leg_length()
+    height = skeleton.standing_height() - scale * MEAN_ADULT.standing_height()
+    translation = motion.translation * scale
+    translation[:, 2] += height
+    return lock_feet(replace(motion, translation=translation, offsets=skeleton.offsets), skeleton)
+
+
+def resampled(motion: Motion, rate: float) -> Motion:
+    """The motion along cubic splines through its poses, at another rate."""
+    n = len(motion.translation)
+    if n < 2 or rate == motion.frame_rate:
+        return motion
+    t = np.arange(n) / motion.frame_rate
+    # as many poses as fit, the last one kept
+    fine = np.arange(int(np.floor((n - 1) * rate / motion.frame_rate + 1e-9)) + 1) / rate
+    quaternions = CubicSpline(t, motion.rotations.reshape(n, -1))(fine).reshape(len(fine), -1, 4)
+    contacts = motion.contacts
+    if contacts is not None:
+        contacts = contacts[np.minimum(np.round(fine * motion.frame_rate).astype(int), n - 1)]
+    return replace(
+        motion,
+        rotations=quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True),
+        translation=np.asarray(CubicSpline(t, motion.translation)(fine), np.float64),
+        frame_rate=rate,
+        contacts=contacts,
+    )

@@ -1,0 +1,153 @@
+"""The rhythm of a motion: its period, the phase it is in, and a beat to move to.
+
+Rhythm is what micro-Doppler shows first and what a denoiser finds last, so the model is told it: a beat (cosine and
+sine of the phase at each pose) goes in with the noise, taken from the clip in training and drawn from the action's
+own statistics when sampling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from rfgen_sionna.generative.diffusion.features import HANDS, LOCAL, PARTS, heading, joint_positions
+from rfgen_sionna.generative.motion.curves import wander
+from rfgen_sionna.generative.motion.skeleton import JOINT
+from rfgen_sionna.records import FloatArray
+
+SHORTEST, LONGEST = 0.35, 3.6
+"""Range of periods that are looked for [s]."""
+_TREND = 3.6
+"""What is slower than this is not rhythm [s]."""
+TRAVEL_SPEED = 0.25
+"""Mean speed of the pelvis beyond which rhythm is that of the steps [m/s]."""
+LONGEST_STRIDE = 1.9
+"""[s]."""
+_REACH = 0.08
+"""Distance that stands for a turn of the wrist or a bend of the fingers by one radian [m]."""
+
+
+def relative_positions(features: FloatArray) -> FloatArray:
+    """(frame, 66) joint positions from the pelvis, seen along the heading, and the pelvis' height [m]."""
+    places = joint_positions(features)
+    yaw = heading(features)
+    c, s = np.cos(yaw), np.sin(yaw)
+    local = places - places[:, :1]
+    x = c[:, None] * local[..., 0] + s[:, None] * local[..., 1]
+    y = -s[:, None] * local[..., 0] + c[:, None] * local[..., 1]
+    out = np.stack([x, y, local[..., 2]], axis=-1)
+    out[:, 0, 2] = places[:, 0, 2]
+    return out.reshape(len(features), -1)
+
+
+def movement(features: FloatArray, rate: float) -> FloatArray:
+    """(frame, k) what moves: joint positions from the pelvis [m], wrist turns and fingers, without slow drift."""
+    # the wrist is the last of an arm's four joints
+    wrists = [
+        c for part in ("left_arm", "right_arm") for c in [c for c in PARTS[part] if LOCAL.start <= c < LOCAL.stop][18:]
+    ]
+    hands = list(range(HANDS.start, HANDS.stop))
+    positions = np.concatenate([relative_positions(features), _REACH * features[:, wrists + hands]], axis=1)
+    if len(positions) < 3:
+        return positions - positions.mean(axis=0)
+    width = min(max(3, round(_TREND * rate)), len(positions))
+    return positions - uniform_filter1d(positions, width, axis=0, mode="nearest")
+
+
+def stride(features: FloatArray, rate: float) -> FloatArray | None:
+    """(frame,) how far the left ankle is before the right [m], where the person travels; None where not."""
+    # over a second, so that rocking on the spot isn't travel
+    smooth = uniform_filter1d(features[:, :2], max(1, round(rate)), axis=0, mode="nearest")
+    path = np.linalg.norm(np.diff(smooth, axis=0), axis=-1)
+    if len(path) < 3 or path.mean() * rate < TRAVEL_SPEED:
+        return None
+    positions = relative_positions(features).reshape(len(features), -1, 3)
+    return np.asarray(positions[:, JOINT["left_ankle"], 0] - positions[:, JOINT["right_ankle"], 0], np.float64)
+
+
+def principal_direction(moving: FloatArray) -> FloatArray:
+    """(k,) unit direction in which the rows of a (frame, k) array vary most."""
+    _, _, rows = np.linalg.svd(moving.T @ moving)
+    return np.asarray(rows[0], np.float64)
+
+
+def autocorrelation(signal: FloatArray, lags: int) -> FloatArray:
+    """(lags,) normalised: each lag by the energy of the two stretches that it compares."""
+    s = signal - signal.mean()
+    out = np.zeros(lags)
+    for k in range(min(lags, len(s) - 2)):
+        a, b = s[: len(s) - k], s[k:]
+        out[k] = np.dot(a, b) / max(float(np.sqrt(np.dot(a, a) * np.dot(b, b))), 1e-12)
+    return out
+
+
+def find_period(signal: FloatArray, rate: float, longest: float = LONGEST) -> tuple[float, float]:
+    """Period [s] and its autocorrelation (0 .. 1) of a (frame,) signal; (0, 0) where none is found."""
+    last = min(int(longest * rate) + 2, int(0.67 * len(signal)))
+    first = int(SHORTEST * rate)
+    if last - first < 4 or np.ptp(signal) < 1e-6:
+        return 0.0, 0.0
+    r = autocorrelation(signal, last)
+    peaks = [k for k in range(first, last - 1) if r[k] >= r[k - 1] and r[k] > r[k + 1]]
+    if not peaks:
+        return 0.0, 0.0
+    best = max(r[k] for k in peaks)
+    if best <= 0.0:
+        return 0.0, 0.0
+    k = next(k for k in peaks if r[k] >= 0.92 * best)
+    bend = r[k - 1] - 2.0 * r[k] + r[k + 1]
+    shift = 0.5 * (r[k - 1] - r[k + 1]) / bend if abs(bend) > 1e-9 else 0.0
+    return (k + float(np.clip(shift, -0.5, 0.5))) / rate, float(np.clip(r[k], 0.0, 1.0))
+
+
+def find_phase(signal: FloatArray, rate: float, period: float) -> FloatArray:
+    """(frame,) phase [rad] of the fundamental of a signal of about this period [s]; 0 at its crests, unwrapped."""
+    t = np.arange(len(signal)) / rate
+    carrier = np.exp(-2j * np.pi * t / period)
+    half = max(2, round(0.9 * period * rate))
+    window = np.hanning(2 * half + 1)
+    pad = np.zeros(half)
+    s = np.concatenate([pad, (signal - signal.mean()) * carrier, pad])
+    z = np.convolve(s, window, "valid")
+    return 2.0 * np.pi * t / period + np.unwrap(np.angle(z))
+
+
+@dataclass(frozen=True)
+class Beat:
+    """How fast, and how steadily, an action is repeated."""
+
+    log_rate: float
+    """Mean of ln(repetitions per second)."""
+    spread: float
+    """Its standard deviation over people."""
+    jitter: float
+    """Relative rms by which one person's rate wanders."""
+
+    def draw(self, frames: int, frame_rate: float, rng: np.random.Generator, speed: float = 1.0) -> FloatArray:
+        """(frame, 3) cosine and sine of a drawn phase, and ones."""
+        rate = float(np.exp(self.log_rate + self.spread * np.clip(rng.standard_normal(), -2.0, 2.0))) * speed
+        t = np.arange(frames) / frame_rate
+        steps = rate * (1.0 + np.clip(wander(t, rng, self.jitter, 0.1, 0.5), -0.2, 0.2))
+        phase = 2.0 * np.pi * (rng.uniform() + np.cumsum(steps) / frame_rate)
+        return np.stack([np.cos(phase), np.sin(phase), np.ones(frames)], axis=-1)
+
+
+def beat_rows(phase: FloatArray | None, frames: int) -> FloatArray:
+    """(frame, 3) cosine, sine and 1, or zeros where there is no rhythm."""
+    if phase is None:
+        return np.zeros((frames, 3))
+    return np.stack([np.cos(phase), np.sin(phase), np.ones(frames)], axis=-1)
+
+
+def rhythm_score(features: FloatArray, rate: float) -> float:
+    """Height of the autocorrelation's highest peak for lags of 0.6 to 3 s, first principal component of the joints."""
+    positions = relative_positions(features)
+    positions = positions - positions.mean(axis=0)
+    signal = positions @ principal_direction(positions)
+    last = min(int(3.0 * rate) + 1, len(signal) - 4)
+    r = autocorrelation(signal, last + 1)
+    first = int(0.6 * rate)
+    peaks = [r[k] for k in range(first, last) if r[k] >= r[k - 1] and r[k] >= r[k + 1]]
+    return float(max(peaks, default=0.0))

@@ -1,0 +1,197 @@
+"""From noise, or from a noised draft, to features: the reverse process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from scipy.signal import butter, sosfiltfilt
+from torch import Tensor
+
+from rfgen_sionna.generative.diffusion.batches import SOFT, spread
+from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
+from rfgen_sionna.generative.diffusion.features import CONTACTS, NUM_FEATURES, PARTS
+from rfgen_sionna.generative.diffusion.network import PAIR, SOURCES, STRIDE, Conditions
+from rfgen_sionna.generative.diffusion.schedule import log_snr, make_scheduler, signal_shares, step_at
+from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.diffusion.text import tokenise
+from rfgen_sionna.records import FloatArray
+
+SHORTEST, LONGEST = 32, 160
+"""Frames that the model makes at once."""
+CUTOFF = 6.0
+"""Of the low-pass on the result [Hz]."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """One motion to be made."""
+
+    prompt: str
+    seed: int
+    negative: str = ""
+    beat: FloatArray | None = None
+    """(frame, 3), see :mod:`rfgen_sionna.generative.diffusion.rhythm`; None for none."""
+    known: FloatArray | None = None
+    """(frame, NUM_FEATURES) given features, in their own units."""
+    given: FloatArray | None = None
+    """(frame, part) 1 where `known` holds, 0.5 for a path that is roughly followed, 0 where the model is free."""
+    draft: FloatArray | None = None
+    """(frame, NUM_FEATURES) to start from."""
+    source: str = "kinematic"
+    """Whose manner: "kinematic", "mocap" or "any"."""
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """How the reverse process is run."""
+
+    kind: str = "ddim"
+    """"ddim" or "dpm"."""
+    steps: int = 16
+    guidance: float = 2.0
+    """1 follows the prompt as learned, more exaggerates it; over 3 static poses collapse."""
+    strength: float = 1.0
+    """For drafts: how far up in noise to start; below 0.85 little changes."""
+    cutoff: float = field(default=CUTOFF)
+
+    def __post_init__(self) -> None:
+        make_scheduler(self.kind)
+        if not 2 <= self.steps <= 200:
+            raise ValueError(f"steps: {self.steps}; allowed are 2 to 200")
+        if not 0.0 <= self.guidance <= 10.0:
+            raise ValueError(f"guidance: {self.guidance}; allowed is 0 to 10")
+        if not 0.0 < self.strength <= 1.0:
+            raise ValueError(f"strength: {self.strength}; allowed is more than 0 and at most 1")
+
+    @torch.no_grad()
+    def __call__(self, model: MotionModel, wishes: Sequence[Wish], frames: int) -> FloatArray:
+        """(wish, frame, NUM_FEATURES) features in their own units.
+
+        Args:
+            model: the trained model.
+            wishes: one motion each; a wish's result doesn't depend on the others beyond rounding.
+            frames: of each motion, from `SHORTEST` to `LONGEST`.
+        """
+        if not SHORTEST <= frames <= LONGEST:
+            raise ValueError(f"frames: {frames}; allowed are {SHORTEST} to {LONGEST}")
+        block = PAIR * STRIDE
+        padded = -(-frames // block) * block
+        conditions = _conditions(model, wishes, padded)
+        known, hard = conditions.known, _hard(conditions.given)
+        noise = torch.stack(
+            [torch.randn(padded, NUM_FEATURES, generator=torch.Generator().manual_seed(_mixed(w.seed))) for w in wishes]
+        )
+        scheduler = make_scheduler(self.kind)
+        scheduler.set_timesteps(self.steps)
+        timesteps = [int(t) for t in scheduler.timesteps]
+        x = noise
+        if any(w.draft is not None for w in wishes):
+            start = step_at(self.strength) if self.strength < 1.0 else timesteps[0]
+            timesteps, x = self._from_draft(model, scheduler, wishes, start, noise, padded)
+        clean = x
+        level = torch.from_numpy(log_snr(signal_shares())).float()
+        for t in timesteps:
+            clean = self._guess(model, x, level[t], conditions)
+            clean = torch.where(hard > 0.0, known, clean)
+            x = scheduler.step(clean, t, x).prev_sample
+        # the last guess: the scheduler would leave a hundredth of the noise in
+        rows = clean.double().numpy()[:, :frames] * model.scale + model.mean
+        smooth = low_pass(rows, self.cutoff)
+        kept = (hard > 0.0).numpy()[:, :frames]
+        return np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth)
+
+    def _guess(self, model: MotionModel, x: Tensor, level: Tensor, conditions: Conditions) -> Tensor:
+        n = len(x)
+        if self.guidance == 1.0:
+            return model.net(x, level.expand(n), conditions)
+        both = _doubled(conditions)
+        free, told = model.net(torch.cat([x, x]), level.expand(2 * n), both).chunk(2)
+        return free + self.guidance * (told - free)
+
+    def _from_draft(
+        self, model: MotionModel, scheduler: object, wishes: Sequence[Wish], start: int, noise: Tensor, padded: int
+    ) -> tuple[list[int], Tensor]:
+        """The scheduler's steps from `start` down, and the drafts noised as far."""
+        drafts = []
+        for wish in wishes:
+            if wish.draft is None:
+                raise ValueError("draft: some of the wishes have one and some don't; make them apart")
+            drafts.append(_padded(((wish.draft - model.mean) / model.scale), padded))
+        draft = torch.from_numpy(np.stack(drafts)).float()
+        all_steps = [int(t) for t in scheduler.timesteps]  # type: ignore[attr-defined]
+        # the step of the schedule that is nearest to the wanted noise, so that its arithmetic stays exact
+        first = int(np.argmin([abs(t - start) for t in all_steps]))
+        if hasattr(scheduler, "set_begin_index"):
+            scheduler.set_begin_index(first)
+        share = float(signal_shares()[all_steps[first]])
+        return all_steps[first:], np.sqrt(share) * draft + np.sqrt(1.0 - share) * noise
+
+
+def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
+    """(motion, frame, feature) without what is faster than `cutoff` [Hz]; contacts stay as they are."""
+    sos = butter(4, cutoff, fs=FRAME_RATE, output="sos")
+    out = sosfiltfilt(sos, rows, axis=1, padlen=min(15, rows.shape[1] - 1))
+    out[..., CONTACTS] = rows[..., CONTACTS]
+    return np.asarray(out, np.float64)
+
+
+def _conditions(model: MotionModel, wishes: Sequence[Wish], frames: int) -> Conditions:
+    wanted = model.text(tokenise([w.prompt for w in wishes]))
+    unwanted = model.text(tokenise([w.negative for w in wishes])).pooled
+    said = torch.tensor([bool(w.prompt.strip()) for w in wishes])[:, None]
+    denied = torch.tensor([bool(w.negative.strip()) for w in wishes])[:, None]
+    beats = np.zeros((len(wishes), frames, 3))
+    given = np.zeros((len(wishes), frames, len(PARTS)))
+    known = np.zeros((len(wishes), frames, NUM_FEATURES))
+    for i, wish in enumerate(wishes):
+        if wish.beat is not None:
+            beats[i] = _padded(wish.beat, frames)
+        if wish.known is not None and wish.given is not None:
+            n = len(wish.known)
+            given[i, :n] = wish.given
+            known[i, :n] = (wish.known - model.mean) / model.scale * spread(wish.given)
+    return Conditions(
+        wanted.tokens * said[..., None],
+        wanted.mask,
+        wanted.pooled * said,
+        unwanted * denied,
+        torch.tensor([SOURCES.index(w.source) for w in wishes]),
+        torch.from_numpy(beats).float(),
+        torch.from_numpy(known).float(),
+        torch.from_numpy(given).float(),
+    )
+
+
+def _doubled(c: Conditions) -> Conditions:
+    """The conditions twice, first without words."""
+    return Conditions(
+        torch.cat([torch.zeros_like(c.tokens), c.tokens]),
+        torch.cat([c.mask, c.mask]),
+        torch.cat([torch.zeros_like(c.pooled), c.pooled]),
+        torch.cat([torch.zeros_like(c.unwanted), c.unwanted]),
+        torch.cat([c.source, c.source]),
+        torch.cat([c.beat, c.beat]),
+        torch.cat([c.known, c.known]),
+        torch.cat([c.given, c.given]),
+    )
+
+
+def _hard(given: Tensor) -> Tensor:
+    """(wish, frame, NUM_FEATURES) 1 where features are given exactly."""
+    exact = (given > SOFT).double().numpy()
+    return torch.from_numpy(np.stack([spread(g) for g in exact])).float()
+
+
+def _padded(rows: FloatArray, frames: int) -> FloatArray:
+    """The last row repeated up to `frames`."""
+    if len(rows) >= frames:
+        return rows[:frames]
+    return np.concatenate([rows, np.repeat(rows[-1:], frames - len(rows), axis=0)])
+
+
+def _mixed(seed: int) -> int:
+    """Neighbouring seeds taken far apart."""
+    return int(np.random.SeedSequence([seed, 31]).generate_state(1)[0])

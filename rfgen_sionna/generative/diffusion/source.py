@@ -1,0 +1,290 @@
+"""The learned origin of motion: words in, a motion out."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
+from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_grid
+from rfgen_sionna.generative.diffusion.features import PARTS, TURN, recentred, turned
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.post import RATE, finish
+from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
+from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
+from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, Skeleton
+from rfgen_sionna.records import FloatArray, Motion
+
+_LOG = logging.getLogger(__name__)
+MAX_DURATION = 120.0
+_OVERLAP = 40
+"""Poses that a stretch shares with the one before it."""
+
+
+@dataclass(frozen=True)
+class DiffusionSource:
+    """A :class:`~rfgen_sionna.generative.motion.MotionSource` that has learned from synthesised and captured motion.
+
+    The model is loaded once, at first use.
+    """
+
+    weights: Path | None = None
+    """Model file; None is the one that ships."""
+    sampler: Sampler = field(default_factory=Sampler)
+    manner: str = "kinematic"
+    """"kinematic" (clean, as the synthesiser moves), "mocap" (as captured people do) or "any"."""
+    frame_rate: float = RATE
+    """Poses per second of what comes out [Hz]."""
+    refine: float | None = None
+    """For calls by action: noise level (0 .. 1) from which a kinematic draft is redone; None samples from noise."""
+
+    @property
+    def model(self) -> MotionModel:
+        """The trained model."""
+        return _load(self.weights or SHIPPED)
+
+    def __call__(
+        self,
+        action: str,
+        duration: float,
+        seed: int,
+        *,
+        skeleton: Skeleton | None = None,
+        hand: str | None = None,
+        speed: float = 1.0,
+    ) -> Motion:
+        """A motion by the name of an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
+
+        Raises:
+            ValueError: an action that the model doesn't know, or a value out of range.
+        """
+        known = self.model.text.actions
+        if action not in known:
+            raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
+        if hand is None and action in ACTIONS and ACTIONS[action].one_handed:
+            hand = "right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left"
+        prompt = canonical(action, hand or "")
+        if self.refine is not None and action in ACTIONS:
+            draft = KinematicSource(FRAME_RATE)(action, duration, seed, hand=hand, speed=speed)
+            made = self.redo(draft, prompt, strength=self.refine, seed=seed, skeleton=skeleton)
+        else:
+            made = self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed)
+        return replace(made, action=action)
+
+    def read(self, prompt: str) -> Understanding:
+        """What the model makes of a prompt.
+
+        Raises:
+            ValueError: the prompt has no words.
+        """
+        return understand(self.model.text, prompt, self.model.stems)
+
+    def generate(
+        self,
+        prompt: str,
+        *,
+        duration: float = 6.0,
+        seed: int = 0,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+        speed: float = 1.0,
+        rhythm: bool = True,
+        keep: Keep | Sequence[Keep] = (),
+        path: ArrayLike | None = None,
+    ) -> Motion:
+        """A motion from words.
+
+        Args:
+            prompt: what the person does, such as "a person walks while raising the left arm".
+            duration: of the motion [s], at most 120.
+            seed: the same prompt and seed give the same motion.
+            negative: what it must not be.
+            skeleton: of the person; None for a mean adult.
+            speed: factor on the usual pace of a repeated action.
+            rhythm: whether a repeated action keeps a steady beat; without it the model finds its own.
+            keep: given poses or parts of the body, in the result's own place and time.
+            path: (point, 2) places on the floor [m] that the person passes at constant speed.
+
+        Raises:
+            ValueError: a value is out of range, or `keep` or `path` go on for longer than 8 s.
+        """
+        return self.generate_many(
+            [prompt],
+            duration=duration,
+            seeds=[seed],
+            negative=negative,
+            skeleton=skeleton,
+            speed=speed,
+            rhythm=rhythm,
+            keep=keep,
+            path=path,
+        )[0]
+
+    def generate_many(
+        self,
+        prompts: Sequence[str],
+        *,
+        duration: float = 6.0,
+        seeds: Sequence[int] | None = None,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+        speed: float = 1.0,
+        rhythm: bool = True,
+        keep: Keep | Sequence[Keep] = (),
+        path: ArrayLike | None = None,
+    ) -> list[Motion]:
+        """Several motions at once, which costs less than one after another; arguments as for :meth:`generate`."""
+        if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
+            raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
+        if not 0.5 <= speed <= 2.0:
+            raise ValueError(f"speed: {speed!r}; allowed is a factor from 0.5 to 2")
+        seeds = list(range(len(prompts))) if seeds is None else list(seeds)
+        if len(seeds) != len(prompts):
+            raise ValueError(f"seeds: {len(seeds)} given for {len(prompts)} prompts; allowed is one each")
+        frames = int(np.ceil(duration * FRAME_RATE - 1e-9)) + 1
+        keeps = [keep] if isinstance(keep, Keep) else list(keep)
+        if (keeps or path is not None) and frames > LONGEST + 1:
+            raise ValueError(f"duration: {duration:g} s with keep or path; allowed are {LONGEST / FRAME_RATE:g} s")
+        wishes = [
+            self._wish(prompt, seed, negative, frames, speed, rhythm)
+            for prompt, seed in zip(prompts, seeds, strict=True)
+        ]
+        if keeps or path is not None:
+            size = min(max(frames, SHORTEST), LONGEST)
+            known, given = hold(keeps, self.model.hands, size) if keeps else follow(path, size, duration)  # type: ignore[arg-type]
+            if keeps and path is not None:
+                along, where = follow(path, size, duration)
+                free = given[:, list(PARTS).index("place")] == 0.0
+                known[free, :2] = along[free, :2]
+                given[free] = np.maximum(given[free], where[free])
+            wishes = [replace(w, known=known, given=given) for w in wishes]
+        rows = self._rows(wishes, frames)
+        held = bool(keeps) or path is not None
+        out = []
+        for prompt, seed, features in zip(prompts, seeds, rows, strict=True):
+            motion = finish(features if held else settled(features), self.model.hands, skeleton, self.frame_rate)
+            out.append(replace(motion, prompt=prompt, seed=seed, action=self.read(prompt).action))
+        return out
+
+    def redo(
+        self,
+        draft: Motion,
+        prompt: str,
+        *,
+        strength: float = 0.95,
+        seed: int = 0,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+    ) -> Motion:
+        """A draft noised part of the way and made anew: action, rhythm, path and orientation stay, the rest varies.
+
+        Args:
+            draft: any motion with the body's joints, at most 8 s.
+            prompt: what it shows.
+            strength: noise level from which it is made anew; under 0.85 hardly anything changes, 1 keeps nothing.
+            seed: of the variation.
+            negative: what it must not be.
+            skeleton: of the person; None for a mean adult.
+
+        Raises:
+            ValueError: a draft that is too long or too short, or a strength out of range.
+        """
+        rows = on_grid(draft, self.model.hands)
+        if not SHORTEST <= len(rows) <= LONGEST + 1:
+            low, high = SHORTEST / FRAME_RATE, LONGEST / FRAME_RATE
+            raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
+        n = min(len(rows), LONGEST)
+        start = recentred(rows)
+        wish = replace(self._wish(prompt, seed, negative, n, 1.0, False), draft=start[:n])
+        made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
+        made = _put_back(made, rows)
+        return replace(
+            finish(made, self.model.hands, skeleton, self.frame_rate),
+            prompt=prompt,
+            seed=seed,
+            action=draft.action or self.read(prompt).action,
+        )
+
+    def _wish(self, prompt: str, seed: int, negative: str, frames: int, speed: float, rhythm: bool) -> Wish:
+        said = self.read(prompt)
+        for sentence in said.warnings:
+            _LOG.warning(sentence)
+        # what isn't known is asked for by the nearest action's own words
+        words = prompt if said.known or said.action not in CLAUSES else canonical(said.action, said.hand)
+        beat = None
+        if rhythm and said.action in self.model.beats:
+            rng = np.random.default_rng([seed, 23])
+            drawn = self.model.beats[said.action]
+            beat = drawn.draw(frames + LONGEST, FRAME_RATE, rng, speed * said.pace)
+        manner = self.manner if said.action in CLAUSES else "mocap"
+        return Wish(words, seed, negative, beat, source=manner)
+
+    def _rows(self, wishes: Sequence[Wish], frames: int) -> list[FloatArray]:
+        """(frame, NUM_FEATURES) of each wish; long ones in stretches, each going on where the last one stopped."""
+        size = min(max(frames, SHORTEST), LONGEST)
+        done = [np.asarray(r) for r in self.sampler(self.model, [_part(w, 0, size) for w in wishes], size)]
+        while len(done[0]) < frames:
+            start = len(done[0]) - _OVERLAP
+            more = []
+            for wish, rows in zip(wishes, done, strict=True):
+                before = recentred(rows[start:])
+                known = np.zeros((LONGEST, before.shape[1]))
+                known[:_OVERLAP] = before
+                given = np.zeros((LONGEST, len(PARTS)))
+                given[:_OVERLAP] = 1.0
+                more.append(replace(_part(wish, start, LONGEST), known=known, given=given, seed=wish.seed + start))
+            for k, rows in enumerate(self.sampler(self.model, more, LONGEST)):
+                done[k] = np.concatenate([done[k], _put_back(rows, done[k][start:])[_OVERLAP:]])
+        return [rows[:frames] for rows in done]
+
+
+SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"
+
+
+def canonical(action: str, hand: str = "") -> str:
+    """The plainest sentence for an action."""
+    if action not in ACTIONS:
+        return "a person does " + action.replace("_", " ")
+    return f"a person {ACTIONS[action].description}" + (f" with the {hand} hand" if hand else "")
+
+
+def settled(rows: FloatArray) -> FloatArray:
+    """Feature rows with the middle of the path over the origin, and a walk back and forth along x."""
+    out = rows.copy()
+    low, high = rows[:, :2].min(axis=0), rows[:, :2].max(axis=0)
+    out[:, :2] -= 0.5 * (low + high)
+    if np.linalg.norm(high - low) > 0.6:
+        centred = out[:, :2] - out[:, :2].mean(axis=0)
+        values, axes = np.linalg.eigh(centred.T @ centred)
+        x, y = axes[:, -1]
+        if values[0] < 0.1 * values[-1]:
+            yaw = np.arctan2(y, x)
+            # the nearer of both senses: the person still starts facing ahead
+            yaw -= np.pi * np.round(yaw / np.pi)
+            if abs(yaw) < np.radians(25.0):
+                out = turned(out, -yaw)
+                out[:, :2] -= 0.5 * (out[:, :2].min(axis=0) + out[:, :2].max(axis=0))
+    return out
+
+
+def _put_back(rows: FloatArray, where: FloatArray) -> FloatArray:
+    """Rows that start over the origin facing ahead, moved to where other rows start."""
+    out = turned(rows, float(np.arctan2(where[0, TURN.start + 1], where[0, TURN.start])))
+    out[:, :2] += where[0, :2] - out[0, :2]
+    return out
+
+
+def _part(wish: Wish, start: int, frames: int) -> Wish:
+    return replace(wish, beat=None if wish.beat is None else wish.beat[start : start + frames])
+
+
+@lru_cache(maxsize=4)
+def _load(path: Path) -> MotionModel:
+    return read_model(path)

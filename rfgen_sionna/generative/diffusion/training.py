@@ -1,0 +1,191 @@
+"""Training of the motion model: seeded, resumable, on one machine."""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rfgen_sionna.generative.diffusion.batches import Batch, Feeder
+from rfgen_sionna.generative.diffusion.checkpoint import write_model
+from rfgen_sionna.generative.diffusion.corpus import Corpus
+from rfgen_sionna.generative.diffusion.geometry import geometric_loss
+from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, Shape
+from rfgen_sionna.generative.diffusion.schedule import STEPS, log_snr, signal_shares
+from rfgen_sionna.generative.diffusion.text import TextEncoder, tokenise
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What decides the outcome of a training run."""
+
+    steps: int = 10_000
+    items: int = 32
+    """Motions a step."""
+    rate: float = 5e-4
+    """Learning rate; it warms up over 300 steps and falls over the last 40 % of them."""
+    seed: int = 0
+    geometric: float = 0.15
+    """Weight of the losses in space."""
+    average: float = 0.999
+    """Decay of the running mean of the weights, which is what is kept."""
+
+
+def train(
+    corpus: Corpus,
+    text: TextEncoder,
+    out: Path,
+    recipe: Recipe,
+    *,
+    shape: Shape | None = None,
+    save_every: int = 500,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> Path:
+    """Train, or go on where `out` stopped, and write `motion.safetensors` there.
+
+    Args:
+        corpus: the training set.
+        text: the sentence encoder; it isn't changed.
+        out: folder of checkpoints, log and result.
+        recipe: what to do. A checkpoint of another recipe is refused, except for more or fewer steps.
+        shape: sizes of the network.
+        save_every: steps between checkpoints.
+        progress: called with (step, steps, running mean of the loss).
+
+    Returns:
+        the file with the finished model.
+
+    Raises:
+        ValueError: `out` holds a checkpoint of another recipe.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    torch.manual_seed(recipe.seed)
+    net = DenoisingNet(shape)
+    mean = DenoisingNet(shape)
+    mean.load_state_dict(net.state_dict())
+    optimiser = torch.optim.AdamW(net.parameters(), lr=recipe.rate, weight_decay=0.01, betas=(0.9, 0.99), fused=True)
+    saved = out / "checkpoint.pt"
+    first, seconds = 0, 0.0
+    if saved.is_file():
+        state = torch.load(saved, weights_only=True)
+        if {**state["recipe"], "steps": 0} != {**asdict(recipe), "steps": 0}:
+            raise ValueError(
+                f"out: {saved} was made with {state['recipe']}, not with {asdict(recipe)}; use another folder"
+            )
+        net.load_state_dict(state["net"])
+        mean.load_state_dict(state["mean"])
+        optimiser.load_state_dict(state["optimiser"])
+        first, seconds = state["step"], state["seconds"]
+    feeder = Feeder(corpus, seed=recipe.seed, items=recipe.items)
+    loss_of = LossOf(corpus, text)
+    shown = 0.0
+    started = time.monotonic()
+    for step in range(first, recipe.steps):
+        for group in optimiser.param_groups:
+            group["lr"] = recipe.rate * _pace(step, recipe.steps)
+        generator = torch.Generator().manual_seed(recipe.seed * 1_000_003 + step)
+        loss, parts = loss_of(net, feeder.batch(step), recipe.geometric, generator)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        optimiser.step()
+        keep = min(recipe.average, (step + 1.0) / (step + 20.0))
+        with torch.no_grad():
+            torch._foreach_lerp_(list(mean.parameters()), list(net.parameters()), 1.0 - keep)
+        value = float(loss.detach())
+        shown = value if step == first else 0.98 * shown + 0.02 * value
+        if progress is not None:
+            progress(step + 1, recipe.steps, shown)
+        if (step + 1) % save_every == 0 or step + 1 == recipe.steps:
+            spent = seconds + time.monotonic() - started
+            state = {
+                "net": net.state_dict(),
+                "mean": mean.state_dict(),
+                "optimiser": optimiser.state_dict(),
+                "step": step + 1,
+                "seconds": spent,
+                "recipe": asdict(recipe),
+            }
+            partial = out / "checkpoint.part"
+            torch.save(state, partial)
+            partial.replace(saved)
+            with (out / "log.jsonl").open("a", encoding="utf-8") as log:
+                log.write(json.dumps({"step": step + 1, "seconds": round(spent), "loss": shown, **parts}) + "\n")
+            write_model(
+                out / "motion.safetensors",
+                mean,
+                text,
+                corpus,
+                {"steps": step + 1, "hours": spent / 3600.0, "seed": recipe.seed},
+            )
+    return out / "motion.safetensors"
+
+
+def _pace(step: int, steps: int) -> float:
+    """Share of the learning rate."""
+    rise = min(1.0, (step + 1) / 300)
+    left = (steps - step) / max(1.0, 0.4 * steps)
+    return rise * float(np.clip(left, 0.01, 1.0))
+
+
+class LossOf:
+    """The training loss of a batch."""
+
+    def __init__(self, corpus: Corpus, text: TextEncoder) -> None:
+        self.text = text
+        self.mean = torch.from_numpy(corpus.mean).float()
+        self.scale = torch.from_numpy(corpus.scale).float()
+        self.shares = torch.from_numpy(signal_shares()).float()
+        self.log_snr = torch.from_numpy(log_snr(signal_shares())).float()
+
+    def __call__(
+        self, net: DenoisingNet, batch: Batch, geometric: float, generator: torch.Generator
+    ) -> tuple[Tensor, dict[str, float]]:
+        """Loss, and its parts for the log.
+
+        The error of the clean motion is weighted with 1 + min(SNR, 4): without the 1 high noise, where the rhythm is
+        decided, would count for nothing.
+        """
+        clean = torch.from_numpy(batch.clean)
+        step = torch.randint(STEPS, (len(clean),), generator=generator)
+        noise = torch.randn(clean.shape, generator=generator)
+        share = self.shares[step][:, None, None]
+        noisy = share.sqrt() * clean + (1.0 - share).sqrt() * noise
+        conditions = self.conditions(batch)
+        with torch.autocast("cpu", torch.bfloat16):
+            guess = net(noisy, self.log_snr[step], conditions)
+        guess = guess.float()
+        weight = 0.5 * (1.0 + self.log_snr[step].exp().clamp(max=4.0))
+        error = ((guess - clean) ** 2).mean(dim=(1, 2))
+        # positions are dear, and a quarter of the batch shows the same
+        some = slice(0, max(1, len(clean) // 4))
+        space = geometric_loss(guess[some] * self.scale + self.mean, clean[some] * self.scale + self.mean)
+        plain, shaped = (weight * error).mean(), (weight[some] * space.clamp(max=50.0)).mean()
+        return plain + geometric * shaped, {"plain": float(plain.detach()), "space": float(shaped.detach())}
+
+    @torch.no_grad()
+    def conditions(self, batch: Batch) -> Conditions:
+        """A batch's sentences encoded; empty ones are zeros."""
+        wanted = self.text(tokenise(batch.prompts))
+        unwanted = self.text(tokenise(batch.unwanted)).pooled
+        said = torch.tensor([bool(p) for p in batch.prompts])[:, None]
+        denied = torch.tensor([bool(p) for p in batch.unwanted])[:, None]
+        return Conditions(
+            wanted.tokens * said[..., None],
+            wanted.mask,
+            wanted.pooled * said,
+            unwanted * denied,
+            torch.from_numpy(batch.source),
+            torch.from_numpy(batch.beat),
+            torch.from_numpy(batch.known),
+            torch.from_numpy(batch.given),
+        )

@@ -1,0 +1,99 @@
+"""What goes around the clauses of the phrase book: open wordings, fragments, subjects, endings, paces."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+OPEN_CLAUSES: MappingProxyType[tuple[str, ...], tuple[str, ...]] = MappingProxyType(
+    {
+        ("left_arm_raised", "right_arm_raised"): (
+            "<raise> one arm",
+            "<raise> an arm",
+            "<lift> one hand[? up]",
+            "<hold> an arm up",
+            "<put> a hand up",
+            "<stretch> one arm upwards",
+            "<raise> a single arm",
+        ),
+        ("left_leg_raised", "right_leg_raised"): (
+            "<raise> one leg",
+            "<raise> a leg",
+            "<lift> one foot[? off the ground]",
+            "<stand> on one leg",
+            "<balance> on one foot",
+            "<pull> a knee up",
+        ),
+        ("swipe_left", "swipe_right"): (
+            "<swipe>",
+            "<make> a swipe gesture",
+            "<swipe> with the {hand} hand",
+            "<swipe> sideways",
+            "<sweep> a hand across",
+        ),
+        ("circle_clockwise", "circle_counterclockwise"): (
+            "<draw> circles",
+            "<draw> a circle in the air",
+            "<move> the {hand} hand in circles",
+            "<circle> the hand",
+            "<make> a circular gesture",
+        ),
+        ("push", "pull"): ("<push> or <pull>", "<move> a hand along the line of sight"),
+        ("click", "finger_swing"): ("<make> a finger gesture", "<move> the index finger", "<gesture> with one finger"),
+        ("left_arm_raised", "right_arm_raised", "left_leg_raised", "right_leg_raised"): (
+            "<raise> a limb",
+            "<lift> one limb",
+        ),
+        ("jump", "jumping_jacks"): ("<do> a jumping exercise", "<exercise> by jumping"),
+    }
+)
+"""Actions that a clause leaves open -> clauses."""
+
+FRAGMENTS: MappingProxyType[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "walk": ("walking", "steps", "a walk"),
+        "jump": ("jumping", "jumps", "hopping"),
+        "jumping_jacks": ("jumping jacks", "star jumps"),
+        "pick_up": ("picking up", "bending down", "pick up"),
+        "t_pose": ("T pose", "arms out to the sides"),
+        "y_pose": ("Y pose", "both arms", "both arms up"),
+        "left_arm_raised": ("left arm", "left hand", "raised left arm"),
+        "right_arm_raised": ("right arm", "right hand", "raised right arm"),
+        "left_leg_raised": ("left leg", "left foot", "left knee"),
+        "right_leg_raised": ("right leg", "right foot", "right knee"),
+        "swipe_left": ("left swipe", "swipe left", "to the left"),
+        "swipe_right": ("right swipe", "swipe right", "to the right"),
+        "push": ("push", "pushing"),
+        "pull": ("pull", "pulling"),
+        "circle_clockwise": ("clockwise", "clockwise circle"),
+        "circle_counterclockwise": ("counter-clockwise", "anticlockwise circle", "counterclockwise"),
+        "click": ("click", "clicking", "tapping"),
+        "finger_swing": ("finger swing", "wagging finger"),
+        "standing": ("standing", "standing still", "idle"),
+        "walk_straight": ("walking straight", "straight ahead"),
+    }
+)
+"""What a negative prompt or a list of keywords says."""
+
+SUBJECTS = (
+    *("a person",) * 8,
+    *("the person", "someone", "somebody", "a man", "a woman", "a human", "an adult", "a boy", "a girl", "a child"),
+    *("he", "she", "a pedestrian", "the subject", "an old man", "a young woman", "a tall man", "one person", "a guy"),
+)
+ENDINGS = (
+    *("",) * 12,
+    *(" in front of the radar", " in a room", " in a repetitive manner", " repeatedly", " again and again"),
+    *(" facing the radar", ", facing forward", " at 3 m", " in a living room", " several times", " facing left"),
+    *(", side view", " while facing the sensor", " once", " over and over"),
+)
+PACES = MappingProxyType(
+    {
+        "slow": (" slowly", " at a slow pace", " leisurely", " very slowly", " gently"),
+        "fast": (" quickly", " fast", " rapidly", " briskly", " at a fast pace"),
+    }
+)
+"""Ways to say the speed."""
+
+UPPER = ("left_arm_raised", "right_arm_raised", "t_pose", "y_pose", "swipe_left", "swipe_right", "push", "pull",
+         "circle_clockwise", "circle_counterclockwise", "click", "finger_swing")  # fmt: skip
+"""Actions of the arms, which go together with walking."""
+JOINERS = (" while {ing}", " and {ing}", " while {ing} at the same time", ", {ing}")

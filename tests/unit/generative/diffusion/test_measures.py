@@ -1,0 +1,110 @@
+"""What is measured: rhythm, distance, slide, limits, and a judge that learns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.diffusion import metrics
+from rfgen_sionna.generative.diffusion.features import encode, fit_hands
+from rfgen_sionna.generative.diffusion.recogniser import train_recogniser
+from rfgen_sionna.generative.diffusion.rhythm import Beat, find_period, find_phase, rhythm_score, stride
+from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+
+SOURCE = KinematicSource(20.0)
+WALK, JACKS, STANDING = (SOURCE(a, 6.0, 1) for a in ("walk", "jumping_jacks", "standing"))
+HANDS = fit_hands([STANDING], [WALK, JACKS])
+
+
+@pytest.mark.parametrize("period", [0.6, 1.1, 2.3])
+def test_the_period_and_phase_of_a_wave_are_found(period: float) -> None:
+    t = np.arange(160) / 20.0
+    wave = np.cos(2 * np.pi * t / period) + 0.3 * np.cos(4 * np.pi * t / period)
+    found, height = find_period(wave, 20.0)
+    assert found == pytest.approx(period, rel=0.02)
+    assert height > 0.98
+    phase = find_phase(wave, 20.0, found)
+    crests = np.cos(phase)[40:120]
+    assert np.corrcoef(crests, np.cos(2 * np.pi * t / period)[40:120])[0, 1] > 0.98
+
+
+def test_nothing_and_noise_have_no_rhythm() -> None:
+    assert find_period(np.zeros(100), 20.0) == (0.0, 0.0)
+    assert find_period(np.random.default_rng(0).standard_normal(200), 20.0)[1] < 0.5
+
+
+def test_jumping_jacks_have_rhythm_and_standing_has_none() -> None:
+    assert rhythm_score(encode(JACKS, HANDS), 20.0) > 0.95
+    assert rhythm_score(encode(STANDING, HANDS), 20.0) < 0.8
+
+
+def test_only_travel_has_strides() -> None:
+    assert stride(encode(WALK, HANDS), 20.0) is not None
+    assert stride(encode(JACKS, HANDS), 20.0) is None
+
+
+def test_a_drawn_beat_keeps_its_rate_and_comes_from_its_seed() -> None:
+    beat = Beat(np.log(0.8), 0.0, 0.02)
+    rows = beat.draw(400, 20.0, np.random.default_rng(1))
+    assert np.allclose(rows[:, 0] ** 2 + rows[:, 1] ** 2, 1.0)
+    turns = np.unwrap(np.arctan2(rows[:, 1], rows[:, 0]))
+    assert (turns[-1] - turns[0]) / (2 * np.pi) / (399 / 20.0) == pytest.approx(0.8, rel=0.05)
+    assert np.array_equal(rows, beat.draw(400, 20.0, np.random.default_rng(1)))
+    fast = beat.draw(400, 20.0, np.random.default_rng(1), speed=1.5)
+    faster = np.unwrap(np.arctan2(fast[:, 1], fast[:, 0]))
+    assert (faster[-1] - faster[0]) / (turns[-1] - turns[0]) == pytest.approx(1.5, rel=0.01)
+
+
+def test_frechet_is_the_squared_distance_of_shifted_sets() -> None:
+    rng = np.random.default_rng(0)
+    a = rng.standard_normal((500, 4))
+    assert metrics.frechet(a, a) == pytest.approx(0.0, abs=1e-6)
+    assert metrics.frechet(a, a + np.array([3.0, 0.0, 0.0, 0.0])) == pytest.approx(9.0, rel=1e-6)
+    # normal distributions of the same mean: the squared difference of the deviations, per dimension
+    assert metrics.frechet(a, 2.0 * (a - a.mean(axis=0)) + a.mean(axis=0)) == pytest.approx(4.0, rel=0.15)
+    assert metrics.frechet_floor(a, 100, rng) < 0.5
+
+
+def test_a_dragged_foot_slides() -> None:
+    assert metrics.foot_slide(STANDING, MEAN_ADULT) < 0.01
+    dragged = STANDING.translation + np.linspace(0.0, 1.2, len(STANDING.translation))[:, None] * [1.0, 0.0, 0.0]
+    assert metrics.foot_slide(replace(STANDING, translation=dragged), MEAN_ADULT) == pytest.approx(0.2, rel=0.05)
+
+
+def test_the_synthesiser_keeps_the_limits_and_a_broken_knee_does_not() -> None:
+    assert metrics.out_of_limits(WALK) == 0.0
+    broken = WALK.rotations.copy()
+    broken[10:20, 4] = [0.0, -np.sin(0.4), 0.0, np.cos(0.4)]
+    assert metrics.out_of_limits(replace(WALK, rotations=broken)) == pytest.approx(10 / len(broken))
+
+
+def test_jerk_and_variance_grow_with_noise() -> None:
+    rows = encode(WALK, HANDS)
+    rng = np.random.default_rng(0)
+    rough = rows + 0.01 * rng.standard_normal(rows.shape)
+    assert metrics.mean_jerk(rough) > 1.5 * metrics.mean_jerk(rows)
+    assert metrics.variance([rows, rows]) == 0.0
+    assert metrics.variance([rows, encode(JACKS, HANDS)]) > 0.001
+
+
+def test_a_copy_is_next_to_its_original() -> None:
+    walk, jacks = encode(WALK, HANDS), encode(JACKS, HANDS)
+    # stretches of the others begin at every fourth pose, as the middle two seconds of six do
+    assert metrics.nearest([walk], [walk, jacks])[0] < 1e-3
+    assert metrics.nearest([walk], [jacks])[0] > 0.05
+
+
+def test_the_judge_tells_what_it_was_shown() -> None:
+    rows, labels = [], []
+    for action in ("push", "t_pose", "standing"):
+        for seed in range(5):
+            rows.append(encode(SOURCE(action, 5.0, seed), HANDS))
+            labels.append(action)
+    keep = [k for k in range(len(rows)) if k % 5]
+    judge = train_recogniser([rows[k] for k in keep], [labels[k] for k in keep], steps=40)
+    assert judge.name([rows[k] for k in range(0, 15, 5)]) == ["push", "t_pose", "standing"]
+    look, chance = judge.look([rows[0][:30]])
+    assert np.isfinite(look).all()
+    assert chance.sum() == pytest.approx(1.0)
