@@ -27,6 +27,8 @@ class Facets:
     """(facet,) position in the list of surfaces."""
     facing: NDArray[np.bool_]
     """(facet,) False where a closed surface looks away from the viewpoint."""
+    parts: IntArray
+    """(facet,) number of parts that the integral divides each edge into."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -34,7 +36,12 @@ class Facets:
     def take(self, index: NDArray[np.intp]) -> Facets:
         """The facets that `index` counts out."""
         return Facets(
-            self.corners[index], self.number[index], self.face[index], self.surface[index], self.facing[index]
+            self.corners[index],
+            self.number[index],
+            self.face[index],
+            self.surface[index],
+            self.facing[index],
+            self.parts[index],
         )
 
     @property
@@ -53,7 +60,7 @@ def stack_facets(
 ) -> Facets:
     """All pieces of all surfaces, in their order, for the vertices [m] given."""
     corners = [np.zeros((0, 3, 3))]
-    number, face, index = ([np.zeros(0, np.int32)] for _ in range(3))
+    number, face, index, parts = ([np.zeros(0, np.int32)] for _ in range(4))
     facing = [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c = piece.corners(points, surface.faces)
@@ -62,6 +69,7 @@ def stack_facets(
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
+        parts.append(piece.parts)
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
     return Facets(
@@ -70,6 +78,7 @@ def stack_facets(
         face=np.concatenate(face),
         surface=np.concatenate(index),
         facing=np.concatenate(facing),
+        parts=np.concatenate(parts),
     )
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
-from rfgen_sionna.tracing.facet import facet_gains
+from rfgen_sionna.tracing.facet import Nodes, facet_gains
+from rfgen_sionna.tracing.obliquity import Media
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.tracer import Tracer
@@ -71,8 +72,6 @@ def trace_footprints(
     normal, speed = np.empty((len(ray), 3)), np.zeros((len(ray), 3))
     surfaces = (*tracer.surfaces.static, *tracer.surfaces.moving)
     objects = hits.object[ray]
-    permittivity = np.empty((1, len(ray)), dtype=np.complex128)
-    permeability = np.empty((1, len(ray)), dtype=np.complex128)
     frequency = np.array([tracer.radar.center_frequency])
     for number in np.unique(objects):
         chosen = np.flatnonzero(objects == number)
@@ -82,8 +81,6 @@ def trace_footprints(
         normal[chosen] = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
         if velocities[number] is not None:
             speed[chosen] = np.einsum("rc,rci->ri", hits.barycentric[index], velocities[number][corner_ids])
-        permittivity[:, chosen] = surface.material.relative_permittivity(frequency)[:, None]
-        permeability[:, chosen] = surface.material.relative_permeability(frequency)[:, None]
     distance, towards = hits.distance[ray], directions[ray]
     # Where a corner's ray meets the tangent plane: n . (s c - d D) = 0.
     plane = distance * np.einsum("ri,ri->r", normal, towards)
@@ -99,10 +96,9 @@ def trace_footprints(
     patch = np.where(smooth.all(axis=1)[:, None], np.where(np.isfinite(met), met, 0.0), reach)[..., None] * corners
     triangles = np.concatenate([patch[:, [0, 1, 2]], patch[:, [0, 2, 3]]])
     here = np.zeros((1, 3))
-    gains = facet_gains(
-        triangles, here, here, field, field, np.tile(permittivity, 2), np.tile(permeability, 2), frequency
-    )
-    returns = gains.a[0, 0, 0] * np.exp(-2j * np.pi * np.mod(frequency * gains.tau[0, 0], 1.0))
+    media = Media.at([surface.material for surface in surfaces], frequency)
+    gains = facet_gains(triangles, np.tile(objects, 2), media, Nodes(here, here, frequency), field, field)
+    returns = gains.a[0] * np.exp(-2j * np.pi * np.mod(frequency * gains.tau[0], 1.0))
     return Footprints(
         ray=ray.astype(np.int32),
         a=returns[: len(ray)] + returns[len(ray) :],

@@ -1,29 +1,50 @@
-"""Facet gains over the sampled band: value at its centre and how it changes towards its probes."""
+"""Facet gains for every element pair over the sampled band, from as few integrals as they need.
+
+Without the propagation phase of its centroid a facet's gain changes little from one element to the next and over the
+band. So it is integrated at a few pairs and frequencies (nodes), and a polynomial through them gives the rest:
+
+    a(u, v, w) = sum_b c_b u^k v_y^m v_z^n w_y^p w_z^q
+
+in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight. With one
+polarisation on both sides reciprocity leaves even powers of w only.
+"""
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
+from scipy.linalg import qr
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facet import FacetGains, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.obliquity import Media
 
 MAX_ORDER = 8
+MAX_DEGREE = 6
+PROBES = np.array([-1.0, 0.0, 1.0])
+"""Places in the band at which an expansion is tried."""
+SHARE = 0.3
+"""Share of the tolerance that an expansion may use up; the rest is left to the facets."""
+ENOUGH = 20_000
+"""Facets that tell which expansion will do."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class BandGains:
-    """Gains of facets as polynomials in (f - centre) / half_band."""
+class Expansion:
+    """How the gains of every pair over the band follow from those at a few nodes."""
 
-    coefficients: ComplexArray
-    """(order, tx, rx, facet); row 0 is the gain at the centre."""
-    tau: FloatArray
-    """(tx, rx, facet) delay [s]."""
+    nodes: Nodes
+    order: int
+    """Number of coefficients over the band."""
+    weights: FloatArray
+    """(order, tx, rx, node) what takes gains at the nodes to coefficients of powers of u for every pair."""
 
 
 class BandTracer:
@@ -39,69 +60,169 @@ class BandTracer:
         self._fields = radar.tx_field, radar.rx_field
         self._rtol = rtol
         self._pattern, self._rotation = radar.pattern, radar.rotation
+        # Across the boresight, in units of half the array's width; along it elements hardly differ.
+        tx, rx = radar.tx_positions[:, None, 1:], radar.rx_positions[None, :, 1:]
+        total, apart = (
+            np.reshape(np.broadcast_to(each, (*np.broadcast_shapes(tx.shape, rx.shape),)), (-1, 2))
+            for each in (tx + rx, tx - rx)
+        )
+        self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
+        self._powers = 2 if np.allclose(*self._fields) else 1
+
+    @property
+    def num_pairs(self) -> tuple[int, int]:
+        """Numbers of Tx and of Rx elements."""
+        return len(self._tx), len(self._rx)
 
     def importance(self, direction: FloatArray) -> FloatArray:
         """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
         level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
         return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
 
-    def _gains(
-        self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, u: FloatArray, single: bool
-    ) -> FacetGains:
-        frequencies = self.centre + self.half_band * u
-        permittivity = np.empty((len(u), len(corners)), dtype=np.complex128)
-        permeability = np.empty_like(permittivity)
-        for number, material in enumerate(materials):
-            chosen = index == number
-            permittivity[:, chosen] = material.relative_permittivity(frequencies)[:, None]
-            permeability[:, chosen] = material.relative_permeability(frequencies)[:, None]
-        tx, rx = (self._tx[:1], self._rx[:1]) if single else (self._tx, self._rx)
-        return facet_gains(corners - self._origin, tx, rx, *self._fields, permittivity, permeability, frequencies)
+    def frequency(self, u: FloatArray) -> FloatArray:
+        """Frequencies [Hz] at places -1 … 1 of the band."""
+        return np.asarray(self.centre + self.half_band * u)
 
-    def __call__(self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, order: int) -> BandGains:
-        """Gains of `corners` (facet, 3, 3) [m, world]; facet i is of `materials[index[i]]`.
+    def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
+        place = centroids - self._origin
+        if pair is not None:
+            to_tx, to_rx = (np.linalg.norm(place - each, axis=1) for each in (self._tx[pair[0]], self._rx[pair[1]]))
+            return np.asarray((to_tx + to_rx) / SPEED_OF_LIGHT)
+        to_tx, to_rx = (np.linalg.norm(place - each[:, None], axis=2) for each in (self._tx, self._rx))
+        return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
-        `order` coefficients are fitted through as many Chebyshev nodes of the band.
-        """
-        nodes = chebyshev_nodes(order)
-        gains = self._gains(corners, materials, index, nodes, single=False)
-        if order == 1:
-            return BandGains(gains.a, gains.tau)
-        inverse = np.linalg.inv(np.vander(nodes, order, increasing=True))
-        return BandGains(np.tensordot(inverse, gains.a, axes=1), gains.tau)
+    def __call__(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
+        """(order, tx, rx, facet) gains as polynomials in u; `materials` are those of the facets' surfaces."""
+        gains = self._gains(facets, materials, expansion.nodes).a
+        weights = expansion.weights.reshape(-1, len(gains))
+        # Real times complex as two real products side by side.
+        joined = weights @ gains.view(np.float64).reshape(len(gains), -1)
+        return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], len(facets))
 
-    def order_for(
-        self, corners: FloatArray, materials: tuple[Material, ...], index: IntArray, weight: FloatArray
-    ) -> int:
-        """Smallest number of coefficients whose coherent sum is right to `rtol` over the band.
+    def expansion_for(self, facets: Facets, materials: tuple[Material, ...], weight: FloatArray) -> Expansion:
+        """The smallest expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
-        that cancel at the centre frequency don't elsewhere. Only the sum tells by how much that matters, so it is
-        measured, for one element pair, in its middle and at both ends.
+        that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
+        by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs,
+        and then for those at the band's ends. Of very many facets the strongest tell it.
         """
-        probes = np.array([-1.0, 0.0, 1.0])
-        exact = self._gains(corners, materials, index, probes, single=True)
-        frequencies = self.centre + self.half_band * probes
-        phasor = np.exp(-2j * np.pi * frequencies[:, None] * exact.tau[0, 0]) * weight
-        truth = (exact.a[:, 0, 0] * phasor).sum(axis=1)
+        if len(facets) > ENOUGH:
+            once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
+            strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), ENOUGH)[:ENOUGH])
+            facets, weight = facets.take(strongest), weight[strongest]
+        pairs = self._outermost()
+        middle = np.zeros(len(pairs))
+        order, degree = 1, 0
+
+        def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
+            return self._error(facets, materials, weight, u, at, self._expansion(basis)) <= SHARE * self._rtol
+
+        first = np.zeros(len(PROBES), np.int32)
+        while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
+            order += 1
+        while degree < MAX_DEGREE and len(pairs) > 1 and not fits(middle, pairs, self._basis(1, degree, full=True)):
+            degree += 1
+        if order > MAX_ORDER or degree == MAX_DEGREE:
+            _LOG.warning(
+                "rtol %g: facets change too fast over the band or the array for %d coefficients of %d. degree",
+                self._rtol, min(order, MAX_ORDER), degree,
+            )  # fmt: skip
+            order = min(order, MAX_ORDER)
+        basis = self._basis(order, degree, full=False)
+        ends = np.repeat([-1.0, 1.0], len(pairs))
+        if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
+            basis = self._basis(order, degree, full=True)
+        return self._expansion(basis)
+
+    def at_probes(
+        self, facets: Facets, materials: tuple[Material, ...], u: FloatArray, pair: tuple[int, int], parts: IntArray
+    ) -> FacetGains:
+        """Gains (probe, facet) of one pair at places `u` of the band without expansion, integrated in `parts`."""
+        at = np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32)
+        return self._gains(facets, materials, self._nodes(u, at), parts)
+
+    def _error(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        weight: FloatArray,
+        u: FloatArray,
+        pairs: IntArray,
+        expansion: Expansion,
+    ) -> float:
+        exact = self._gains(facets, materials, self._nodes(u, pairs))
+        phasor = np.exp(-2j * np.pi * np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)) * weight
+        truth = (exact.a * phasor).sum(axis=1)
+        at_nodes = self._gains(facets, materials, expansion.nodes).a
+        found = np.vander(u, expansion.order, increasing=True)  # (probe, order)
+        rows = np.einsum("pk,kpn->pn", found, expansion.weights.reshape(expansion.order, -1, len(at_nodes))[:, pairs])
         # Where everything cancels by chance the single returns set the scale.
-        scale = max(_rms(truth), float(np.abs(exact.a[:, 0, 0] * weight).max(initial=0.0)))
-        for order in range(1, MAX_ORDER + 1):
-            nodes = chebyshev_nodes(order)
-            a = self._gains(corners, materials, index, nodes, single=True).a[:, 0, 0]
-            fitted = np.vander(probes, order, increasing=True) @ np.linalg.solve(
-                np.vander(nodes, order, increasing=True), a
-            )
-            if _rms((fitted * phasor).sum(axis=1) - truth) <= self._rtol * scale:
-                return order
-        _LOG.warning("rtol %g: facets change too fast over the band for %d coefficients", self._rtol, MAX_ORDER)
-        return MAX_ORDER
+        scale = max(_rms(truth), float(np.abs(exact.a * weight).max(initial=0.0)))
+        return _rms(((rows @ at_nodes - exact.a) * phasor).sum(axis=1)) / scale if scale > 0 else 0.0
+
+    def _gains(
+        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+    ) -> FacetGains:
+        media = Media.at(materials, nodes.frequency)
+        parts = facets.parts if parts is None else parts
+        return facet_gains(facets.corners - self._origin, facets.surface, media, nodes, *self._fields, parts)
+
+    def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
+        tx, rx = np.divmod(pairs, len(self._rx))
+        return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
+
+    def _outermost(self) -> IntArray:
+        """Pairs at the corners of the array and furthest apart, at most nine."""
+        found = set()
+        for angle in np.arange(8) * (np.pi / 4):
+            found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
+        found.add(int(np.argmax((self._difference**2).sum(axis=1))))
+        return np.array(sorted(found), dtype=np.int32)
+
+    def _basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:
+        """Exponents (u, v_y, v_z, w_y, w_z); not `full` leaves the mixed ones of high degree out."""
+        found: list[tuple[int, ...]] = []
+        for k, m, n, p, q in product(range(order), *[range(degree + 1)] * 4):
+            if (p + q) % self._powers or m + n + p + q > degree:
+                continue
+            if full or k / (order - 0.5) + (m + n + p + q) / (degree + 0.5) <= 1.0:
+                found.append((k, m, n, p, q))
+        return found
+
+    def _expansion(self, basis: list[tuple[int, ...]]) -> Expansion:
+        """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
+
+        Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
+        (all elements on a line) falls out of the basis.
+        """
+        order = 1 + max(each[0] for each in basis)
+        u = np.cos(np.pi * (np.arange(order) + 0.5) / order)
+        powers = np.vander(u, order, increasing=True)
+        coordinates = np.hstack([self._sum, self._difference])
+        spatial = {each[1:]: np.prod(coordinates ** np.array(each[1:]), axis=1) for each in basis}
+        columns = np.stack([np.outer(powers[:, each[0]], spatial[each[1:]]).ravel() for each in basis], axis=1)
+        _, r, pivots = qr(columns, mode="economic", pivoting=True)
+        rank = int(np.count_nonzero(np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0])))
+        kept = np.sort(pivots[:rank])
+        basis, columns = [basis[each] for each in kept], columns[:, kept]
+        _, _, rows = qr(columns.T, mode="economic", pivoting=True)
+        rows = np.sort(rows[:rank])
+        inverse = np.linalg.inv(columns[rows])
+        weights = np.zeros((order, len(self._sum), rank))
+        for number, each in enumerate(basis):
+            weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
+        nodes = self._nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
+        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank))
+
+
+def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:
+    """(pair, 2) positions in -1 … 1; without `centred` zero stays where it is."""
+    if centred:
+        positions = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
+    return np.asarray(positions / max(float(np.abs(positions).max()), 1e-9))
 
 
 def _rms(values: ComplexArray) -> float:
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))
-
-
-def chebyshev_nodes(order: int) -> FloatArray:
-    """(order,) Chebyshev nodes on (-1, 1)."""
-    return np.cos(np.pi * (np.arange(order) + 0.5) / order)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,11 +12,17 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.accuracy import finer, measure
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import tessellate
-from rfgen_sionna.tracing.visibility import changed_fraction, visible_fraction
+from rfgen_sionna.tracing.visibility import Visibility, changed_fraction, visible_fraction
+
+MAX_ROUNDS = 4
+"""How often the facets are made finer before the tolerance is given up with a warning."""
+MAX_FACETS = 2_000_000
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,8 @@ class StaticTrace:
     viewpoint: FloatArray
     rays: int
     """Rays sent."""
+    error: float
+    """Estimated error of the coherent return, relative to that of the strongest surface."""
 
     @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -114,32 +123,59 @@ def trace_static(
 
     `rays` holds the static scene alone; None where there is no static surface.
     """
-    pieces = [
-        tessellate(points, surface.faces, viewpoint, band.highest, rtol, band.importance, max_range)
-        for points, surface in zip(surfaces.static_vertices, surfaces.static, strict=True)
-    ]
-    facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
-    near = np.linalg.norm(facets.centroids - viewpoint, axis=1) < max_range
-    facets = facets.take(np.flatnonzero(facets.facing & near))
-    fraction, guides, count = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_), 0
-    if rays is not None:
-        seen = visible_fraction(rays, viewpoint, facets.corners, facets.number)
-        fraction, guides, count = seen.fraction, seen.guides, seen.rays
-    kept = np.flatnonzero(fraction > 0)
-    facets, fraction, guides = facets.take(kept), fraction[kept], guides[kept]
     materials = tuple(surface.material for surface in surfaces.static)
-    order = band.order_for(facets.corners, materials, facets.surface, fraction)
-    gains = band(facets.corners, materials, facets.surface, order)
+    fineness, rays_sent = np.ones(len(materials)), 0
+    for attempt in range(MAX_ROUNDS):
+        facets, seen = _seen_facets(surfaces, rays, band, viewpoint, rtol * fineness, max_range)
+        rays_sent += seen.rays
+        weight = seen.fraction * band.importance(facets.directions(viewpoint))
+        expansion = band.expansion_for(facets, materials, weight)
+        gains = band(facets, materials, expansion)
+        found = measure(band, facets, materials, weight, gains[:, 0, 0], (0, 0))
+        if found.total <= rtol:
+            break
+        # What each surface adds to the error, against the strongest surface's return.
+        part = found.error * found.level / found.level.max()
+        coarse = part > 0.3 * rtol / np.sqrt(max(1, int(np.count_nonzero(part))))
+        if attempt == MAX_ROUNDS - 1 or len(facets) * (found.total / rtol) > MAX_FACETS:
+            _LOG.warning("the return of the static scene is right to %.2g of itself (rtol: %g)", found.total, rtol)
+            break
+        fineness[coarse] *= finer(np.array(found.total), rtol)
+    gains *= seen.fraction
+    tau = band.delays(facets.centroids)[..., None]
     paths = facet_paths(
         surfaces.static,
         facets,
         np.array([0.0]),
-        (gains.coefficients * fraction)[..., None],
-        gains.tau[..., None],
-        np.zeros((*gains.tau.shape, 1)),
+        gains[..., None],
+        tau,
+        np.zeros_like(tau),
         facets.directions(viewpoint)[:, None],
         band.centre,
         band.half_band,
         (surfaces.object_names, surfaces.part_names),
     )
-    return StaticTrace(paths, facets, fraction, guides, viewpoint, count)
+    return StaticTrace(paths, facets, seen.fraction, seen.guides, viewpoint, rays_sent, found.total)
+
+
+def _seen_facets(
+    surfaces: Surfaces,
+    rays: RayScene | None,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    rtol: FloatArray,
+    max_range: float,
+) -> tuple[Facets, Visibility]:
+    """The facets that are seen, made for a tolerance (surface,) of each surface."""
+    pieces = [
+        tessellate(points, surface.faces, viewpoint, band.highest, tolerance, band.importance, max_range)
+        for points, surface, tolerance in zip(surfaces.static_vertices, surfaces.static, rtol.tolist(), strict=True)
+    ]
+    facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
+    near = np.linalg.norm(facets.centroids - viewpoint, axis=1) < max_range
+    facets = facets.take(np.flatnonzero(facets.facing & near))
+    if rays is None:
+        return facets, Visibility(np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_), 0)
+    seen = visible_fraction(rays, viewpoint, facets.corners, facets.number)
+    kept = np.flatnonzero(seen.fraction > 0)
+    return facets.take(kept), Visibility(seen.fraction[kept], seen.guides[kept], seen.rays)

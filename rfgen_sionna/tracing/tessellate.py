@@ -1,17 +1,23 @@
-"""Splitting facets until a linear phase describes each of them to the tolerance."""
+"""Splitting faces into facets, and facets into the parts that their integral takes, to the tolerance."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 
 _MAX_SPLITS = 64
 MAX_BULGE = 1.0
 """Phase bulge [rad] up to which an expansion to first order means anything."""
+FACET_BULGE = 0.5
+"""Phase bulge [rad] that a facet may have: those that need a smaller one are integrated in parts."""
+MAX_PARTS = 8
+"""Largest number of parts to an edge."""
 
 
 @dataclass(frozen=True)
@@ -22,14 +28,26 @@ class Tessellation:
     """(facet,) index of the face that the facet is a piece of."""
     weights: FloatArray
     """(facet, 3, 3) barycentric coordinates in that face of the facet's three corners (corner, vertex)."""
+    parts: IntArray
+    """(facet,) number of parts that the integral divides each edge into."""
+
+    @cached_property
+    def _pieces(self) -> NDArray[np.intp]:
+        """Facets that are less than their face."""
+        return np.flatnonzero((self.weights != np.eye(3)).any(axis=(1, 2)))
 
     def corners(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
         """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions."""
-        return np.asarray(self.weights @ vertices[faces[self.face]], dtype=np.float64)
+        corners = vertices[faces[self.face]]
+        pieces = self._pieces  # few, where a mesh is fine
+        corners[pieces] = self.weights[pieces] @ corners[pieces]
+        return np.asarray(corners, dtype=np.float64)
 
-    def centroids(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """(facet, 3) means of the corners [m]."""
-        return np.asarray((self.weights.mean(axis=1)[:, None] @ vertices[faces[self.face]])[:, 0], dtype=np.float64)
+    def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
+        """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
+        weights = self.weights[chosen].mean(axis=1)
+        corners = faces[self.face[chosen]]
+        return np.asarray(sum(weights[:, [i]] * vertices[corners[:, i]] for i in range(3)), dtype=np.float64)
 
 
 def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:
@@ -71,7 +89,10 @@ def tessellate(
     max_range: float = np.inf,
     limit: int = 5_000_000,
 ) -> Tessellation:
-    """Bisect the longest edges until every facet's quadratic phase is allowed at `rtol`.
+    """Bisect the longest edges until every facet is small enough to be integrated in few parts.
+
+    A facet is what is seen or hidden and what moves as one; how finely it is integrated is the parts' business: each
+    of them is allowed its quadratic phase at `rtol`.
 
     Parameters
     ----------
@@ -100,6 +121,7 @@ def tessellate(
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []
     done_weights: list[FloatArray] = []
+    done_parts: list[IntArray] = []
     count = 0
     for _ in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
@@ -108,16 +130,17 @@ def tessellate(
             radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
             near = np.linalg.norm(centre - viewpoint, axis=1) - radius < max_range
             face, weights, corners = face[near], weights[near], corners[near]
-        if importance is None:
-            bound: FloatArray | float = allowed_bulge(rtol)
-        else:
+        allowed = np.full(len(face), allowed_bulge(rtol))
+        if importance is not None:
             # A facet counts as much as its most important corner: large ones reach into the beam.
             weight = importance(_unit(corners - viewpoint)).max(axis=1)
             weight = np.maximum(weight, importance(_unit(corners.mean(axis=1) - viewpoint)))
-            bound = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
-        coarse = phase_bulge(corners, viewpoint, frequency) > bound
+            allowed = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
+        bulge = phase_bulge(corners, viewpoint, frequency)
+        coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
+        done_parts.append(np.maximum(np.ceil(np.sqrt(bulge / allowed))[~coarse], 1.0).astype(np.int32))
         count += int(np.count_nonzero(~coarse))
         face, weights, corners = face[coarse], weights[coarse], corners[coarse]
         if len(face) == 0:
@@ -136,5 +159,8 @@ def tessellate(
     else:
         done_face.append(face)
         done_weights.append(weights)
+        done_parts.append(np.full(len(face), MAX_PARTS, dtype=np.int32))
     order = np.argsort(np.concatenate(done_face), kind="stable")
-    return Tessellation(np.concatenate(done_face)[order], np.concatenate(done_weights)[order])
+    return Tessellation(
+        np.concatenate(done_face)[order], np.concatenate(done_weights)[order], np.concatenate(done_parts)[order]
+    )

@@ -12,27 +12,21 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.knots import choose_knots
+from rfgen_sionna.tracing.knots import choose_knots, gain_knots
+from rfgen_sionna.tracing.moving import RATE_STEP, MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.static import StaticTrace, trace_static
 from rfgen_sionna.tracing.surfaces import collect_surfaces
-from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
-from rfgen_sionna.tracing.visibility import visible_fraction
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
 
-RATE_STEP = 0.5e-3
-"""Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 PHASE_PER_RTOL = 3.0
 """Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`."""
-RANGE_MARGIN = 1.1
-"""Facets are made as far as this times the range window: they may come into it during the stretch."""
-GAIN_SPACING = 7e-3
+VISIBILITY_SPACING = 10e-3
 """Longest gap between instants at which gains and visibility are traced [s]; delays may have more knots."""
 
 
@@ -48,6 +42,9 @@ class TraceReport:
     """Instants at which visibility and gains were traced."""
     knots: int
     """Knots of the delays."""
+    error: float
+    """Estimated error of the integration: of the return of the static scene or of an actor, relative to itself,
+    whichever is larger (:mod:`rfgen_sionna.tracing.accuracy`). That of visibility is not in it."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +79,9 @@ class Tracer:
     actors
         What moves.
     rtol
-        Allowed relative error of a facet's gain (see :func:`~rfgen_sionna.tracing.tessellate.allowed_bulge`) and, times
-        `PHASE_PER_RTOL`, phase error between knots [rad].
+        Allowed error of the static scene's coherent return, and of each actor's, relative to itself; it is measured
+        (:mod:`rfgen_sionna.tracing.accuracy`) and facets are made finer until it is met. Times `PHASE_PER_RTOL` it is
+        the phase error [rad] and the relative error of the gains that splines in time may make.
     """
 
     def __init__(self, scene: RadarScene | None, radar: Radar, actors: Sequence[Actor], rtol: float = 1e-3) -> None:
@@ -96,7 +94,9 @@ class Tracer:
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol)
+        self._moving = MovingParts(self.surfaces, self._band, self._viewpoint, radar.max_range, rtol)
         self._positions: dict[float, list[FloatArray]] = {}
+        self._rays_time: float | None = None
 
     @cached_property
     def static(self) -> StaticTrace:
@@ -137,24 +137,19 @@ class Tracer:
     def trace(self, start: float, stop: float) -> Traced:
         """Paths from `start` to `stop` [s], with as many knots as the motion asks for."""
         self._positions.clear()
-        knots = np.array([start])
+        knots = instants = np.array([start])
         if self.actors:
-            knots = choose_knots(
-                self._vertices,
-                self._viewpoint,
-                start,
-                stop,
-                self._band.highest,
-                PHASE_PER_RTOL * self.rtol,
-                GAIN_SPACING,
-            )
-        return self._traced(knots)
+            limits = (self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING)
+            knots = choose_knots(self._vertices, self._viewpoint, start, stop, *limits)
+            faces = [actor.faces for actor in self.actors]
+            instants = gain_knots(self._vertices, faces, self._viewpoint, knots, *limits)
+        return self._traced(knots if len(knots) > len(instants) else instants, instants)
 
     @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:
         """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot."""
         self._positions.clear()
-        traced = self._traced(np.array([t]))
+        traced = self._traced(np.array([t]), np.array([t]))
         static = traced.static
         if len(traced.shaded):
             a = static.a.copy()
@@ -173,120 +168,45 @@ class Tracer:
         """The ray scene as it stands at `t` [s], each object's vertices [m], and their velocities [m/s] or None."""
         self._positions.clear()
         moving = self._vertices(t)
-        if self.actors:
-            self._rays.update(moving)
+        rays = self._rays_at(t)
         before, after = self._vertices(t - RATE_STEP), self._vertices(t + RATE_STEP)
         velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
         static = list(self.surfaces.static_vertices)
-        return self._rays, [*static, *moving], [*([None] * len(static)), *velocities]
+        return rays, [*static, *moving], [*([None] * len(static)), *velocities]
 
-    def _traced(self, knots: FloatArray) -> Traced:
+    def _traced(self, knots: FloatArray, instants: FloatArray) -> Traced:
+        """Delays at `knots`, visibility and gains at `instants` [s]."""
         static = self.static
-        rays, looked_at = static.rays, len(static.facets)
-        pieces = self._tessellations(knots)
-        instants = _every_so_often(knots, GAIN_SPACING)
-        stacked, fractions, shares = [], [], []
-        for t in instants:
-            vertices = self._vertices(float(t))
-            each = stack_facets(self.surfaces.moving, pieces, vertices, self._viewpoint)
-            fraction, share = np.zeros(len(each)), static.fraction
-            if self.actors:
-                self._rays.update(vertices)
-                near = np.linalg.norm(each.centroids - self._viewpoint, axis=1) < self.radar.max_range
-                facing = np.flatnonzero(each.facing & near)
-                seen = visible_fraction(self._rays, self._viewpoint, each.corners[facing], each.number[facing])
-                fraction[facing] = seen.fraction
-                share, more = static.visible(self._rays, vertices)
-                rays += seen.rays + more
-                looked_at += len(facing)
-            stacked.append(each)
-            fractions.append(fraction)
-            shares.append(share)
-        shadow, shaded = static.shadow(instants, np.stack(shares, axis=1))
-        moving = self._moving_paths(knots, instants, pieces, stacked, np.stack(fractions, axis=1))
-        report = TraceReport(looked_at, rays, len(instants), len(knots))
-        return Traced(static.paths, shadow, shaded, moving, report)
+        shares: dict[float, FloatArray] = {}
+        sent = [static.rays]
 
-    def _tessellations(self, knots: FloatArray) -> list[Tessellation]:
-        """Tessellation of every actor at the knot where it comes nearest to the radar."""
-        pieces = []
-        for index, surface in enumerate(self.surfaces.moving):
-            poses = [self._vertices(float(t))[index] for t in knots]
-            nearest = min(poses, key=lambda points: float(np.linalg.norm(points - self._viewpoint, axis=1).min()))
-            pieces.append(
-                tessellate(
-                    nearest,
-                    surface.faces,
-                    self._viewpoint,
-                    self._band.highest,
-                    self.rtol,
-                    self._band.importance,
-                    RANGE_MARGIN * self.radar.max_range,
-                )
-            )
-        return pieces
+        def look(t: float) -> RayScene:
+            """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
+            rays = self._rays_at(t)
+            if t not in shares and self.actors:
+                shares[t], count = static.visible(rays, self._vertices(t))
+                sent.append(count)
+            return rays
 
-    def _moving_paths(
-        self,
-        knots: FloatArray,
-        instants: FloatArray,
-        pieces: list[Tessellation],
-        stacked: list[Facets],
-        fraction: FloatArray,
-    ) -> RadarPaths:
-        """Paths of the facets that are seen at any instant; `fraction` is (facet, instant)."""
-        surfaces = self.surfaces.moving
-        materials = tuple(surface.material for surface in surfaces)
-        kept = np.flatnonzero((fraction > 0).any(axis=1))
-        facets, fraction = [each.take(kept) for each in stacked], fraction[kept]
-        middle = len(instants) // 2
-        order = self._band.order_for(facets[middle].corners, materials, facets[middle].surface, fraction[:, middle])
-        shape = (len(self.radar.tx_positions), len(self.radar.rx_positions), len(kept))
-        coefficients = np.empty((order, *shape, len(instants)), dtype=np.complex128)
-        for k, each in enumerate(facets):
-            gains = self._band(each.corners, materials, each.surface, order)
-            coefficients[..., k] = gains.coefficients * fraction[:, k]
-        if len(knots) > len(instants):
-            coefficients = coefficients @ knot_weights(instants, knots).T
-        tau, direction = np.empty((*shape, len(knots))), np.empty((len(kept), len(knots), 3))
-        for k, t in enumerate(knots):
-            tau[..., k], direction[:, k] = self._delays(float(t), pieces, kept)
-        if len(knots) > 1:
-            rate = tau @ knot_weights(knots, knots, 1).T
-        else:
-            before, after = (self._delays(float(knots[0]) + step, pieces, kept)[0] for step in (-RATE_STEP, RATE_STEP))
-            rate = ((after - before) / (2 * RATE_STEP))[..., None]
-        return facet_paths(
-            surfaces,
-            facets[0],
-            knots,
-            coefficients,
-            tau,
-            rate,
-            direction,
-            self._band.centre,
-            self._band.half_band,
-            (self.surfaces.object_names, self.surfaces.part_names),
+        moving = self._moving.trace(knots, instants, self._vertices, look)
+        for t in instants.tolist():
+            if t not in shares and self.actors and len(static.facets):
+                look(t)
+        shadow, shaded = static.shadow(
+            instants, np.stack([shares.get(t, static.fraction) for t in instants.tolist()], axis=1)
         )
-
-    def _delays(self, t: float, pieces: list[Tessellation], kept: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Delays (tx, rx, facet) [s] by way of the centroids of the facets `kept` at `t`, and directions (facet, 3)."""
-        parts = [
-            piece.centroids(points, surface.faces)
-            for piece, points, surface in zip(pieces, self._vertices(t), self.surfaces.moving, strict=True)
-        ]
-        centroids = np.concatenate([np.zeros((0, 3)), *parts])[kept] - self._viewpoint
-        to_tx, to_rx = (
-            np.linalg.norm(centroids - (elements - self._viewpoint)[:, None], axis=2)
-            for elements in (self.radar.tx_world, self.radar.rx_world)
+        report = TraceReport(
+            facets=len(static.facets) + moving.facets,
+            rays=sum(sent) + moving.rays,
+            instants=len(instants),
+            knots=len(knots),
+            error=max(static.error, moving.error),
         )
-        distance = np.maximum(np.linalg.norm(centroids, axis=1, keepdims=True), 1e-12)
-        return (to_tx[:, None] + to_rx) / SPEED_OF_LIGHT, centroids / distance
+        return Traced(static.paths, shadow, shaded, moving.paths, report)
 
-
-def _every_so_often(knots: FloatArray, spacing: float) -> FloatArray:
-    """Every 2^n-th knot, as few as keep to the longest gap [s]; there are 2^m + 1 knots, or one."""
-    stride = 1
-    while 2 * stride < len(knots) and (knots[2 * stride] - knots[0]) <= spacing * (1 + 1e-9):
-        stride *= 2
-    return knots[::stride]
+    def _rays_at(self, t: float) -> RayScene:
+        """Static and moving meshes as they are at `t` [s]."""
+        if self.actors and self._rays_time != t:
+            self._rays.update(self._vertices(t))
+            self._rays_time = t
+        return self._rays

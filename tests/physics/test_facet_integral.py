@@ -6,22 +6,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
-from rfgen_sionna.tracing.facet import facet_gains
-from rfgen_sionna.tracing.tessellate import allowed_bulge, phase_bulge, tessellate
+from rfgen_sionna.tracing.facet import Nodes, facet_gains
+from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.tessellate import FACET_BULGE, allowed_bulge, phase_bulge, tessellate
 from tests.reference.physical_optics import po_gain
 
 VERTICAL = np.array([0.0, 0.0, 1.0])
 SKIN = 6.57 - 8.91j  # dry skin at 77 GHz
 
 
-def channel(corners, tx, rx, frequency, permittivity=complex(np.inf), tx_field=VERTICAL, rx_field=VERTICAL):
-    """Coherent sum over facets of one element pair."""
-    eps = np.full((1, len(corners)), permittivity)
-    gains = facet_gains(corners, tx[None], rx[None], tx_field, rx_field, eps, np.ones_like(eps), np.array([frequency]))
+def channel(facets, tx, rx, frequency, permittivity=complex(np.inf), tx_field=VERTICAL, rx_field=VERTICAL):
+    """Coherent sum over facets of one element pair; `facets` are corners, or corners and their numbers of parts."""
+    corners, parts = facets if isinstance(facets, tuple) else (facets, None)
+    one = np.ones(1)
+    media = Media(np.full((1, 1), permittivity), np.ones((1, 1)), np.inf * one, one)
+    nodes = Nodes(tx[None], rx[None], frequency * one)
+    gains = facet_gains(corners, np.zeros(len(corners), np.int32), media, nodes, tx_field, rx_field, parts)
     assert np.isfinite(gains.a).all()
     assert np.isfinite(gains.tau).all()
-    phase = 2 * np.pi * np.mod(frequency * gains.tau[0, 0], 1.0)
-    return complex((gains.a[0, 0, 0] * np.exp(-1j * phase)).sum())
+    phase = 2 * np.pi * np.mod(frequency * gains.tau[0], 1.0)
+    return complex((gains.a[0] * np.exp(-1j * phase)).sum())
 
 
 def plate(width, height, distance, frequency, rtol, tilt=0.0):
@@ -31,7 +35,13 @@ def plate(width, height, distance, frequency, rtol, tilt=0.0):
     turn = np.array([[np.cos(tilt), -np.sin(tilt), 0], [np.sin(tilt), np.cos(tilt), 0], [0, 0, 1]])
     vertices = vertices @ turn.T + [distance, 0, 0]
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-    return tessellate(vertices, faces, np.zeros(3), frequency, rtol).corners(vertices, faces)
+    return split(vertices, faces, frequency, rtol)
+
+
+def split(vertices, faces, frequency, rtol):
+    """Corners and numbers of parts of a mesh's facets for a viewpoint at the origin."""
+    pieces = tessellate(vertices, faces, np.zeros(3), frequency, rtol)
+    return pieces.corners(vertices, faces), pieces.parts
 
 
 @pytest.mark.parametrize("frequency", [24.125e9, 77e9])
@@ -50,7 +60,7 @@ def test_large_mirror_is_the_image_of_the_radar(frequency, permittivity, reflect
     sums = []
     for left, right, below, above in np.sqrt(wavelength * distance / 2) * rng.uniform(8, 24, (48, 4)):
         rim = [[distance, y, z] for y, z in ((-right, -below), (left, -below), (left, above), (-right, above))]
-        corners = tessellate(np.array(rim), faces, np.zeros(3), frequency, 1e-2).corners(np.array(rim), faces)
+        corners = split(np.array(rim), faces, frequency, 1e-2)
         sums.append(channel(corners, np.zeros(3), np.zeros(3), frequency, permittivity))
     image = reflection * wavelength / (4 * np.pi * 2 * distance) * np.exp(-2j * np.pi * 2 * distance / wavelength)
     assert abs(np.mean(sums) / image - 1) < 0.015
@@ -99,7 +109,7 @@ def test_facets_agree_with_dense_quadrature(seed):
     area = 0.5 * np.linalg.norm(np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0]))
     ceiling = area / (4 * np.pi * np.dot(centre, centre))
     for rtol in (1e-2, 1e-3, 1e-4):
-        corners = tessellate(vertices, faces, np.zeros(3), frequency, rtol).corners(vertices, faces)
+        corners = split(vertices, faces, frequency, rtol)
         found = channel(corners, tx, rx, frequency, permittivity, fields[0], fields[1])
         assert abs(found - truth) < (rtol + 5e-4) * ceiling
 
@@ -125,7 +135,7 @@ def test_large_plate_meets_the_tolerance(rtol, tilt):
         r = np.linalg.norm(points, axis=1)
         truth += w * (weight / 2 * np.abs(points @ normal) / r**3 * np.exp(-2j * k * r)).sum()
     truth *= -1j / (4 * np.pi)
-    corners = tessellate(vertices, faces, np.zeros(3), frequency, rtol).corners(vertices, faces)
+    corners = split(vertices, faces, frequency, rtol)
     mirror = 1 / (4 * k * 1.5)
     assert abs(channel(corners, np.zeros(3), np.zeros(3), frequency) - truth) < rtol * mirror
 
@@ -161,6 +171,25 @@ def test_gains_are_finite_whatever_the_facet(triangle, size, distance, permittiv
     channel(corners, np.zeros(3), np.array([0, 0.01, 0]), frequency, permittivity)
 
 
+@pytest.mark.parametrize("n", [2, 3, 7])
+def test_parts_are_the_facets_that_they_make_up(n):
+    """A facet integrated in n^2 parts is the sum over those parts as facets of their own."""
+    rng = np.random.default_rng(n)
+    whole = np.array([1.5, 0.1, 0.2]) + rng.normal(scale=0.05, size=(3, 3, 3))
+    a, b, c = (whole[:, i] for i in range(3))
+
+    def at(i, j):  # row i from corner a, column j from b's side to c's
+        return a + (i * (b - a) + j * (c - b)) / n
+
+    upright = [(at(i, j), at(i + 1, j), at(i + 1, j + 1)) for i in range(n) for j in range(i + 1)]
+    turned = [(at(i, j), at(i + 1, j + 1), at(i, j + 1)) for i in range(n) for j in range(i)]
+    small = np.concatenate([np.stack(each, axis=1) for each in upright + turned])
+    assert len(small) == 3 * n * n
+    tx, rx = np.array([0, 0.01, 0]), np.array([0, -0.01, 0.005])
+    together = channel((whole, np.full(3, n, np.int32)), tx, rx, 77e9, SKIN)
+    assert abs(together / channel(small, tx, rx, 77e9, SKIN) - 1) < 1e-9
+
+
 def test_no_contrast_returns_nothing():
     """epsilon_r = 1 is air: what is reflected is 0, and monostatic forward currents cancel."""
     a = channel(plate(0.1, 0.1, 1.0, 77e9, 1e-3), np.zeros(3), np.zeros(3), 77e9, 1.0)
@@ -176,8 +205,9 @@ def test_tessellation_meets_its_bound_and_stops_there():
         pieces = tessellate(vertices, faces, np.zeros(3), 77e9, rtol)
         corners = pieces.corners(vertices, faces)
         bulge = phase_bulge(corners, np.zeros(3), 77e9)
-        assert bulge.max() <= allowed_bulge(rtol)
-        assert np.median(bulge) > allowed_bulge(rtol) / 8  # two bisections quarter the bulge
+        assert bulge.max() <= max(allowed_bulge(rtol), FACET_BULGE)
+        assert (bulge / pieces.parts**2).max() <= allowed_bulge(rtol)
+        assert np.median(bulge) > FACET_BULGE / 8  # two bisections quarter the bulge
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         assert 0.5 * np.linalg.norm(cross, axis=1).sum() == pytest.approx(10.0, rel=1e-12)
 

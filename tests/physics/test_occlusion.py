@@ -46,7 +46,7 @@ def test_plate_hides_a_sphere(radar):
         plate = Actor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
         paths = of(Simulator(None, radar, [ball, plate]).paths(), "ball")
         if remains:
-            assert abs(channel(paths)) == pytest.approx(alone, rel=1e-9)
+            assert abs(channel(paths)) == pytest.approx(alone, rel=1e-3)
         else:
             assert paths.num_paths == 0 or abs(channel(paths)) < 10 ** (-30 / 20) * alone
 
@@ -59,7 +59,8 @@ def test_half_a_sphere_hidden_by_rows(radar):
     seen = []
     for y in np.linspace(0.15, 0.26, 6):
         plate = Actor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
-        seen.append(of(Simulator(None, radar, [ball, plate]).paths(), "ball").num_paths)
+        # So coarse a tolerance that the mesh's own faces will do: their number is what is seen.
+        seen.append(of(Simulator(None, radar, [ball, plate], rtol=0.1).paths(), "ball").num_paths)
     assert seen == sorted(seen)
     assert 0 <= seen[0] < seen[2] < seen[-1]
 

@@ -32,9 +32,9 @@ def test_nothing_moves_one_knot():
 
 
 def test_steady_motion_gets_the_widest_gaps():
-    """At constant speed only what visibility asks for: 7 ms at most."""
-    assert len(knots_of(lambda t: 1.5 * t)) == 5
-    assert len(knots_of(lambda t: 1.5 * t, spacing=1.0)) == 3
+    """At constant speed a cubic's four, and no more than what visibility asks for: here 5 ms at most."""
+    assert len(knots_of(lambda t: 1.5 * t, spacing=1.0)) == 4
+    assert len(knots_of(lambda t: 1.5 * t, spacing=5e-3)) == 7
 
 
 @pytest.mark.parametrize("frequency", [20.0, 60.0, 284.35, 288.85, 8 / 27.648e-3, 11 / 27.648e-3])
@@ -62,5 +62,5 @@ def test_a_still_crowd_hides_no_mover():
 
 def test_a_kink_is_said_and_costs_no_more_than_it_may(caplog):
     knots = knots_of(lambda t: 2.0 * min(t, 0.011))
-    assert len(knots) <= 65
+    assert len(knots) <= 97
     assert "not smooth" in caplog.text

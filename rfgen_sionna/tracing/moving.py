@@ -1,0 +1,225 @@
+"""What moves: its facets, kept fine enough from one stretch of time to the next, and its paths."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.accuracy import PROBES, Accuracy, finer, measure
+from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
+from rfgen_sionna.tracing.gains import BandTracer, Expansion
+from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
+from rfgen_sionna.tracing.visibility import visible_fraction
+
+RATE_STEP = 0.5e-3
+"""Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
+RANGE_MARGIN = 1.1
+"""Facets are made as far as this times the range window: they may come into it during the stretch."""
+MAX_ROUNDS = 5
+"""How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
+_LOG = logging.getLogger(__name__)
+
+Positions = Callable[[float], Sequence[FloatArray]]
+"""Time [s] to the (vertex, 3) positions [m] of every moving surface."""
+
+
+@dataclass(frozen=True)
+class MovingTrace:
+    """The moving surfaces over a stretch of time."""
+
+    paths: RadarPaths
+    error: float
+    """Estimated relative error of the return of the worst of them; see :mod:`rfgen_sionna.tracing.accuracy`."""
+    facets: int
+    """Facets looked at."""
+    rays: int
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Facets at an instant and how much of them is seen."""
+
+    facets: Facets
+    fraction: FloatArray
+    looked_at: int
+    rays: int
+
+
+class MovingParts:
+    """Traces the moving surfaces stretch by stretch.
+
+    Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
+    measured in every stretch; where it is above the tolerance, facets and expansion are chosen anew.
+    """
+
+    def __init__(
+        self, surfaces: Surfaces, band: BandTracer, viewpoint: FloatArray, max_range: float, rtol: float
+    ) -> None:
+        self._surfaces, self._band = surfaces, band
+        self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
+        self._materials = tuple(surface.material for surface in surfaces.moving)
+        self._fineness = np.ones(len(surfaces.moving))
+        self._pieces: list[Tessellation] = []
+        self._distance = np.zeros(len(surfaces.moving))
+        self._expansion: Expansion | None = None
+        self._level = np.zeros(len(surfaces.moving))
+        self._turn = 0
+
+    def trace(
+        self, knots: FloatArray, instants: FloatArray, positions: Positions, rays: Callable[[float], RayScene]
+    ) -> MovingTrace:
+        """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at a time."""
+        middle = len(instants) // 2
+        self._follow(positions, knots)
+        for attempt in range(2):
+            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays)
+            seen = [self._see(float(t), positions, rays) for t in instants]
+            kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
+            facets = [each.facets.take(kept) for each in seen]
+            gains = [self._band(each, self._materials, expansion) for each in facets]
+            found = self._measure(facets[middle], seen[middle].fraction[kept], gains[middle])
+            if found.largest <= 1.5 * self._rtol or attempt:
+                break
+            self._expansion = None
+        for gain, each in zip(gains, seen, strict=True):
+            gain *= each.fraction[kept]
+        paths = self._paths(knots, instants, positions, facets, gains, kept)
+        self._turn += 1
+        return MovingTrace(paths, found.largest, sum(each.looked_at for each in seen), sum(each.rays for each in seen))
+
+    def _follow(self, positions: Positions, knots: FloatArray) -> None:
+        """New facets where an actor has come nearer by a fifth, or where its range decides what is made of it."""
+        poses = [positions(float(t)) for t in (knots[0], knots[-1])]
+        changed = not self._pieces
+        for index, _ in enumerate(self._surfaces.moving):
+            distances = [np.linalg.norm(pose[index] - self._viewpoint, axis=1) for pose in poses]
+            nearest = min(float(each.min()) for each in distances)
+            beyond = max(float(each.max()) for each in distances) > self._max_range
+            if beyond or nearest < 0.8 * self._distance[index] or self._distance[index] == 0.0:
+                self._distance[index] = nearest
+                changed = True
+        if changed:
+            self._split(poses[0])
+            self._expansion = None
+
+    def _split(self, vertices: Sequence[FloatArray]) -> None:
+        self._pieces = [
+            tessellate(
+                points,
+                surface.faces,
+                self._viewpoint,
+                self._band.highest,
+                self._rtol * fineness,
+                self._band.importance,
+                RANGE_MARGIN * self._max_range,
+            )
+            for points, surface, fineness in zip(vertices, self._surfaces.moving, self._fineness, strict=True)
+        ]
+
+    def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
+        """Choose the expansion, and facets so fine that the error at `t` is allowed."""
+        for attempt in range(MAX_ROUNDS):
+            seen = self._see(t, positions, rays)
+            kept = np.flatnonzero(seen.fraction > 0)
+            facets, fraction = seen.facets.take(kept), seen.fraction[kept]
+            weight = self._weight(facets, fraction)
+            expansion = self._band.expansion_for(facets, self._materials, weight)
+            self._expansion = expansion
+            gains = self._band(facets, self._materials, expansion)
+            found = [
+                measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q))
+                for p, q in ((0, 0), (gains.shape[1] - 1, gains.shape[2] - 1))
+            ]
+            error = np.max([each.error for each in found], axis=0)
+            self._level = np.max([each.level for each in found], axis=0)
+            coarse = error > self._rtol
+            if not coarse.any():
+                return expansion
+            if attempt < MAX_ROUNDS - 1:
+                self._fineness[coarse] *= finer(error[coarse], self._rtol)
+                try:
+                    self._split(positions(t))
+                except ValueError:  # more facets than a machine can hold
+                    break
+        worst = int(np.argmax(error))
+        _LOG.warning(
+            "the return of '%s' is right to %.2g of itself (rtol: %g)",
+            self._surfaces.moving[worst].name, error[worst], self._rtol,
+        )  # fmt: skip
+        return expansion
+
+    def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> _Seen:
+        facets = stack_facets(self._surfaces.moving, self._pieces, positions(t), self._viewpoint)
+        near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._max_range
+        facing = np.flatnonzero(facets.facing & near)
+        fraction = np.zeros(len(facets))
+        if len(facing) == 0:
+            return _Seen(facets, fraction, 0, 0)
+        seen = visible_fraction(rays(t), self._viewpoint, facets.corners[facing], facets.number[facing])
+        fraction[facing] = seen.fraction
+        return _Seen(facets, fraction, len(facing), seen.rays)
+
+    def _weight(self, facets: Facets, fraction: FloatArray) -> FloatArray:
+        return np.asarray(fraction * self._band.importance(facets.directions(self._viewpoint)))
+
+    def _measure(self, facets: Facets, fraction: FloatArray, gains: NDArray[np.complex128]) -> Accuracy:
+        """Accuracy at one place of the band for one pair, other ones from turn to turn."""
+        pair = (self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])
+        probe = PROBES[[self._turn % len(PROBES)]]
+        weight = self._weight(facets, fraction)
+        return measure(self._band, facets, self._materials, weight, gains[:, *pair], pair, probe, self._level)
+
+    def _paths(
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        positions: Positions,
+        facets: Sequence[Facets],
+        gains: Sequence[NDArray[np.complex128]],
+        kept: NDArray[np.intp],
+    ) -> RadarPaths:
+        """Paths of the facets `kept`, with `gains` (order, tx, rx, facet) at each instant."""
+        coefficients = np.stack(gains, axis=-1)
+        if len(knots) > len(instants):
+            coefficients = coefficients @ knot_weights(instants, knots).T
+        shape = coefficients.shape[1:-1]
+        tau, direction = np.empty((*shape, len(knots))), np.empty((len(kept), len(knots), 3))
+        for k, t in enumerate(knots):
+            centroids = self._centroids(positions(float(t)), kept)
+            offset = centroids - self._viewpoint
+            tau[..., k] = self._band.delays(centroids)
+            direction[:, k] = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)
+        if len(knots) > 1:
+            rate = tau @ knot_weights(knots, knots, 1).T
+        else:
+            steps = (float(knots[0]) - RATE_STEP, float(knots[0]) + RATE_STEP)
+            before, after = (self._band.delays(self._centroids(positions(t), kept)) for t in steps)
+            rate = ((after - before) / (2 * RATE_STEP))[..., None]
+        return facet_paths(
+            self._surfaces.moving,
+            facets[0],
+            knots,
+            coefficients,
+            tau,
+            rate,
+            direction,
+            self._band.centre,
+            self._band.half_band,
+            (self._surfaces.object_names, self._surfaces.part_names),
+        )
+
+    def _centroids(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
+        """(kept, 3) [m], those of the facets that `kept` counts out of all."""
+        parts, first = [np.zeros((0, 3))], 0
+        for piece, points, surface in zip(self._pieces, vertices, self._surfaces.moving, strict=True):
+            chosen = kept[(kept >= first) & (kept < first + len(piece.face))] - first
+            parts.append(piece.centroids(points, surface.faces, chosen))
+            first += len(piece.face)
+        return np.concatenate(parts)

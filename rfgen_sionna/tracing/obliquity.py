@@ -1,0 +1,137 @@
+"""What a facet's surface does to the field: Fresnel coefficients of both polarisations and the currents they make.
+
+Physical optics takes the currents from the incident side alone and so is not reciprocal where Tx and Rx lie in
+different directions. The obliquity used is therefore the mean of both ways, Tx to Rx and Rx to Tx: the same where
+physical optics is exact (one place for both, the specular direction), and reciprocal everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.simplex import Complex as ComplexPair
+
+
+@dataclass(frozen=True)
+class Media:
+    """What facets are made of, at every node."""
+
+    permittivity: ComplexArray
+    """(node, material) relative, conductivity included as -j sigma/(omega eps0); an infinite one is a perfect
+    conductor."""
+    permeability: ComplexArray
+    """(node, material) relative."""
+    thickness: FloatArray
+    """(material,) of the slab that a facet stands for [m]; infinite is a half-space."""
+    smoothness: FloatArray
+    """(material,) share sqrt(1 - S^2) of the reflected field that stays coherent on a rough surface."""
+
+    @staticmethod
+    def at(materials: Sequence[Material], frequencies: FloatArray) -> Media:
+        """Media of `materials` at node frequencies (node,) [Hz]."""
+        shape = (len(frequencies), len(materials))
+        permittivity, permeability = np.empty(shape, np.complex128), np.empty(shape, np.complex128)
+        for number, material in enumerate(materials):
+            permittivity[:, number] = material.relative_permittivity(frequencies)
+            permeability[:, number] = material.relative_permeability(frequencies)
+        thickness = np.array([np.inf if each.thickness is None else each.thickness for each in materials])
+        rough = np.array([each.scattering_coefficient for each in materials])
+        return Media(permittivity, permeability, thickness, np.sqrt(1.0 - rough**2))
+
+
+class Medium(NamedTuple):
+    """The material of each lane."""
+
+    permittivity: Any
+    permeability: Any
+    perfect: Any
+    smoothness: Any
+    electric_thickness: Any
+    """Wavenumber times thickness [rad]; None where all are half-spaces."""
+    thick: Any
+    """Whether a lane is a half-space."""
+
+
+def media_of_lanes(dr: Any, types: Any, media: Media, node: Any, material: Any, wavenumber: Any) -> Medium:
+    Float, UInt32, Complex = types.Float64, types.UInt32, types.Complex2f64
+    entry = node * dr.opaque(UInt32, media.permittivity.shape[1]) + material
+
+    def table(values: Any, index: Any) -> Any:
+        return dr.gather(Float, Float(np.ascontiguousarray(values, dtype=np.float64).reshape(-1)), index)
+
+    conductor = ~np.isfinite(media.permittivity)
+    eps, mu = np.where(conductor, 1.0, media.permittivity), np.where(conductor, 1.0, media.permeability)
+    half_space = ~np.isfinite(media.thickness)
+    electric, thick = None, None
+    if not half_space.all():
+        electric = wavenumber * table(np.where(half_space, 0.0, media.thickness), material)
+        thick = table(half_space, material) > 0.5
+    return Medium(
+        Complex(table(eps.real, entry), table(eps.imag, entry)),
+        Complex(table(mu.real, entry), table(mu.imag, entry)),
+        table(conductor, entry) > 0.5,
+        table(media.smoothness, material),
+        electric,
+        thick,
+    )
+
+
+class Way:
+    """A plane wave of unit field `e_in` along `k_in` on a facet, received along `k_out` by an element of field `e_out`.
+
+    Holds half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))) for the incident wave and for reflected ones
+    of unit coefficient in both polarisations.
+    """
+
+    def __init__(self, dr: Any, vector: Any, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> None:
+        self.cos = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
+        s_raw = dr.cross(k_in, normal)
+        self.sin = dr.norm(s_raw)
+        # At normal incidence the plane of incidence is free: any direction across will do.
+        spare = dr.cross(dr.select(dr.abs(normal.x) < 0.6, vector(1, 0, 0), vector(0, 1, 0)), normal)
+        s = dr.select(self.sin > 1e-9, s_raw / dr.maximum(self.sin, 1e-9), dr.normalize(spare))
+        k_reflected = k_in + 2.0 * self.cos * normal
+        p_in, p_reflected = dr.cross(s, k_in), dr.cross(s, k_reflected)
+        # e . (k x (E x n)) = E . (n x (e x k)) and e . (k x (k x J)) = -e . J, for e across k.
+        of_electric, of_current = dr.cross(normal, dr.cross(e_out, k_out)), dr.cross(normal, e_out)
+
+        def received(field: Any, direction: Any) -> Any:
+            return 0.5 * (dr.dot(field, of_electric) + dr.dot(of_current, dr.cross(direction, field)))
+
+        self._incident = received(e_in, k_in)
+        self._s = dr.dot(e_in, s) * received(s, k_reflected)
+        self._p = dr.dot(e_in, p_in) * received(p_reflected, k_reflected)
+
+    def obliquity(self, dr: Any, complex_type: Any, medium: Medium) -> ComplexPair:
+        """Incident plus Fresnel-reflected."""
+        eps, mu = medium.permittivity, medium.permeability
+        root = dr.sqrt(eps * mu - self.sin * self.sin)
+        root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
+        r_s = (mu * self.cos - root) / (mu * self.cos + root)
+        r_p = (eps * self.cos - root) / (eps * self.cos + root)
+        if medium.electric_thickness is not None:
+            # The slab's two faces, and all that goes to and fro between them: ITU-R P.2040, eq. (43).
+            turn = medium.electric_thickness * root * 2.0
+            size = dr.select(medium.thick, 0.0, dr.exp(turn.imag))
+            sin, cos = dr.sincos(turn.real)
+            trip = complex_type(size * cos, -size * sin)
+            r_s, r_p = (_slab(dr, r, trip) for r in (r_s, r_p))
+        r_s = dr.select(medium.perfect, complex_type(-1, 0), r_s) * medium.smoothness
+        r_p = dr.select(medium.perfect, complex_type(1, 0), r_p) * medium.smoothness
+        return ComplexPair(
+            self._incident + r_s.real * self._s + r_p.real * self._p, r_s.imag * self._s + r_p.imag * self._p
+        )
+
+
+def _slab(dr: Any, r: Any, trip: Any) -> Any:
+    """Reflection of a slab whose faces reflect `r`; `trip` is the phasor of the way through it and back."""
+    below = 1.0 - r * r * trip
+    # Nothing comes back from a slab of no thickness, at grazing incidence either.
+    vanishing = below.real * below.real + below.imag * below.imag < 1e-24
+    return dr.select(vanishing, 0.0, r * (1.0 - trip) / dr.select(vanishing, 1.0, below))
