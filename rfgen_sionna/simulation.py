@@ -19,6 +19,7 @@ from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.clearance import check_radar_clear, check_way_clear, nearest_surface
 from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.enclosure import check_radar_placed
+from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import RadarScene, load_scene
 from rfgen_sionna.scene.places import POLICIES, Policy, check_collisions, check_places, hidden, warn_frozen
 from rfgen_sionna.scene.rays import RayScene
@@ -109,6 +110,8 @@ class Simulator:
             self.scene,
             lambda: not all(self.hidden(actor, 0.0, _end(actor)) for actor in self.actors),
         )
+        for actor in self.actors:
+            warn_coarse(actor, radar.center_frequency, stacklevel=2)
 
     @cached_property
     def tracer(self) -> Tracer:

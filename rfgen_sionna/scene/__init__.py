@@ -6,7 +6,14 @@ Importing it imports neither Mitsuba nor Sionna; they start when a scene is firs
 from rfgen_sionna.scene.actor import Actor, rotation_matrix
 from rfgen_sionna.scene.clearance import check_radar_clear
 from rfgen_sionna.scene.devices import add_radar, tabulated
-from rfgen_sionna.scene.errors import BackendError, MaterialError, MaterialRangeWarning, MeshError, SceneError
+from rfgen_sionna.scene.errors import (
+    BackendError,
+    CoarseMeshWarning,
+    MaterialError,
+    MaterialRangeWarning,
+    MeshError,
+    SceneError,
+)
 from rfgen_sionna.scene.load import RadarScene, StaticObject, available_scenes, load_scene
 from rfgen_sionna.scene.materials import MATERIALS, Material, canonical_name, material
 from rfgen_sionna.scene.mesh import RigidMesh, check_mesh, face_normals
@@ -16,6 +23,7 @@ __all__ = [
     "MATERIALS",
     "Actor",
     "BackendError",
+    "CoarseMeshWarning",
     "Hits",
     "Material",
     "MaterialError",

@@ -19,5 +19,9 @@ class MaterialRangeWarning(UserWarning):
     """A material is used outside the frequencies that its source covers."""
 
 
+class CoarseMeshWarning(UserWarning):
+    """The facets of a mesh are too large for the smooth surface that they describe."""
+
+
 class BackendError(RuntimeError):
     """The ray tracing back end (Mitsuba, Dr.Jit and, on the CPU, LLVM) cannot run here."""
