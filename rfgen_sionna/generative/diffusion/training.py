@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -21,14 +20,17 @@ from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, 
 from rfgen_sionna.generative.diffusion.schedule import STEPS, log_snr, signal_shares
 from rfgen_sionna.generative.diffusion.text import TextEncoder, tokenise
 
-_LOG = logging.getLogger(__name__)
+_LAG = 4
+"""Poses over which movement is seen."""
+_QUIET = 0.02
+"""Movement under which it counts as standing still, mean square of the normalised features' changes."""
 
 
 @dataclass(frozen=True)
 class Recipe:
     """What decides the outcome of a training run."""
 
-    steps: int = 10_000
+    steps: int = 7_000
     items: int = 32
     """Motions a step."""
     rate: float = 5e-4
@@ -36,6 +38,10 @@ class Recipe:
     seed: int = 0
     geometric: float = 0.15
     """Weight of the losses in space."""
+    movement: float = 0.5
+    """Weight of the error of movement, relative to each clip's own movement."""
+    movement_from: int = 2500
+    """Step from which that counts: postures come first."""
     average: float = 0.999
     """Decay of the running mean of the weights, which is what is kept."""
 
@@ -77,7 +83,8 @@ def train(
     first, seconds = 0, 0.0
     if saved.is_file():
         state = torch.load(saved, weights_only=True)
-        if {**state["recipe"], "steps": 0} != {**asdict(recipe), "steps": 0}:
+        before = {**asdict(Recipe()), **state["recipe"]}
+        if {**before, "steps": 0} != {**asdict(recipe), "steps": 0}:
             raise ValueError(
                 f"out: {saved} was made with {state['recipe']}, not with {asdict(recipe)}; use another folder"
             )
@@ -93,7 +100,8 @@ def train(
         for group in optimiser.param_groups:
             group["lr"] = recipe.rate * _pace(step, recipe.steps)
         generator = torch.Generator().manual_seed(recipe.seed * 1_000_003 + step)
-        loss, parts = loss_of(net, feeder.batch(step), recipe.geometric, generator)
+        movement = recipe.movement if step >= recipe.movement_from else 0.0
+        loss, parts = loss_of(net, feeder.batch(step), recipe.geometric, movement, generator)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
@@ -148,7 +156,7 @@ class LossOf:
         self.log_snr = torch.from_numpy(log_snr(signal_shares())).float()
 
     def __call__(
-        self, net: DenoisingNet, batch: Batch, geometric: float, generator: torch.Generator
+        self, net: DenoisingNet, batch: Batch, geometric: float, movement: float, generator: torch.Generator
     ) -> tuple[Tensor, dict[str, float]]:
         """Loss, and its parts for the log.
 
@@ -170,7 +178,12 @@ class LossOf:
         some = slice(0, max(1, len(clean) // 4))
         space = geometric_loss(guess[some] * self.scale + self.mean, clean[some] * self.scale + self.mean)
         plain, shaped = (weight * error).mean(), (weight[some] * space.clamp(max=50.0)).mean()
-        return plain + geometric * shaped, {"plain": float(plain.detach()), "space": float(shaped.detach())}
+        # a gesture moves a fiftieth of what a dance does: over its own movement, it counts as much
+        change, goal = (x[:, _LAG:] - x[:, :-_LAG] for x in (guess, clean))
+        still = ((change - goal) ** 2).mean(dim=(1, 2)) / ((goal**2).mean(dim=(1, 2)) + _QUIET)
+        moved = (weight * still.clamp(max=4.0)).mean()
+        parts = {"plain": float(plain.detach()), "space": float(shaped.detach()), "movement": float(moved.detach())}
+        return plain + geometric * shaped + movement * moved, parts
 
     @torch.no_grad()
     def conditions(self, batch: Batch) -> Conditions:

@@ -1,0 +1,197 @@
+"""BVH motion-capture files with a human skeleton."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna.generative.motion.foreign import from_y_up
+from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics
+from rfgen_sionna.records import FloatArray, Motion
+
+_NAMES: tuple[tuple[str, str], ...] = (
+    ("hip", r"(?:thigh|upleg|upperleg|hipjoint|hip)$"),
+    ("knee", r"(?:shin|calf|leg|lowleg|lowerleg|knee)$"),
+    ("ankle", r"(?:foot|ankle)$"),
+    ("foot", r"(?:toe|toebase|toes|ball|toeend)$"),
+    ("collar", r"(?:collar|clavicle|shoulder)$"),
+    ("shoulder", r"(?:arm|upperarm|uparm|shldr)$"),
+    ("elbow", r"(?:forearm|lowarm|lowerarm|elbow)$"),
+    ("wrist", r"(?:hand|wrist)$"),
+)
+"""Our name of a limb's joint -> how it ends elsewhere, side taken off."""
+_TRUNK = {
+    "pelvis": r"(?:hips?|pelvis|root)$",
+    "spine1": r"(?:lowerback|spine|spine0|abdomen|torso)$",
+    "spine3": r"(?:chest|spine2|spine1|upperchest|spine3)$",
+    "neck": r"(?:neck|neck1)$",
+    "head": r"(?:head)$",
+}
+
+
+@dataclass
+class _Node:
+    name: str
+    parent: int
+    offset: FloatArray
+    channels: list[str] = field(default_factory=list)
+
+
+def load_bvh(path: Path, *, unit: float | None = None, action: str = "") -> Motion:
+    """Read a BVH file, y up, onto the mean adult.
+
+    The joints' positions are taken over, whatever the file's rest pose: hands and the twist of straight limbs stay at
+    rest.
+
+    Args:
+        path: the file.
+        unit: length of the file's unit [m]; None takes the one among m, dm, inch, cm and mm with which legs have about
+            a human's length.
+        action: label.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ClipError: it is no BVH file, or lacks a joint of the human body; the message says which.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"no motion file {path}")
+    nodes, frames, rate = _parse(path.name, path.read_text(encoding="utf-8", errors="replace"))
+    places = _positions(nodes, frames)
+    positions = _ours(path.name, nodes, places)
+    legs = sum(
+        float(np.median(np.linalg.norm(positions[:, JOINT[f"left_{b}"]] - positions[:, JOINT[f"left_{a}"]], axis=-1)))
+        for a, b in (("hip", "knee"), ("knee", "ankle"))
+    )
+    if unit is None:
+        unit = min((1.0, 0.1, 0.0254, 0.01, 0.001), key=lambda u: abs(np.log(max(legs * u, 1e-9) / 0.85)))
+    return from_y_up(positions * unit, rate, action)
+
+
+def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
+    head, found, rest = text.partition("MOTION")
+    if "HIERARCHY" not in head or not found:
+        raise ClipError(f"{name}: not a BVH file; HIERARCHY or MOTION is missing")
+    nodes: list[_Node] = []
+    stack: list[int] = []
+    current = -1
+    tokens = iter(head.split())
+    for token in tokens:
+        if token in ("ROOT", "JOINT"):
+            nodes.append(_Node(next(tokens), stack[-1] if stack else -1, np.zeros(3)))
+            current = len(nodes) - 1
+        elif token == "End":
+            next(tokens)
+            nodes.append(_Node(nodes[stack[-1]].name + "_end", stack[-1], np.zeros(3)))
+            current = len(nodes) - 1
+        elif token == "{":
+            stack.append(current)
+        elif token == "}":
+            stack.pop()
+        elif token == "OFFSET":
+            nodes[current].offset = np.array([float(next(tokens)) for _ in range(3)])
+        elif token == "CHANNELS":
+            nodes[current].channels = [next(tokens) for _ in range(int(next(tokens)))]
+    match = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)\s", rest)
+    if match is None or float(match[2]) <= 0.0:
+        raise ClipError(f"{name}: no 'Frames:' and 'Frame Time:' after MOTION")
+    width = sum(len(n.channels) for n in nodes)
+    try:
+        values = np.array(rest[match.end() :].split(), np.float64)
+    except ValueError as error:
+        raise ClipError(f"{name}: a value of the motion is not a number ({error})") from error
+    if not width or values.size != width * int(match[1]) or not values.size:
+        raise ClipError(f"{name}: {values.size} values; {match[1]} frames of {width} channels are announced")
+    return nodes, values.reshape(-1, width), 1.0 / float(match[2])
+
+
+def _positions(nodes: list[_Node], frames: FloatArray) -> FloatArray:
+    """(frame, node, 3) in the file's unit."""
+    world = np.empty((len(frames), len(nodes), 3, 3))
+    root = np.tile(nodes[0].offset, (len(frames), 1))
+    column = 0
+    for k, node in enumerate(nodes):
+        local = np.tile(np.eye(3), (len(frames), 1, 1))
+        for channel in node.channels:
+            values = frames[:, column]
+            column += 1
+            axis = channel[0].lower()
+            if channel.endswith("rotation"):
+                local = local @ Rotation.from_euler(axis, values[:, None], degrees=True).as_matrix()
+            elif k == 0:
+                root[:, "xyz".index(axis)] = values
+        world[:, k] = local if node.parent < 0 else world[:, node.parent] @ local
+    parents = tuple(n.parent for n in nodes)
+    return forward_kinematics(world, root, np.stack([n.offset for n in nodes]), parents)
+
+
+def _side(word: str) -> str:
+    if re.match(r"(?:left|l(?!ow|eg))", word):
+        return "left"
+    return "right" if re.match(r"(?:right|r(?!oot))", word) else ""
+
+
+def _ours(name: str, nodes: list[_Node], places: FloatArray) -> FloatArray:
+    """(frame, 22, 3) positions of our joints."""
+    plain = [re.sub(r"[^a-z0-9]", "", n.name.split(":")[-1].lower()) for n in nodes]
+    found: dict[str, int] = {}
+    for k, word in enumerate(plain):
+        if nodes[k].name.endswith("_end"):
+            continue
+        side = (
+            "left"
+            if re.match(r"(?:left|l(?!ow|eg))", word)
+            else "right"
+            if re.match(r"(?:right|r(?!oot))", word)
+            else ""
+        )
+        if side:
+            bare = re.sub(r"^(?:left|right|l|r)", "", word)
+            for ours, pattern in _NAMES:
+                if re.match(pattern, bare):
+                    # where a file has "LeftHip" and "LeftUpLeg" or two collars, the later one is the joint that swings
+                    found[f"{side}_{ours}"] = k
+                    break
+        else:
+            for ours, pattern in _TRUNK.items():
+                if re.match(pattern, word) and (ours == "spine3" or ours not in found):
+                    found[ours] = k
+                    break
+    for side in ("left", "right"):
+        # "shoulder" may be the collar or the joint of the upper arm: with an upper arm it is the collar
+        if f"{side}_shoulder" not in found and f"{side}_collar" in found:
+            found[f"{side}_shoulder"] = found.pop(f"{side}_collar")
+    out = np.empty((len(places), NUM_BODY_JOINTS, 3))
+    needed = ["pelvis", "head", *(f"{s}_{j}" for s in ("left", "right") for j in
+              ("hip", "knee", "ankle", "shoulder", "elbow", "wrist"))]  # fmt: skip
+    missing = [j for j in needed if j not in found]
+    if missing:
+        raise ClipError(
+            f"{name}: no joint that is recognised as {', '.join(missing)}; it has {', '.join(n.name for n in nodes)}"
+        )
+    for joint, k in found.items():
+        out[:, JOINT[joint]] = places[:, k]
+    hips = 0.5 * (out[:, JOINT["left_hip"]] + out[:, JOINT["right_hip"]])
+    shoulders = 0.5 * (out[:, JOINT["left_shoulder"]] + out[:, JOINT["right_shoulder"]])
+    for joint, share in (("spine1", 0.08), ("spine2", 0.4), ("spine3", 0.6), ("neck", 1.02)):
+        # vertebrae are numbered in every way: they are spread evenly instead
+        out[:, JOINT[joint]] = hips + share * (shoulders - hips)
+    out[:, JOINT["pelvis"]] = hips
+    for side in ("left", "right"):
+        if f"{side}_collar" not in found:
+            out[:, JOINT[f"{side}_collar"]] = shoulders + 0.15 * (out[:, JOINT[f"{side}_shoulder"]] - shoulders)
+        if f"{side}_foot" not in found:
+            across = out[:, JOINT["left_hip"]] - out[:, JOINT["right_hip"]]
+            ahead = np.cross(across, np.array([0.0, 1.0, 0.0]))
+            ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
+            size = np.linalg.norm(
+                out[:, JOINT[f"{side}_ankle"]] - out[:, JOINT[f"{side}_knee"]], axis=-1, keepdims=True
+            )
+            out[:, JOINT[f"{side}_foot"]] = out[:, JOINT[f"{side}_ankle"]] + size * (0.34 * ahead - [0.0, 0.11, 0.0])
+    if not np.isfinite(out).all():
+        raise ClipError(f"{name}: joint positions are not finite")
+    return out

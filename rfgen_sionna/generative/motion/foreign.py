@@ -1,0 +1,151 @@
+"""Motion of other programs: MDM's results, HumanML3D features, BVH files."""
+
+from __future__ import annotations
+
+import io
+import pickle
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.generative.motion.from_positions import motion_from_positions
+from rfgen_sionna.generative.motion.loaders import ClipError, load_motion
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
+from rfgen_sionna.records import FloatArray, Motion
+
+MOTION_SUFFIXES = (".npz", ".npy", ".bvh")
+HUMANML_RATE = 20.0
+"""Poses per second of HumanML3D and of MDM's results [Hz]."""
+_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""From y up, facing z, left at +x to ours."""
+_ALLOWED = {
+    ("numpy.core.multiarray", "_reconstruct"),
+    ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy.core.multiarray", "scalar"),
+    ("numpy._core.multiarray", "scalar"),
+    ("numpy", "ndarray"),
+    ("numpy", "dtype"),
+}
+
+
+def load_any_motion(path: str | PathLike[str], *, up: str = "z", index: int = 0, action: str = "") -> Motion:
+    """A motion from a file, by its ending.
+
+    `.npz`: AMASS, SMPL, SMPL-H, SMPL-X parameters. `.npy`: MDM's `results.npy`, HumanML3D features (frame, 263) or
+    joint positions (frame, 22, 3), at 20 Hz. `.bvh`: a motion-capture file with a human skeleton.
+
+    Args:
+        path: the file.
+        up: up axis of an `.npz` clip's world, "z" or "y"; the others say it themselves.
+        index: which motion of a file with several.
+        action: label.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ClipError: the file cannot be used.
+    """
+    path = Path(path)
+    if path.suffix == ".npz":
+        return load_motion(path, up=up, action=action)
+    if not path.is_file():
+        raise FileNotFoundError(f"no motion file {path}")
+    if path.suffix == ".npy":
+        return _load_npy(path, index, action)
+    if path.suffix == ".bvh":
+        from rfgen_sionna.generative.motion.bvh import load_bvh
+
+        return load_bvh(path, action=action)
+    raise ClipError(f"{path.name}: ending {path.suffix!r}; allowed are .npz, .npy and .bvh")
+
+
+def positions_of_humanml(features: FloatArray) -> FloatArray:
+    """(frame, 22, 3) joint positions, y up, of HumanML3D's (frame, 263) features, not normalised.
+
+    A row holds the root's turn to the next pose [rad, about y], its step [m, in its own frame], its height, the other
+    joints' positions seen from it, their rotations and velocities, and foot contacts (Guo et al. 2022).
+    """
+    f = np.asarray(features, np.float64)
+    turn = np.concatenate([[0.0], np.cumsum(f[:-1, 0])])
+    # a row's angle is half the turn's: quaternions were meant
+    c, s = np.cos(2.0 * turn), np.sin(2.0 * turn)
+    inverse = np.zeros((len(f), 3, 3))
+    inverse[:, 0, 0], inverse[:, 0, 2], inverse[:, 1, 1] = c, -s, 1.0
+    inverse[:, 2, 0], inverse[:, 2, 2] = s, c
+    step = np.zeros((len(f), 3))
+    step[1:, [0, 2]] = f[:-1, 1:3]
+    root = np.cumsum(np.einsum("nij,nj->ni", inverse, step), axis=0)
+    root[:, 1] = f[:, 3]
+    others = np.einsum("nij,nkj->nki", inverse, f[:, 4 : 4 + 3 * (NUM_BODY_JOINTS - 1)].reshape(len(f), -1, 3))
+    others[..., [0, 2]] += root[:, None, [0, 2]]
+    return np.concatenate([root[:, None], others], axis=1)
+
+
+def from_y_up(positions: FloatArray, frame_rate: float, action: str = "", prompt: str = "") -> Motion:
+    """A motion from (frame, 22, 3) positions, y up: over the origin at first, facing ahead, on the floor."""
+    from dataclasses import replace
+
+    p = np.asarray(positions, np.float64) @ _AXES.T
+    across = p[0, JOINT["left_hip"]] - p[0, JOINT["right_hip"]]
+    yaw = np.arctan2(-across[0], across[1])
+    c, s = np.cos(yaw), np.sin(yaw)
+    p = (p - [*p[0, 0, :2], 0.0]) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]).T
+    p[..., 2] -= np.percentile(p[..., 2].min(axis=1), 5.0)
+    return replace(motion_from_positions(p, frame_rate, action=action), prompt=prompt)
+
+
+def _load_npy(path: Path, index: int, action: str) -> Motion:
+    data = _read_npy(path)
+    prompt = ""
+    if isinstance(data, dict):
+        if "motion" not in data:
+            raise ClipError(f"{path.name}: no 'motion' in it, only {', '.join(map(repr, data))}; MDM's results have it")
+        motions = np.asarray(data["motion"])
+        if motions.ndim != 4 or motions.shape[1:3] != (NUM_BODY_JOINTS, 3):
+            raise ClipError(f"{path.name}: motion has shape {motions.shape}; allowed is (motions, 22, 3, frames)")
+        if not 0 <= index < len(motions):
+            raise ClipError(f"{path.name}: index {index}; it holds {len(motions)} motions, from 0")
+        frames = int(data["lengths"][index]) if "lengths" in data else motions.shape[-1]
+        positions = np.moveaxis(motions[index], -1, 0)[:frames]
+        prompt = str(data["text"][index]) if "text" in data else ""
+    elif data.ndim == 2 and data.shape[1] == 263:
+        positions = positions_of_humanml(data)
+    elif data.ndim == 3 and data.shape[1:] == (NUM_BODY_JOINTS, 3):
+        positions = data
+    else:
+        raise ClipError(
+            f"{path.name}: shape {data.shape}; allowed are HumanML3D's (frames, 263), positions (frames, 22, 3), or"
+            " MDM's results"
+        )
+    if not len(positions) or not np.isfinite(positions).all():
+        raise ClipError(f"{path.name}: no frames, or values that are not finite")
+    return from_y_up(positions, HUMANML_RATE, action, prompt)
+
+
+class _ArraysOnly(pickle.Unpickler):
+    """Reads pickles of plain containers and arrays and nothing that could run."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) not in _ALLOWED:
+            raise ClipError(f"the file wants to load {module}.{name}; only arrays, texts and numbers are read")
+        return super().find_class(module, name)
+
+
+def _read_npy(path: Path) -> Any:
+    raw = path.read_bytes()
+    try:
+        return np.load(io.BytesIO(raw), allow_pickle=False)
+    except ValueError:
+        pass
+    try:
+        stream = io.BytesIO(raw)
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        read(stream)
+        boxed = _ArraysOnly(stream).load()
+    except (ValueError, pickle.UnpicklingError, EOFError) as error:
+        if isinstance(error, ClipError):
+            raise
+        raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
+    return boxed.item() if isinstance(boxed, np.ndarray) and boxed.shape == () else boxed

@@ -1,0 +1,201 @@
+"""Motion of other programs lands on our skeleton with its joints in place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion.foreign import load_any_motion, positions_of_humanml
+from rfgen_sionna.generative.motion.from_positions import motion_from_positions
+from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.generative.motion.rotations import to_matrices
+from rfgen_sionna.generative.motion.skeleton import (
+    JOINT,
+    JOINT_NAMES,
+    NUM_BODY_JOINTS,
+    PARENTS,
+    forward_kinematics,
+    global_rotations,
+)
+from rfgen_sionna.records import FloatArray, Motion
+
+_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+SOURCE = KinematicSource(20.0)
+PICK = SOURCE("pick_up", 4.0, 1)
+WALK = SOURCE("walk", 4.0, 1)
+
+
+def joints(motion: Motion) -> FloatArray:
+    """(frame, 22, 3) positions [m]."""
+    world = global_rotations(to_matrices(motion.rotations), motion.parents)
+    return forward_kinematics(world, motion.translation, motion.offsets, motion.parents)[:, :NUM_BODY_JOINTS]
+
+
+def shape(places: FloatArray) -> FloatArray:
+    """Distances between all joints, which no turn or shift changes."""
+    return np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
+
+
+@pytest.mark.parametrize("action", ["walk", "jumping_jacks", "pick_up", "push", "t_pose"])
+def test_positions_give_the_joints_back(action: str) -> None:
+    places = joints(SOURCE(action, 4.0, 1))
+    made = motion_from_positions(places, 20.0)
+    # the spine has no length of its own in the positions: bending shortens it by millimetres
+    assert np.abs(joints(made) - places).max() < 0.008
+
+
+def test_knees_and_elbows_are_hinges() -> None:
+    made = motion_from_positions(joints(PICK), 20.0)
+    local = to_matrices(made.rotations)
+    for side in ("left", "right"):
+        knee = local[:, JOINT[f"{side}_knee"]]
+        # the knee turns about the y axis: it leaves y where it is
+        assert np.abs(knee[:, 1, 1] - 1.0).max() < 0.01
+        elbow = local[:, JOINT[f"{side}_elbow"]]
+        assert np.abs(elbow[:, 2, 2] - 1.0).max() < 0.01
+
+
+def test_bad_positions_are_named() -> None:
+    with pytest.raises(ValueError, match="shape"):
+        motion_from_positions(np.zeros((3, 21, 3)), 20.0)
+    with pytest.raises(ValueError, match="frame_rate"):
+        motion_from_positions(joints(WALK), 0.0)
+    with pytest.raises(ValueError, match="finite"):
+        motion_from_positions(joints(WALK) * np.nan, 20.0)
+
+
+def humanml(places: FloatArray) -> FloatArray:
+    """(frame - 1, 263) features of (frame, 22, 3) positions, y up; what nobody reads is 0."""
+    across = places[:, JOINT["left_hip"]] - places[:, JOINT["right_hip"]]
+    # turning the body by this angle about y makes it face z
+    yaw = np.unwrap(np.arctan2(across[:, 2], across[:, 0]))
+    half = 0.5 * (yaw - yaw[0])
+    c, s = np.cos(yaw - yaw[0]), np.sin(yaw - yaw[0])
+    turn = np.zeros((len(places), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 2], turn[:, 1, 1], turn[:, 2, 0], turn[:, 2, 2] = c, s, 1.0, -s, c
+    n = len(places) - 1
+    out = np.zeros((n, 263))
+    out[:, 0] = np.diff(half)
+    step = np.einsum("nij,nj->ni", turn[1:], np.diff(places[:, 0], axis=0))
+    out[:, 1:3] = step[:, [0, 2]]
+    out[:, 3] = places[:n, 0, 1]
+    rest = places[:n, 1:].copy()
+    rest[..., [0, 2]] -= places[:n, :1][..., [0, 2]]
+    out[:, 4:67] = np.einsum("nij,nkj->nki", turn[:n], rest).reshape(n, -1)
+    return out
+
+
+def test_humanml_features_give_the_walk_back(tmp_path: Path) -> None:
+    places = joints(WALK) @ _Y_UP.T
+    rows = humanml(places)
+    back = positions_of_humanml(rows)
+    start = places[0, 0] * [1.0, 0.0, 1.0]
+    assert np.abs(back - (places[:-1] - start)).max() < 1e-9
+    np.save(tmp_path / "clip.npy", rows)
+    motion = load_any_motion(tmp_path / "clip.npy", action="walk")
+    assert np.abs(shape(joints(motion)) - shape(joints(WALK)[:-1])).max() < 0.01
+    assert motion.frame_rate == 20.0
+
+
+def test_mdm_results_give_the_motion_that_is_asked_for(tmp_path: Path) -> None:
+    motions = np.stack([np.moveaxis(joints(m) @ _Y_UP.T, 0, -1) for m in (WALK, PICK)])
+    results = {"motion": motions, "text": ["a person walks", "a person picks up"], "lengths": np.array([81, 60])}
+    np.save(tmp_path / "results.npy", np.array(results, object), allow_pickle=True)
+    motion = load_any_motion(tmp_path / "results.npy", index=1)
+    assert motion.prompt == "a person picks up"
+    assert len(motion.translation) == 60
+    assert np.abs(shape(joints(motion)) - shape(joints(PICK)[:60])).max() < 0.015
+    assert np.percentile(joints(motion)[..., 2].min(axis=1), 5.0) == pytest.approx(0.0, abs=0.02)
+    with pytest.raises(ClipError, match="index 2"):
+        load_any_motion(tmp_path / "results.npy", index=2)
+
+
+def test_a_pickle_that_could_run_is_refused(tmp_path: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple:
+            return (print, ("run",))
+
+    np.save(tmp_path / "trap.npy", np.array({"motion": Trap()}, object), allow_pickle=True)
+    with pytest.raises(ClipError, match=r"builtins\.print"):
+        load_any_motion(tmp_path / "trap.npy")
+
+
+def bvh(motion: Motion, names: dict[str, str]) -> str:
+    """A BVH file of a motion, in centimetres, y up."""
+    from scipy.spatial.transform import Rotation
+
+    local = _Y_UP @ to_matrices(motion.rotations[:, :NUM_BODY_JOINTS]) @ _Y_UP.T
+    offsets = 100.0 * MEAN_ADULT.offsets[:NUM_BODY_JOINTS] @ _Y_UP.T
+    order: list[int] = []
+
+    def node(j: int, depth: int) -> str:
+        order.append(j)
+        pad = "  " * depth
+        kind = "ROOT" if j == 0 else "JOINT"
+        channels = "6 Xposition Yposition Zposition " if j == 0 else "3 "
+        children = [k for k in range(NUM_BODY_JOINTS) if PARENTS[k] == j]
+        inner = (
+            "".join(node(k, depth + 1) for k in children)
+            or f"{pad}  End Site\n{pad}  {{\n{pad}  OFFSET 0 1 0\n{pad}  }}\n"
+        )
+        x, y, z = offsets[j]
+        return (
+            f"{pad}{kind} {names.get(JOINT_NAMES[j], JOINT_NAMES[j])}\n{pad}{{\n{pad}  OFFSET {x} {y} {z}\n"
+            f"{pad}  CHANNELS {channels}Zrotation Yrotation Xrotation\n{inner}{pad}}}\n"
+        )
+
+    head = "HIERARCHY\n" + node(0, 0)
+    angles = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True).reshape(len(local), -1, 3)
+    rows = np.concatenate([100.0 * motion.translation @ _Y_UP.T, angles[:, order].reshape(len(local), -1)], axis=1)
+    body = "\n".join(" ".join(f"{v:.6f}" for v in row) for row in rows)
+    return f"{head}MOTION\nFrames: {len(rows)}\nFrame Time: {1.0 / motion.frame_rate}\n{body}\n"
+
+
+_CMU = {
+    "pelvis": "Hips", "spine1": "LowerBack", "spine2": "Spine", "spine3": "Spine1", "neck": "Neck", "head": "Head",
+    **{f"{s}_{a}": f"{s.capitalize()}{b}" for s in ("left", "right") for a, b in (
+        ("hip", "UpLeg"), ("knee", "Leg"), ("ankle", "Foot"), ("foot", "ToeBase"), ("collar", "Shoulder"),
+        ("shoulder", "Arm"), ("elbow", "ForeArm"), ("wrist", "Hand"))},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("prefix", ["", "mixamorig:"])
+def test_a_bvh_file_gives_the_limbs_back(tmp_path: Path, prefix: str) -> None:
+    path = tmp_path / "pick.bvh"
+    path.write_text(bvh(PICK, {ours: prefix + theirs for ours, theirs in _CMU.items()}), encoding="utf-8")
+    motion = load_any_motion(path, action="pick_up")
+    assert motion.frame_rate == pytest.approx(20.0)
+    made, true = joints(motion), joints(PICK)
+    limbs = [JOINT[f"{s}_{j}"] for s in ("left", "right") for j in ("hip", "knee", "ankle", "foot")]
+    assert np.abs(shape(made[:, limbs]) - shape(true[:, limbs])).max() < 0.02
+    hands = [JOINT[f"{s}_{j}"] for s in ("left", "right") for j in ("shoulder", "elbow", "wrist")]
+    # the trunk is only known to run from hips to shoulders, evenly
+    assert np.abs(shape(made[:, hands]) - shape(true[:, hands])).max() < 0.05
+
+
+def test_a_bvh_file_without_arms_or_sense_is_named(tmp_path: Path) -> None:
+    names = {**_CMU, "left_elbow": "Tentacle"}
+    (tmp_path / "odd.bvh").write_text(bvh(PICK, names), encoding="utf-8")
+    with pytest.raises(ClipError, match="left_elbow"):
+        load_any_motion(tmp_path / "odd.bvh")
+    (tmp_path / "not.bvh").write_text("hello", encoding="utf-8")
+    with pytest.raises(ClipError, match="HIERARCHY"):
+        load_any_motion(tmp_path / "not.bvh")
+    cut = bvh(PICK, _CMU).rsplit(" ", 5)[0]
+    (tmp_path / "cut.bvh").write_text(cut, encoding="utf-8")
+    with pytest.raises(ClipError, match="announced"):
+        load_any_motion(tmp_path / "cut.bvh")
+
+
+def test_other_endings_and_missing_files_are_named(tmp_path: Path) -> None:
+    (tmp_path / "clip.fbx").write_bytes(b"x")
+    with pytest.raises(ClipError, match=r"\.fbx"):
+        load_any_motion(tmp_path / "clip.fbx")
+    with pytest.raises(FileNotFoundError, match="none"):
+        load_any_motion(tmp_path / "none.bvh")
+    np.save(tmp_path / "odd.npy", np.zeros((4, 5)))
+    with pytest.raises(ClipError, match="shape"):
+        load_any_motion(tmp_path / "odd.npy")
