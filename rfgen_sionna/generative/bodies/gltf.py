@@ -1,0 +1,222 @@
+"""Animals, machines, people: whatever a GLB file holds with its skin and joints animated."""
+
+from __future__ import annotations
+
+import json
+import struct
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from rfgen_sionna.generative.bodies.sampled import SampledSequence
+from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.records import FloatArray, IntArray
+
+_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_TO_Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""glTF has y up and faces +z; we have z up and face +x."""
+
+
+def load_animation(
+    path: str | PathLike[str],
+    *,
+    frame_rate: float = 30.0,
+    animation: str | int = 0,
+    scale: float = 1.0,
+    repeat: int = 1,
+) -> SampledSequence:
+    """Read a GLB file with a skinned or jointed mesh that an animation moves.
+
+    Args:
+        path: the `.glb` file, glTF 2.0, in metres as glTF demands.
+        frame_rate: at which the animation is sampled [Hz].
+        animation: its name, or its number.
+        scale: factor on all lengths, for files that are not in metres.
+        repeat: how often a looped animation is played.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ClipError: not a GLB file, no triangles, no such animation, or something that is not read (morph targets move
+            nothing, sparse and compressed data are refused).
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"no mesh file {path}")
+    if not (np.isfinite(frame_rate) and frame_rate > 0.0 and np.isfinite(scale) and scale > 0.0 and repeat >= 1):
+        raise ClipError(f"frame_rate {frame_rate!r} Hz, scale {scale!r}, repeat {repeat!r}: all must be positive")
+    file = _Glb(path)
+    chosen = file.animation(animation)
+    # the last pose of a loop is its first again
+    times = np.arange(int(np.floor(file.length(chosen) * frame_rate + 1e-6)) + 1) / frame_rate
+    world = file.poses(chosen, times)
+    blocks, faces, count = [], [], 0
+    for node, mesh, skin in file.drawn():
+        for primitive in mesh["primitives"]:
+            if primitive.get("mode", 4) != 4:
+                continue
+            vertices, triangles = file.triangles(primitive)
+            if skin is None:
+                placed = np.einsum("tij,vj->tvi", world[node], _homogeneous(vertices))[..., :3]
+            else:
+                placed = file.skinned(primitive, vertices, skin, world)
+            blocks.append(placed)
+            faces.append(triangles + count)
+            count += len(vertices)
+    if not blocks:
+        raise ClipError(f"{path.name}: has no triangles")
+    samples = scale * np.concatenate(blocks, axis=1) @ _TO_Z_UP.T
+    if repeat > 1 and len(samples) > 1:
+        samples = np.concatenate([*([samples[:-1]] * (repeat - 1)), samples])
+    if not np.isfinite(samples).all():
+        raise ClipError(f"{path.name}: has vertices that are not finite")
+    return SampledSequence(samples, np.concatenate(faces).astype(np.int32), float(frame_rate), (path.stem,))
+
+
+def is_animated(path: str | PathLike[str]) -> bool:
+    """Whether a file is a GLB file with an animation."""
+    path = Path(path)
+    return path.suffix.lower() == ".glb" and path.is_file() and bool(_Glb(path).tree.get("animations"))
+
+
+class _Glb:
+    """A GLB file in memory."""
+
+    def __init__(self, path: Path) -> None:
+        raw = path.read_bytes()
+        if len(raw) < 20 or raw[:4] != b"glTF":
+            raise ClipError(f"{path.name}: not a GLB file")
+        size = struct.unpack_from("<I", raw, 12)[0]
+        self.name = path.name
+        try:
+            self.tree: dict[str, Any] = json.loads(raw[20 : 20 + size])
+        except ValueError as error:
+            raise ClipError(f"{path.name}: its description is not readable ({error})") from error
+        self.data = raw[20 + size + 8 :]
+        self.nodes: list[dict[str, Any]] = self.tree.get("nodes", [])
+        self.parents = [-1] * len(self.nodes)
+        for k, node in enumerate(self.nodes):
+            for child in node.get("children", []):
+                self.parents[child] = k
+
+    def array(self, index: int) -> FloatArray:
+        """(count, width) values of an accessor."""
+        accessor = self.tree["accessors"][index]
+        if "bufferView" not in accessor or "sparse" in accessor:
+            raise ClipError(f"{self.name}: has sparse or compressed data, which is not read; export it without")
+        view = self.tree["bufferViews"][accessor["bufferView"]]
+        dtype = np.dtype(_TYPES[accessor["componentType"]])
+        width, count = _WIDTHS[accessor["type"]], accessor["count"]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        stride = view.get("byteStride", 0) or width * dtype.itemsize
+        if start + stride * (count - 1) + width * dtype.itemsize > len(self.data):
+            raise ClipError(f"{self.name}: is cut off; its data end too early")
+        values = np.ndarray((count, width), dtype, self.data, start, (stride, dtype.itemsize)).astype(np.float64)
+        return values / np.iinfo(dtype).max if accessor.get("normalized") else values
+
+    def animation(self, which: str | int) -> dict[str, Any]:
+        found = self.tree.get("animations", [])
+        names = [a.get("name", str(k)) for k, a in enumerate(found)]
+        if isinstance(which, str) and which in names:
+            return found[names.index(which)]
+        if isinstance(which, int) and 0 <= which < len(found):
+            return found[which]
+        raise ClipError(f"{self.name}: no animation {which!r}; it has {', '.join(names) or 'none'}")
+
+    def length(self, animation: dict[str, Any]) -> float:
+        """[s]."""
+        return max(float(self.array(s["input"])[-1, 0]) for s in animation["samplers"])
+
+    def poses(self, animation: dict[str, Any], times: FloatArray) -> FloatArray:
+        """(node, time, 4, 4) world transforms."""
+        moves = {
+            (channel["target"]["node"], channel["target"]["path"]): animation["samplers"][channel["sampler"]]
+            for channel in animation["channels"]
+            if "node" in channel["target"]
+        }
+        local = np.tile(np.eye(4), (len(self.nodes), len(times), 1, 1))
+        for k, node in enumerate(self.nodes):
+            if "matrix" in node:
+                local[k] = np.reshape(node["matrix"], (4, 4)).T
+                continue
+            rest = {"translation": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0, 1.0, 1.0]}
+            t, r, s = (
+                self._curve(moves[k, path], times, path == "rotation")
+                if (k, path) in moves
+                else np.tile(np.asarray(node.get(path, rest[path]), np.float64), (len(times), 1))
+                for path in ("translation", "rotation", "scale")
+            )
+            local[k, :, :3, :3] = Rotation.from_quat(r).as_matrix() * s[:, None, :]
+            local[k, :, :3, 3] = t
+        world: dict[int, FloatArray] = {}
+
+        def place(k: int) -> FloatArray:
+            if k not in world:
+                world[k] = local[k] if self.parents[k] < 0 else place(self.parents[k]) @ local[k]
+            return world[k]
+
+        return np.stack([place(k) for k in range(len(self.nodes))])
+
+    def _curve(self, sampler: dict[str, Any], times: FloatArray, turn: bool) -> FloatArray:
+        """(time, width) values of a sampler; before its first and after its last key it stands still."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        keys, values = self.array(sampler["input"])[:, 0], self.array(sampler["output"])
+        t = np.clip(times, keys[0], keys[-1])
+        kind = sampler.get("interpolation", "LINEAR")
+        if kind == "CUBICSPLINE":
+            inward, points, outward = values.reshape(len(keys), 3, -1).swapaxes(0, 1)
+            if len(keys) < 2:
+                return np.repeat(points, len(t), axis=0)
+            # glTF's tangents differ on both sides of a key: one Hermite piece for each stretch
+            out = np.empty((len(t), points.shape[1]))
+            piece = np.clip(np.searchsorted(keys, t, side="right") - 1, 0, len(keys) - 2)
+            for k in np.unique(piece):
+                at = piece == k
+                spline = CubicHermiteSpline(keys[k : k + 2], points[k : k + 2], np.stack([outward[k], inward[k + 1]]))
+                out[at] = spline(t[at])
+            return out
+        if kind == "STEP" or len(keys) < 2:
+            return values[np.clip(np.searchsorted(keys, t, side="right") - 1, 0, len(keys) - 1)]
+        if turn:
+            return Slerp(keys, Rotation.from_quat(values))(t).as_quat()
+        return np.stack([np.interp(t, keys, column) for column in values.T], axis=-1)
+
+    def drawn(self) -> list[tuple[int, dict[str, Any], dict[str, Any] | None]]:
+        """(node, mesh, skin) of every node with a mesh."""
+        return [
+            (k, self.tree["meshes"][n["mesh"]], self.tree["skins"][n["skin"]] if "skin" in n else None)
+            for k, n in enumerate(self.nodes)
+            if "mesh" in n
+        ]
+
+    def triangles(self, primitive: dict[str, Any]) -> tuple[FloatArray, IntArray]:
+        """(vertex, 3) positions and (face, 3) indices."""
+        vertices = self.array(primitive["attributes"]["POSITION"])
+        order = self.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(vertices))
+        return vertices, order.reshape(-1, 3).astype(np.int32)
+
+    def skinned(
+        self, primitive: dict[str, Any], vertices: FloatArray, skin: dict[str, Any], world: FloatArray
+    ) -> FloatArray:
+        """(time, vertex, 3) positions by linear blend skinning."""
+        attributes = primitive["attributes"]
+        joints = self.array(attributes["JOINTS_0"]).astype(int)
+        weights = self.array(attributes["WEIGHTS_0"])
+        weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+        count = len(skin["joints"])
+        bind = np.tile(np.eye(4), (count, 1, 1))
+        if "inverseBindMatrices" in skin:
+            bind = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+        bones = world[skin["joints"]] @ bind[:, None]
+        dense = np.zeros((len(vertices), count))
+        np.add.at(dense, (np.arange(len(vertices))[:, None], joints), weights)
+        blended = np.einsum("vb,btij->tvij", dense, bones[:, :, :3], optimize=True)
+        return np.einsum("tvij,vj->tvi", blended, _homogeneous(vertices))
+
+
+def _homogeneous(vertices: FloatArray) -> FloatArray:
+    return np.concatenate([vertices, np.ones((len(vertices), 1))], axis=1)
