@@ -74,6 +74,19 @@ def ensure_backend() -> str:
     return active
 
 
+def ensure_llvm() -> None:
+    """Make Dr.Jit's kernels on the CPU usable, with Mitsuba or without.
+
+    Raises:
+        BackendError: no usable LLVM. The message names the cure.
+    """
+    if _chosen is not None and _chosen.startswith("llvm"):
+        return
+    if not os.environ.get(_ENVIRONMENT):
+        os.environ[_ENVIRONMENT] = str(usable_llvm())
+    _check_loaded_llvm()
+
+
 def find_llvm() -> list[Path]:
     """Paths of the LLVM libraries worth trying, best first.
 
@@ -155,7 +168,7 @@ def _active_variant() -> str | None:
 
 
 def _set_variant() -> str:
-    cuda = _has_cuda()
+    cuda = has_cuda()
     if not cuda and not os.environ.get(_ENVIRONMENT):
         os.environ[_ENVIRONMENT] = str(usable_llvm())
     elif not cuda:
@@ -189,7 +202,7 @@ def _check_loaded_llvm() -> None:
         )
 
 
-def _has_cuda() -> bool:
+def has_cuda() -> bool:
     """Whether the CUDA driver is here and sees a device."""
     name = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
     try:

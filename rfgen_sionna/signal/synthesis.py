@@ -5,19 +5,16 @@ Dechirping a path of delay tau(t) gives (FACTS of the trade: TI, Infineon and RF
     s(t) = conj(A) exp(j 2 pi [f_c tau + mu t tau - mu tau^2 / 2])
 
 with t counted from the start of the ramp. `A` is conjugated because the mixer multiplies the transmitted signal with
-the conjugate of the received one. Around the middle t_m of the ADC window, u = t - t_m, the delay is
-tau + rate u + curve u^2 / 2, which makes the phase a constant, a term in u (the beat frequency) and a small one in u^2.
-The linear part is what the nonuniform FFT sums. The small one, like the change of the gain over the band, is a
-polynomial in u, and each of its powers is one more transform over the same points.
+the conjugate of the received one. The phase is a constant, a beat frequency and a small quadratic term
+(:mod:`rfgen_sionna.signal.phase`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.spreading`). The slope mu may
+be negative, or 0: then only Doppler is left.
 """
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,9 +22,15 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
+from rfgen_sionna.signal.phase import Course, Window, conjugate_gains, element_gains, phase_terms
+from rfgen_sionna.signal.spreading import Lanes, spread
+from rfgen_sionna.signal.taps import Term, width_for
 
-_CHUNK = 200_000  # chirps x paths at a time: what a core's cache holds
+DEVICES = ("auto", "cpu", "cuda")
+_TABLE, _GRID = 3_000_000, 2_000_000  # numbers at a time: 24 MB of coefficients, 32 MB of grids
+_MOST_POWERS = 40
 
 
 def synthesize(
@@ -37,6 +40,7 @@ def synthesize(
     *,
     eps: float = 1e-6,
     tx_gains: ComplexArray | None = None,
+    device: str = "auto",
 ) -> NDArray[np.complex128]:
     """Noise-free samples of one frame.
 
@@ -53,6 +57,8 @@ def synthesize(
     tx_gains
         (tx,) factors of what the samples hold of each Tx element; None is 1. They matter where several radiate at once,
         so that their sum is all that the samples hold.
+    device
+        "cpu", "cuda" (the first CUDA device), or "auto": CUDA where there is one.
 
     Returns
     -------
@@ -61,7 +67,9 @@ def synthesize(
     Raises
     ------
     ValueError
-        If the paths are for another number of elements, or their knots don't cover the frame.
+        If the paths are for another number of elements, their knots don't cover the frame, or there is no such device.
+    BackendError
+        If the CPU is to compute and Dr.Jit finds no LLVM; the message names the cure.
     """
     waveform = radar.waveform
     elements = (len(radar.tx_positions), len(radar.rx_positions))
@@ -79,261 +87,177 @@ def synthesize(
                 f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from "
                 f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
+    device = chosen_device(device)
     samples = np.zeros(radar.frame_shape, dtype=np.complex128)
     if paths.num_paths == 0:
         return samples
     for number in range(len(waveform.profiles)):
         part = radar.of_profile(number)
         tx, axis = list(waveform.profile_tx(number)), list(waveform.profile_axis(number))
-        own = (
-            paths
-            if part is radar
-            else replace(
-                paths,
-                a=paths.a[tx],
-                tau=paths.tau[tx],
-                tau_rate=paths.tau_rate[tx],
-                dispersion=None if paths.dispersion is None else paths.dispersion[:, tx],
-            )
-        )
+        own = paths if part is radar else _of_elements(paths, tx)
         # The mixer conjugates what is received.
         weights = np.conj(part.waveform.axis_weights) * gains[tx]
-        _one_profile(part, own, start, eps, weights, samples, axis)
+        still = not np.any(own.tau_rate) and bool(np.all(own.tau == own.tau[..., :1]))
+        with one_blas_thread():
+            echoes = (
+                _still(part, own, start, weights, eps) if still else _moving(part, own, start, weights, eps, device)
+            )
+            for (entry, tx_index, rx), echo in echoes:
+                factor = weights[:, entry, tx_index, None]
+                samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
     return samples
 
 
-def _one_profile(
-    radar: Radar,
-    paths: RadarPaths,
-    start: float,
-    eps: float,
-    weights: ComplexArray,
-    samples: ComplexArray,
-    axis: Sequence[int],
-) -> None:
-    """Fill the entries `axis` of `samples` (chirp, tx, rx, sample); `weights` are (loop or 1, entry, tx)."""
-    waveform = radar.waveform
-    still = not np.any(paths.tau_rate) and bool(np.all(paths.tau == paths.tau[..., :1]))
-    amplitude = _element_gains(radar, paths) * math.sqrt(1e-3 * 10.0 ** (radar.tx_power_dbm / 10.0))
-    make = _still_channel if still else _channel
+def chosen_device(device: str) -> str:
+    """ "cpu" or "cuda".
 
-    def channel(pair: tuple[int, int]) -> None:
-        entry, rx = pair
-        times = start + waveform.chirp_times[:, entry]
-        for tx in np.flatnonzero(np.any(weights[:, entry] != 0, axis=0)):
-            factor = weights[:, entry, tx, None]
-            echo = make(radar, paths, amplitude, times, int(tx), rx, eps)
-            samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
-
-    pairs = [(entry, rx) for entry in range(len(axis)) for rx in range(samples.shape[2])]
-    with one_blas_thread(), ThreadPoolExecutor(min(len(pairs), os.cpu_count() or 1)) as pool:
-        list(pool.map(channel, pairs))
+    Raises
+    ------
+    ValueError
+        If `device` is none of `DEVICES`, or "cuda" without a CUDA device.
+    """
+    if device not in DEVICES:
+        raise ValueError(f"device is {device!r}; allowed: {', '.join(DEVICES)}")
+    cuda = device != "cpu" and has_cuda()
+    if device == "cuda" and not cuda:
+        raise ValueError("device is 'cuda', but no CUDA driver with a device was found here: take 'cpu' or 'auto'")
+    return "cuda" if cuda else "cpu"
 
 
-def _element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
-    """(path, time) product of the field gains of the Tx and the Rx element."""
-    to_device = radar.rotation  # row vectors: world @ R = device
-    departing = radar.pattern.amplitude(paths.direction @ to_device)
-    if paths.arrival is paths.direction:
-        return departing * departing
-    return departing * radar.pattern.amplitude(paths.arrival @ to_device)
+def _of_elements(paths: RadarPaths, tx: list[int]) -> RadarPaths:
+    dispersion = None if paths.dispersion is None else paths.dispersion[:, tx]
+    return replace(paths, a=paths.a[tx], tau=paths.tau[tx], tau_rate=paths.tau_rate[tx], dispersion=dispersion)
 
 
-@dataclass(frozen=True)
-class _Window:
-    """The ADC window: its samples count from -1 to 1 in u about the transform's mode 0."""
-
-    count: int
-    step: float
-    """[s]"""
-    middle: float
-    """After the start of the ramp [s]."""
-    half: float
-    """[s]"""
-    u: FloatArray
-
-    @classmethod
-    def of(cls, radar: Radar) -> _Window:
-        waveform = radar.waveform
-        count, step = waveform.num_samples, 1.0 / waveform.sample_rate
-        half = max(count // 2, 1) * step
-        modes = np.arange(count) - count // 2
-        return cls(count, step, waveform.adc_start_time + (count // 2) * step, half, np.asarray(modes * step / half))
+Channel = tuple[int, int, int]
+"""Entry of the axis "tx", Tx element in it, Rx element."""
 
 
-def _precision(eps: float) -> tuple[type, type]:
-    # Single precision moves a point by 2e-7 rad, the outermost mode by 3e-5 rad.
-    return (np.float32, np.complex64) if eps >= 1e-4 else (np.float64, np.complex128)
+def _channels(radar: Radar, weights: ComplexArray) -> list[Channel]:
+    receivers = range(len(radar.rx_positions))
+    on = np.any(weights != 0, axis=0)
+    return [(entry, int(tx), rx) for entry in range(len(on)) for tx in np.flatnonzero(on[entry]) for rx in receivers]
 
 
-def _phasor(cycles: FloatArray, number: type) -> NDArray[Any]:
-    """exp(j 2 pi cycles); float64 down to the fraction of a cycle."""
-    phase = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
-    phasor: NDArray[Any] = np.empty(phase.shape, dtype=number)
-    phasor.real, phasor.imag = np.cos(phase), np.sin(phase)
-    return phasor
-
-
-def _points(beat: FloatArray, step: float, real: type) -> NDArray[Any]:
-    """Beat frequencies [Hz] as radians per sample in -pi … pi."""
-    turns = beat * step
-    turns -= np.rint(turns)
-    return (2 * np.pi * turns).astype(real)
-
-
-def _plan(count: int, transforms: int, eps: float, number: type) -> Any:
+def _still(
+    radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float
+) -> Iterator[tuple[Channel, ComplexArray]]:
+    """(chirp, sample) of each channel where delays stay: one transform per knot, blended from chirp to chirp."""
     import finufft
 
-    # Sorting the points pays only on grids that don't fit the cache.
-    return finufft.Plan(
-        1, (count,), n_trans=transforms, eps=eps, isign=1, nthreads=1, dtype=np.dtype(number).name, spread_sort=0
-    )
+    window = Window.of(radar)
+    amplitude = element_gains(radar, paths)
+    # Single precision moves a point by 2e-7 rad, the outermost mode by 3e-5 rad.
+    number: Any = np.complex64 if eps >= 1e-4 else np.complex128
+    for entry, tx, rx in _channels(radar, weights):
+        times = start + radar.waveform.chirp_times[:, entry] + window.middle
+        gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
+        delay = paths.tau[tx, rx, :, 0]
+        cycles, beat, _ = phase_terms(radar, delay, np.zeros_like(delay), None, window)
+        orders, knots = len(gains), len(paths.times)
+        turn = np.exp(2j * np.pi * (cycles - np.rint(cycles)))
+        strengths = (gains.transpose(0, 2, 1) * turn).astype(number).reshape(-1, len(delay))
+        points = (2 * np.pi * (beat - np.rint(beat))).astype(strengths.real.dtype)
+        modes = finufft.nufft1d1(
+            points, strengths if len(strengths) > 1 else strengths[0], window.count, eps=eps, isign=1, nthreads=1
+        ).reshape(orders, knots, window.count)
+        at_knots = np.einsum("okn,on->kn", modes, window.u ** np.arange(orders)[:, None])
+        blend = paths.weights(times) if knots > 1 else np.ones((len(times), 1))
+        yield (entry, tx, rx), np.asarray(blend @ at_knots, dtype=np.complex128)
 
 
-def _gains(radar: Radar, paths: RadarPaths, amplitude: FloatArray, window: _Window, tx: int, rx: int) -> ComplexArray:
-    """(order, path, time) conjugate gains, element patterns and power included, as coefficients of u^order."""
-    gains = [paths.a[tx, rx]] + ([] if paths.dispersion is None else list(paths.dispersion[:, tx, rx]))
-    scaled = [np.conj(gain) * amplitude for gain in gains]
-    return np.stack(_about_window_middle(scaled, radar, paths, window.middle, window.half))
+def _moving(
+    radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float, device: str
+) -> Iterator[tuple[Channel, ComplexArray]]:
+    """(chirp, sample) of each channel, a few channels at a time."""
+    if device == "cpu":
+        ensure_llvm()
+    window = Window.of(radar)
+    times = start + radar.waveform.chirp_times + window.middle
+    course = Course.of(paths, float(times.min()), float(times.max()))
+    amplitude = element_gains(radar, paths)
+    orders = 1 if paths.dispersion is None else 1 + len(paths.dispersion)
+    channels = _channels(radar, weights)
+    columns = (12 + 8 * orders) * len(course.starts)
+    step = max(1, min(_TABLE // (paths.num_paths * columns), _GRID // (4 * len(times) * window.count)))
+    for first in range(0, len(channels), step):
+        group = channels[first : first + step]
+        # Where one channel's coefficients are too many, its paths come a part at a time.
+        parts = max(1, -(-paths.num_paths * columns * len(group) // (2 * _TABLE)))
+        bounds = np.linspace(0, paths.num_paths, parts + 1).astype(int)
+        total: ComplexArray = np.zeros(0, dtype=np.complex128)
+        for low, high in itertools.pairwise(bounds):
+            chosen = paths if parts == 1 else paths.select(np.arange(low, high))
+            echo = _spread_channels(radar, chosen, amplitude[low:high], course, times, group, window, eps, device)
+            total = echo if low == 0 else total + echo
+        yield from zip(group, total, strict=True)
 
 
-def _still_channel(
-    radar: Radar, paths: RadarPaths, amplitude: FloatArray, chirp_times: FloatArray, tx: int, rx: int, eps: float
+def _spread_channels(
+    radar: Radar,
+    paths: RadarPaths,
+    amplitude: FloatArray,
+    course: Course,
+    times: FloatArray,
+    channels: Sequence[Channel],
+    window: Window,
+    eps: float,
+    device: str,
 ) -> ComplexArray:
-    """(chirp, sample) of one element pair where delays stay: one transform per knot, blended from chirp to chirp."""
-    window = _Window.of(radar)
-    real, number = _precision(eps)
-    gains = _gains(radar, paths, amplitude, window, tx, rx)
-    delay = paths.tau[tx, rx, :, 0]
-    cycles, beat, _ = _phase_terms(radar, delay, np.zeros_like(delay), None, window.middle, window.half)
-    orders, knots = len(gains), len(paths.times)
-    strengths = (gains.transpose(0, 2, 1) * _phasor(cycles, np.complex128)).astype(number).reshape(-1, len(delay))
-    plan = _plan(window.count, orders * knots, eps, number)
-    plan.setpts(_points(beat, window.step, real))
-    modes = plan.execute(strengths if len(strengths) > 1 else strengths[0]).reshape(orders, knots, window.count)
-    at_knots = np.einsum("okn,on->kn", modes, window.u ** np.arange(orders)[:, None])
-    if knots == 1:
-        return np.broadcast_to(at_knots, (len(chirp_times), window.count))
-    return np.asarray(paths.weights(chirp_times + window.middle) @ at_knots, dtype=np.complex128)
-
-
-def _channel(
-    radar: Radar, paths: RadarPaths, amplitude: FloatArray, chirp_times: FloatArray, tx: int, rx: int, eps: float
-) -> ComplexArray:
-    """(chirp, sample) of one element pair."""
-    window = _Window.of(radar)
-    count, middle, half, u = window.count, window.middle, window.half, window.u
-    real, number = _precision(eps)
-    gains = _gains(radar, paths, amplitude, window, tx, rx)
-    stacked_gains: NDArray[Any] = gains.transpose(0, 2, 1).astype(number)  # (order, time, path)
-    loudness = np.abs(gains[0]).max(axis=1) ** 2
-    loudness /= max(float(loudness.sum()), 1e-300)
-    sizes = np.sqrt((np.abs(gains) ** 2).max(axis=2).sum(axis=1))
-    single = len(paths.times) == 1
-    knots, at_knots = _knot_terms(radar, paths, chirp_times + middle, middle, half, tx, rx)
-
-    out = np.empty((len(chirp_times), count), dtype=np.complex128)
-    rows = max(1, _CHUNK // max(paths.num_paths, 1))
-    plans: dict[int, Any] = {}
-    for first in range(0, len(chirp_times), rows):
-        times = chirp_times[first : first + rows] + middle
-        blend = knot_weights(knots, times)
-        cycles, beat, quadratic = (blend @ term for term in at_knots)
+    """(channel, chirp, sample)"""
+    stretches, chirps = len(course.starts), len(times)
+    tables: list[list[FloatArray]] = []
+    shared, sizes, angle = [], [], 0.0
+    for _, tx, rx in channels:
+        gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
+        loudness = np.abs(gains[0]).max(axis=1) ** 2
+        loudness /= max(float(loudness.sum()), 1e-300)
+        sizes.append(np.sqrt((np.abs(gains) ** 2).max(axis=2).sum(axis=1)))
+        phase, beat, quadratic = course.terms(radar, paths, window, tx, rx)
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
-        quadratic *= 0.5
-        cycles += quadratic
-        shared = quadratic @ loudness
-        quadratic -= shared[:, None]
-        phasor = _phasor(cycles, number)
-        terms_of = _needed_terms(2 * np.pi * _weighted_size(quadratic, loudness), sizes, eps)
-        terms: NDArray[Any] = np.empty((len(times), len(terms_of), paths.num_paths), dtype=number)
-        weights: NDArray[Any] = np.ones((len(times), 1), dtype=real) if single else blend.astype(real)
-        chebyshev, shapes = 2 * u * u - 1, []  # row n of `shapes` is the function of u that term n carries
-        turn: NDArray[Any] = np.zeros(0)
-        for index, (order, power) in enumerate(terms_of):
-            if power == 0:
-                np.multiply(weights @ stacked_gains[order], phasor, out=terms[:, index])
-            else:
-                turn = (2j * np.pi * quadratic).astype(number) if turn.size == 0 else turn
-                np.multiply(terms[:, terms_of.index((order, power - 1))], turn, out=terms[:, index])
-                terms[:, index] /= power
-            shapes.append(u**order * chebyshev**power)
-        points = _points(beat, window.step, real)
-        if len(shapes) not in plans:
-            plans[len(shapes)] = _plan(count, len(shapes), eps, number)
-        shape = np.stack(shapes)
-        for row in range(len(times)):
-            plans[len(shapes)].setpts(points[row])
-            modes = plans[len(shapes)].execute(terms[row] if len(shapes) > 1 else terms[row, 0])
-            out[first + row] = (np.atleast_2d(modes) * shape).sum(axis=0)
-            out[first + row] *= np.exp(2j * np.pi * shared[row] * chebyshev)
-    return out
+        quadratic = 0.5 * quadratic
+        cubics = [course.cubics(values) for values in (phase + quadratic, beat, quadratic)]
+        cubics[0][..., 0] -= np.rint(cubics[0][..., 0])
+        shared.append(np.einsum("spc,p->sc", cubics[2], loudness))
+        cubics[2] -= shared[-1][:, None]
+        largest = np.abs(quadratic - quadratic @ loudness[:, None]).max(axis=0)
+        angle = max(angle, 2 * np.pi * float(np.sqrt((loudness * largest**2).sum())))
+        for gain in gains:
+            for values in (gain.real, gain.imag):
+                if values.shape[1] > 1:
+                    cubics.append(course.cubics(np.ascontiguousarray(values.T)))
+                else:
+                    cubics.append(np.broadcast_to(values[None, :, :], (stretches, len(values), 1)))
+        tables.append(cubics)
+    fields = [np.concatenate([cubics[index] for cubics in tables]) for index in range(len(tables[0]))]
+    at = [course.place(times[:, entry]) for entry, _, _ in channels]
+    rows = np.concatenate([stretch + stretches * index for index, (stretch, _) in enumerate(at)])
+    weights = _needed_terms(angle, np.max(sizes, axis=0), eps)
+    width = width_for(weights, 0.5 * eps)
+    lanes = Lanes.of(fields, rows, np.concatenate([s for _, s in at]))
+    samples = spread(lanes, window.count, tuple(weights), width, eps, device)
+    samples = samples.reshape(len(channels), chirps, window.count)
+    chebyshev = 2 * window.u**2 - 1
+    for index, (stretch, s) in enumerate(at):
+        turns = (shared[index][stretch] * s[:, None] ** np.arange(4)).sum(axis=1)
+        if np.any(turns):
+            samples[index] *= np.exp(2j * np.pi * turns[:, None] * chebyshev)
+    return samples
 
 
-def _knot_terms(
-    radar: Radar, paths: RadarPaths, times: FloatArray, middle: float, half: float, tx: int, rx: int
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Knots [s] and there the three terms of :func:`_phase_terms`, (knot, path).
-
-    The terms are as smooth as the delay: splines through their values serve as well as values of the delay's spline,
-    for a fraction of the work. A single knot means a constant rate, and the terms are parabolas through three times.
-    """
-    tau, rate = paths.tau[tx, rx], paths.tau_rate[tx, rx]
-    if len(paths.times) == 1:
-        knots = np.array([times.min(), 0.0, times.max() + 1e-6])
-        knots[1] = 0.5 * (knots[0] + knots[2])
-        delay = tau.T + rate.T * (knots[:, None] - paths.times[0])
-        return knots, _phase_terms(radar, delay, rate.T, None, middle, half)
-    delay, slope, curve = (knot_weights(paths.times, paths.times, order) @ tau.T for order in range(3))
-    return paths.times, _phase_terms(radar, delay, slope, curve, middle, half)
-
-
-def _phase_terms(
-    radar: Radar, delay: FloatArray, slope: FloatArray, curve: FloatArray | None, middle: float, half: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Phase in cycles at the window's middle, beat frequency [Hz], and cycles of the u^2 term at the window's edge."""
-    f_c, mu = radar.waveform.start_frequency, radar.waveform.slope
-    constant = delay * (f_c + mu * middle - 0.5 * mu * delay)
-    beat = mu * delay + slope * (f_c + mu * (middle - delay))
-    quadratic = np.broadcast_to((mu * half**2) * slope * (1 - 0.5 * slope), delay.shape)
-    if curve is not None:
-        quadratic = quadratic + (0.5 * half**2 * (f_c + mu * middle)) * curve
-    return constant, beat, quadratic
-
-
-def _weighted_size(values: FloatArray, loudness: FloatArray) -> float:
-    """Root mean square over the paths, weighted with their share of the power, of each one's largest |value|."""
-    return float(np.sqrt((loudness * np.abs(values).max(axis=0) ** 2).sum()))
-
-
-def _needed_terms(angle: float, sizes: FloatArray, eps: float) -> list[tuple[int, int]]:
-    """(order of the gain, power of the quadratic phase) of the terms that matter to `eps`.
+def _needed_terms(angle: float, sizes: FloatArray, eps: float) -> dict[Term, float]:
+    """(order of the gain, power of the quadratic phase) of the terms that matter to `eps`, with their relative sizes.
 
     exp(j angle T) leaves angle^(n+1) / (n+1)! after n powers; `sizes` are those of the gain's coefficients.
     """
-    terms = []
+    terms: dict[Term, float] = {}
     for order, size in enumerate(sizes):
-        power, left = 0, size / max(float(sizes[0]), 1e-300) if order else 1.0
-        terms.append((order, 0))
+        left = float(size) / max(float(sizes[0]), 1e-300) if order else 1.0
+        power = 0
+        terms[order, 0] = left
         left *= angle
-        while left > eps and power < 40:
+        while left > 0.3 * eps and power < _MOST_POWERS:
             power += 1
-            terms.append((order, power))
+            terms[order, power] = left
             left *= angle / (power + 1)
     return terms
-
-
-def _about_window_middle(
-    gains: list[ComplexArray], radar: Radar, paths: RadarPaths, middle: float, half: float
-) -> list[ComplexArray]:
-    """Polynomial coefficients of the gain in u / half instead of in (f - frequency) / half_band."""
-    if len(gains) == 1:
-        return gains
-    waveform = radar.waveform
-    shift = (waveform.start_frequency + waveform.slope * middle - paths.frequency) / paths.half_band
-    scale = waveform.slope * half / paths.half_band
-    return [
-        sum((math.comb(m, n) * shift ** (m - n) * gains[m] for m in range(n, len(gains))), np.zeros_like(gains[0]))
-        * scale**n
-        for n in range(len(gains))
-    ]
