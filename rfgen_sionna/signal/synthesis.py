@@ -158,9 +158,10 @@ def _still(
         turn = np.exp(2j * np.pi * (cycles - np.rint(cycles)))
         strengths = (gains.transpose(0, 2, 1) * turn).astype(number).reshape(-1, len(delay))
         points = (2 * np.pi * (beat - np.rint(beat))).astype(strengths.real.dtype)
-        modes = finufft.nufft1d1(
-            points, strengths if len(strengths) > 1 else strengths[0], window.count, eps=eps, isign=1, nthreads=1
-        ).reshape(orders, knots, window.count)
+        # What is at one place, as everything is without a slope, has one and the same error.
+        sharp = {"eps": max(0.2 * eps, 1e-14), "isign": 1, "nthreads": 1}
+        modes = finufft.nufft1d1(points, strengths if len(strengths) > 1 else strengths[0], window.count, **sharp)
+        modes = modes.reshape(orders, knots, window.count)
         at_knots = np.einsum("okn,on->kn", modes, window.u ** np.arange(orders)[:, None])
         blend = paths.weights(times) if knots > 1 else np.ones((len(times), 1))
         yield (entry, tx, rx), np.asarray(blend @ at_knots, dtype=np.complex128)
