@@ -29,7 +29,9 @@ from rfgen_sionna.signal.spreading import Lanes, spread
 from rfgen_sionna.signal.taps import Term, width_for
 
 DEVICES = ("auto", "cpu", "cuda")
-_TABLE, _GRID = 3_000_000, 2_000_000  # numbers at a time: 24 MB of coefficients, 32 MB of grids
+_TABLE = 1_000_000  # coefficients at a time, 8 MB
+_GRID, _MOST_GRID = 150_000, 600_000  # cells at a time, 1.2 MB; where they are a small share of the frame, 5 MB
+_SHARE = 12
 _MOST_POWERS = 40
 
 
@@ -180,7 +182,9 @@ def _moving(
     orders = 1 if paths.dispersion is None else 1 + len(paths.dispersion)
     channels = _channels(radar, weights)
     columns = (12 + 8 * orders) * len(course.starts)
-    step = max(1, min(_TABLE // (paths.num_paths * columns), _GRID // (4 * len(times) * window.count)))
+    cells = 4 * len(times) * window.count
+    room = max(_GRID, min(_MOST_GRID, cells * len(channels) // _SHARE))
+    step = max(1, min(_TABLE // (paths.num_paths * columns), room // cells))
     for first in range(0, len(channels), step):
         group = channels[first : first + step]
         # Where one channel's coefficients are too many, its paths come a part at a time.
