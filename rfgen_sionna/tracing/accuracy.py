@@ -8,11 +8,15 @@ import numpy as np
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.gains import BandTracer
 
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which returns are compared."""
+
+
+SAFETY = 2.0
+"""What is measured at one pair and a few frequencies counts this much, for all the others."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +88,11 @@ def measure(
     truth = fine.a * phasor
     coarse = (np.vander(probes, len(coefficients), increasing=True) @ coefficients) * phasor
     error, returned = (_sums(each * weight, facets.surface, count) for each in (coarse - truth, truth))
-    single = np.zeros(count) if usual is None else usual.copy()
-    np.maximum.at(single, facets.surface, np.abs(truth * weight).max(axis=0))
+    least = np.zeros(count) if usual is None else usual.copy()
+    np.maximum.at(least, facets.surface, CANCELLED * np.abs(truth * weight).max(axis=0))
     level = np.sqrt((np.abs(returned) ** 2).mean(axis=0))
-    # Where everything cancels by chance the single returns set the scale.
-    scale = np.maximum(level, single)
-    amount = np.sqrt((np.abs(error) ** 2).mean(axis=0))
+    scale = np.maximum(level, least)
+    amount = SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0))
     return Accuracy(np.where(scale > 0, amount / np.where(scale > 0, scale, 1.0), 0.0), level)
 
 

@@ -12,6 +12,10 @@ from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, R
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
+CANCELLED = 0.01
+"""A coherent return weaker than this share of its strongest facet's counts as cancelled: no tolerance is relative
+to it."""
+
 
 @dataclass(frozen=True)
 class Facets:

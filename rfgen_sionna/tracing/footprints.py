@@ -97,7 +97,9 @@ def trace_footprints(
     triangles = np.concatenate([patch[:, [0, 1, 2]], patch[:, [0, 2, 3]]])
     here = np.zeros((1, 3))
     media = Media.at([surface.material for surface in surfaces], frequency)
-    gains = facet_gains(triangles, np.tile(objects, 2), media, Nodes(here, here, frequency), field, field)
+    gains = facet_gains(
+        triangles, np.tile(objects, 2), media, Nodes(here, here, frequency), field, field, monostatic=True
+    )
     returns = gains.a[0] * np.exp(-2j * np.pi * np.mod(frequency * gains.tau[0], 1.0))
     return Footprints(
         ray=ray.astype(np.int32),

@@ -22,7 +22,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
-from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
 
 MAX_ORDER = 8
@@ -33,6 +33,8 @@ SHARE = 0.3
 """Share of the tolerance that an expansion may use up; the rest is left to the facets."""
 ENOUGH = 20_000
 """Facets that tell which expansion will do."""
+MONOSTATIC = 0.5
+"""A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -67,6 +69,7 @@ class BandTracer:
             for each in (tx + rx, tx - rx)
         )
         self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
+        self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         self._powers = 2 if np.allclose(*self._fields) else 1
 
     @property
@@ -158,8 +161,7 @@ class BandTracer:
         at_nodes = self._gains(facets, materials, expansion.nodes).a
         found = np.vander(u, expansion.order, increasing=True)  # (probe, order)
         rows = np.einsum("pk,kpn->pn", found, expansion.weights.reshape(expansion.order, -1, len(at_nodes))[:, pairs])
-        # Where everything cancels by chance the single returns set the scale.
-        scale = max(_rms(truth), float(np.abs(exact.a * weight).max(initial=0.0)))
+        scale = max(_rms(truth), CANCELLED * float(np.abs(exact.a * weight).max(initial=0.0)))
         return _rms(((rows @ at_nodes - exact.a) * phasor).sum(axis=1)) / scale if scale > 0 else 0.0
 
     def _gains(
@@ -167,7 +169,10 @@ class BandTracer:
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency)
         parts = facets.parts if parts is None else parts
-        return facet_gains(facets.corners - self._origin, facets.surface, media, nodes, *self._fields, parts)
+        corners = facets.corners - self._origin
+        nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))
+        monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
+        return facet_gains(corners, facets.surface, media, nodes, *self._fields, parts, monostatic)
 
     def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
         tx, rx = np.divmod(pairs, len(self._rx))

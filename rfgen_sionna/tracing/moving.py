@@ -70,6 +70,7 @@ class MovingParts:
         self._distance = np.zeros(len(surfaces.moving))
         self._expansion: Expansion | None = None
         self._level = np.zeros(len(surfaces.moving))
+        self._error = 0.0
         self._turn = 0
 
     def trace(
@@ -92,7 +93,12 @@ class MovingParts:
             gain *= each.fraction[kept]
         paths = self._paths(knots, instants, positions, facets, gains, kept)
         self._turn += 1
-        return MovingTrace(paths, found.largest, sum(each.looked_at for each in seen), sum(each.rays for each in seen))
+        return MovingTrace(
+            paths,
+            max(found.largest, self._error),
+            sum(each.looked_at for each in seen),
+            sum(each.rays for each in seen),
+        )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
         """New facets where an actor has come nearer by a fifth, or where its range decides what is made of it."""
@@ -139,6 +145,7 @@ class MovingParts:
             ]
             error = np.max([each.error for each in found], axis=0)
             self._level = np.max([each.level for each in found], axis=0)
+            self._error = float(error.max(initial=0.0))
             coarse = error > self._rtol
             if not coarse.any():
                 return expansion

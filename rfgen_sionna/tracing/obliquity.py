@@ -110,23 +110,60 @@ class Way:
 
     def obliquity(self, dr: Any, complex_type: Any, medium: Medium) -> ComplexPair:
         """Incident plus Fresnel-reflected."""
-        eps, mu = medium.permittivity, medium.permeability
-        root = dr.sqrt(eps * mu - self.sin * self.sin)
-        root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
-        r_s = (mu * self.cos - root) / (mu * self.cos + root)
-        r_p = (eps * self.cos - root) / (eps * self.cos + root)
-        if medium.electric_thickness is not None:
-            # The slab's two faces, and all that goes to and fro between them: ITU-R P.2040, eq. (43).
-            turn = medium.electric_thickness * root * 2.0
-            size = dr.select(medium.thick, 0.0, dr.exp(turn.imag))
-            sin, cos = dr.sincos(turn.real)
-            trip = complex_type(size * cos, -size * sin)
-            r_s, r_p = (_slab(dr, r, trip) for r in (r_s, r_p))
-        r_s = dr.select(medium.perfect, complex_type(-1, 0), r_s) * medium.smoothness
-        r_p = dr.select(medium.perfect, complex_type(1, 0), r_p) * medium.smoothness
+        r_s, r_p = reflection(dr, complex_type, medium, self.cos, self.sin * self.sin)
         return ComplexPair(
             self._incident + r_s.real * self._s + r_p.real * self._p, r_s.imag * self._s + r_p.imag * self._p
         )
+
+
+def backscatter(
+    dr: Any, complex_type: Any, medium: Medium, normal: Any, offset: Any, tx_field: Any, rx_field: Any, floor: Any
+) -> ComplexPair:
+    """Obliquity over the square of the distance, for Tx and Rx in one place from which a point lies at `offset` [m].
+
+    The incident wave makes no return of its own there, and the reflected ones leave
+    cos (r_s e_s e'_s - r_p e_p e'_p). Distances below `floor` [m] count as that.
+    """
+    distance = dr.norm(offset)
+    k = offset / dr.maximum(distance, 1e-30)
+    cos = dr.clip(-dr.dot(k, normal), 0.0, 1.0)
+    across = dr.cross(k, normal)
+    sin2 = dr.dot(across, across)
+    r_s, r_p = reflection(dr, complex_type, medium, cos, sin2)
+    e, f = transverse(dr, tx_field, k), transverse(dr, rx_field, k)
+    along_s = dr.dot(e, across) * dr.dot(f, across) / dr.maximum(sin2, 1e-18)
+    along_p = dr.dot(e, f) - along_s
+    scale = cos / dr.square(dr.maximum(distance, floor))
+    return ComplexPair(
+        scale * (r_s.real * along_s - r_p.real * along_p), scale * (r_s.imag * along_s - r_p.imag * along_p)
+    )
+
+
+def transverse(dr: Any, field: Any, direction: Any) -> Any:
+    """Unit vector of the field's part across `direction`; zero where there is none."""
+    across = field - dr.dot(field, direction) * direction
+    size = dr.norm(across)
+    return dr.select(size > 1e-9, across / dr.maximum(size, 1e-9), 0.0)
+
+
+def reflection(dr: Any, complex_type: Any, medium: Medium, cos: Any, sin2: Any) -> tuple[Any, Any]:
+    """Fresnel's r_s and r_p of the coherent field, of a half-space or a slab."""
+    eps, mu = medium.permittivity, medium.permeability
+    cos = dr.maximum(cos, 1e-9)  # grazing incidence on what is like air is 0 by 0
+    root = dr.sqrt(eps * mu - sin2)
+    root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
+    r_s = (mu * cos - root) / (mu * cos + root)
+    r_p = (eps * cos - root) / (eps * cos + root)
+    if medium.electric_thickness is not None:
+        # The slab's two faces, and all that goes to and fro between them: ITU-R P.2040, eq. (43).
+        turn = medium.electric_thickness * root * 2.0
+        size = dr.select(medium.thick, 0.0, dr.exp(turn.imag))
+        sin, cos_turn = dr.sincos(turn.real)
+        trip = complex_type(size * cos_turn, -size * sin)
+        r_s, r_p = (_slab(dr, r, trip) for r in (r_s, r_p))
+    r_s = dr.select(medium.perfect, complex_type(-1, 0), r_s) * medium.smoothness
+    r_p = dr.select(medium.perfect, complex_type(1, 0), r_p) * medium.smoothness
+    return r_s, r_p
 
 
 def _slab(dr: Any, r: Any, trip: Any) -> Any:

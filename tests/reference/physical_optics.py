@@ -19,14 +19,14 @@ def fresnel(permittivity: complex, permeability: complex, cos_in: FloatArray) ->
     )
 
 
-def triangle_points(corners: FloatArray, n: int) -> FloatArray:
-    """(facet, n^2, 3) centroids of the n^2 equal triangles that each facet splits into."""
-    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-    up, down = i + j < n, i + j < n - 1
-    u = np.concatenate([i[up] + 1 / 3, i[down] + 2 / 3]) / n
-    v = np.concatenate([j[up] + 1 / 3, j[down] + 2 / 3]) / n
-    weights = np.stack([1 - u - v, u, v], axis=1)
-    return np.einsum("qc,fci->fqi", weights, corners)
+def triangle_points(corners: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """(facet, n^2, 3) points on each facet and their (n^2,) weights, which add up to 1: Gauss-Legendre in the collapsed
+    square, exponentially convergent from about two points per wavelength of the path on."""
+    node, weight = np.polynomial.legendre.leggauss(n)
+    node, weight = 0.5 * (node + 1.0), 0.5 * weight
+    u, v = (each.ravel() for each in np.meshgrid(node, node, indexing="ij"))
+    barycentric = np.stack([1.0 - u, u * (1.0 - v), u * v], axis=1)
+    return np.einsum("qc,fci->fqi", barycentric, corners), 2.0 * u * np.outer(weight, weight).ravel()
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -60,7 +60,7 @@ def po_gain(
     permeability: complex = 1.0,
     n: int = 64,
 ) -> complex:
-    """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), n^2 samples a facet.
+    """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), n^2 points a facet.
 
     Every factor is evaluated at every sample: no linear phase, no constant obliquity. F is the mean of the obliquities
     from Tx to Rx and back.
@@ -68,7 +68,7 @@ def po_gain(
     k = 2 * np.pi * frequency / SPEED_OF_LIGHT
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     twice_area = np.linalg.norm(cross, axis=1)
-    points = triangle_points(corners, n)
+    points, weights = triangle_points(corners, n)
     normal = np.broadcast_to((cross / twice_area[:, None])[:, None], points.shape)
 
     to_point, to_rx = points - tx, rx - points
@@ -84,6 +84,6 @@ def po_gain(
     there = obliquity(normal, k_in, e_tx, k_out, e_rx, permittivity, permeability)
     back = obliquity(normal, -k_out, e_rx, -k_in, e_tx, permittivity, permeability)
     f = 0.5 * (there + back)
-    area = 0.5 * twice_area / points.shape[1]
+    area = 0.5 * twice_area
     integrand = (f * np.exp(-1j * k * (r_t + r_r)) / (r_t * r_r))[..., 0]
-    return complex(1j / (4 * np.pi) * (integrand.sum(axis=1) * area).sum())
+    return complex(1j / (4 * np.pi) * ((integrand @ weights) * area).sum())
