@@ -261,7 +261,7 @@ class Simulator:
         if self._silence_told or self.scene.is_free_space or self.radar.trajectory is not None:
             return
         self._silence_told = True
-        if self.tracer.static.paths.num_paths:
+        if self.tracer.static.paths.a.any():
             return
         name, reach = nearest_surface(self.radar.position, self.scene)
         limit = self.radar.max_range

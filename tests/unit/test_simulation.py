@@ -14,6 +14,7 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
+from rfgen_sionna.scene import CoarseMeshWarning
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.signal.noise import noise_power
 
@@ -222,6 +223,7 @@ def test_a_motion_that_ends_before_the_run(radar: Any) -> None:
             sim.frames(duration, start=start)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", CoarseMeshWarning)
         sim.frames(0.3)
         rfgen.Simulator(None, radar, [ball()]).frames(0.5, start=-0.1)  # rigid: it has no end
 
