@@ -124,8 +124,11 @@ def find_directions(
     for fold in sorted(range(-ambiguities, ambiguities + 1), key=abs):
         trial = speed + 2 * fold * radar.max_velocity
         found = _search(compensate_tdm(channels.astype(np.complex128), radar, trial), radar, away)
-        # A tie (an array that cannot tell) stays with the smaller speed.
-        better = found[2] > best.power * (1 + 1e-6) if fold else np.ones(count, bool)
+        # A tie (slots that cannot tell, as two of a code cannot tell one fold from its opposite) goes to the smaller
+        # speed.
+        as_good = found[2] > best.power * (1 - 1e-6)
+        better = (found[2] > best.power * (1 + 1e-6)) | (as_good & (np.abs(trial) < np.abs(best.velocity)))
+        better = better if fold else np.ones(count, bool)
         best = Directions(
             *(
                 np.where(better, new, old)

@@ -117,6 +117,20 @@ def test_without_the_code_directions_are_wrong():
     assert wrong.power[0] < 0.9 * right.power[0]
 
 
+def test_a_code_unfolds_speeds():
+    """9 m/s folds at 6.6: the wrong multiple mixes the two elements, the right one gives speed and direction.
+
+    Range is smeared over five cells, as its migration is corrected for the folded speed: its middle stays within one.
+    """
+    radar = Radar.load("awr1843", "bpm", **POSE)
+    target = (7.0, 12.0, 0.0, 9.0)
+    assert radar.max_velocity < target[3] < 2 * radar.max_velocity
+    found = point_cloud(frame(radar, target), radar, max_points=1, ambiguities=1)
+    assert abs(found.range[0] - target[0]) < radar.range_resolution
+    assert abs(found.velocity[0] - target[3]) < 0.1 * radar.velocity_resolution
+    assert abs(np.sin(found.azimuth[0]) - direction(target[1])[1]) < 0.1 * cells(radar)[0]
+
+
 @pytest.mark.parametrize("preset", ["near_far", "triangle"])
 @pytest.mark.parametrize("profile", [0, 1])
 def test_each_profile_by_itself(preset, profile):
