@@ -18,7 +18,7 @@ PLACES = {
     "box": ((-3.0, -2.0, 1.2), (2.0, 1.0, 1.2)),
     "box_knife": ((-3.0, -2.0, 1.2), (2.0, 1.0, 1.2)),
     "box_one_screen": ((-3.0, -2.0, 1.2), (2.0, 1.0, 1.2)),
-    "box_two_screens": ((-3.0, -2.0, 1.2), (2.0, 1.0, 1.2)),
+    "box_two_screens": ((-1.0, -2.0, 1.2), (2.0, 1.0, 1.2)),
     "double_reflector": ((-4.0, 0.0, 2.0), (0.0, 0.0, 2.0)),
     "etoile": ((42.2, 28.9, 1.5), (52.0, 28.9, 1.5)),
     "florence": ((49.9, -80.1, 1.5), (49.9, -90.0, 1.5)),
@@ -70,12 +70,14 @@ def check(name: str, radar: Radar, rtol: float) -> None:
     assert reach.min() == pytest.approx(gap, rel=0.02, abs=0.01)
     nearest = int(reach.argmin())
     assert paths.object_names[paths.object_id[nearest]] == near
-    # Rays in the paths' directions meet the same object at the same distance, but for facets that are half hidden.
-    chosen = np.random.default_rng(0).integers(0, paths.num_paths, 2000)
+    # Rays in the paths' directions meet the same object at the same distance; of half a facet they may meet another.
+    whole = np.flatnonzero(simulation.tracer.static.fraction == 1.0)
+    assert len(whole) > 0.8 * paths.num_paths
+    chosen = np.random.default_rng(0).choice(whole, 2000)
     rays = RayScene([(item.vertices, item.faces) for item in scene.objects], origin=position)
     hits = rays.first_hit(position, paths.direction[chosen, 0])
     same = np.abs(hits.distance - reach[chosen]) < 2e-3
-    assert same.mean() > 0.97
+    assert same.mean() > 0.99
     names = np.array([item.name for item in scene.objects])
     assert (names[hits.object] == np.array(paths.object_names)[paths.object_id[chosen]])[same].mean() > 0.99
 
@@ -92,9 +94,11 @@ def check(name: str, radar: Radar, rtol: float) -> None:
     assert mine.range.max() < AHEAD + 1.0
     strongest = int(np.abs(mine.a[0, 0, :, 0]).argmax())
     assert mine.velocity[strongest, 0] == pytest.approx(0.5, abs=0.05)
-    rest = seen.select(seen.object_id != seen.object_names.index("person"))
-    angle = np.arccos(np.clip(rest.direction[:, 0] @ ahead, -1.0, 1.0))
-    assert not (angle < 0.08).any() or rest.range[angle < 0.08].max() < AHEAD
+    hidden = [
+        np.abs(each.a[0, 0, (each.direction[:, 0] @ ahead > np.cos(0.06)) & (each.range[:, 0] > AHEAD + 0.2)]).sum()
+        for each in (seen, paths)
+    ]
+    assert hidden[0] <= 0.1 * hidden[1]  # of facets at the shadow's edge a part is seen
 
 
 @pytest.mark.parametrize(
