@@ -66,6 +66,8 @@ class Simulator:
     collisions
         What to do where an actor goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
         "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.
+    seed
+        Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
 
     Raises
     ------
@@ -82,6 +84,7 @@ class Simulator:
         *,
         rtol: float = 1e-3,
         collisions: Policy = "error",
+        seed: int = 0,
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
@@ -102,6 +105,7 @@ class Simulator:
         self.actors = _with_unique_names(actors)
         self.rtol = float(rtol)
         self.collisions: Policy = collisions
+        self.seed = _checked_seed(seed)
         self._silence_told = False
         self.scene.tune(radar.center_frequency)
         check_radar_clear(radar.position, self.scene, self.actors)
@@ -116,7 +120,7 @@ class Simulator:
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer behind the simulation."""
-        return Tracer(self.scene, self.radar, self.actors, self.rtol)
+        return Tracer(self.scene, self.radar, self.actors, self.rtol, self.seed)
 
     @cached_property
     def _surroundings(self) -> RayScene | None:
@@ -195,8 +199,7 @@ class Simulator:
         receiver: Receiver | None = None,
     ) -> Iterator[Frame]:
         """The frames of :meth:`adc` one by one; memory does not grow with their number."""
-        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
+        seed = _checked_seed(seed)
         if receiver is not None and not isinstance(receiver, Receiver):
             raise TypeError(f"receiver is a {type(receiver).__name__}: a Receiver or None is needed")
         if receiver is None:
@@ -214,7 +217,7 @@ class Simulator:
                     f"actor '{actor.name}' is behind the scene's surfaces all along: the radar receives nothing of it",
                     stacklevel=2,
                 )
-        return self._frames(times, receiver, int(seed))
+        return self._frames(times, receiver, seed)
 
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int) -> Iterator[Frame]:
         eps = max(0.3 * self.rtol, 1e-9)
@@ -283,6 +286,12 @@ def _with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
     if doubled:
         raise ValueError(f"actors share the name '{min(doubled)}': give each a name of its own (name=…)")
     return tuple(actors)
+
+
+def _checked_seed(seed: Any) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
+    return int(seed)
 
 
 def _time(name: str, value: Any) -> float:

@@ -131,7 +131,7 @@ class ActorInfo:
         """From an :class:`rfgen_sionna.scene.Actor` (or anything with its attributes)."""
         return cls(
             name=actor.name,
-            material=actor.material,
+            material=actor.properties.name,
             faces=actor.faces,
             num_vertices=len(actor.vertices(0.0)),
             part_names=tuple(actor.part_names),

@@ -32,8 +32,9 @@ class Actor:
 
     sequence: MeshSequence
     """Shape over time in the actor's own frame [m]."""
-    material: str
-    """Name of a material, see :data:`rfgen_sionna.scene.MATERIALS`."""
+    material: str | Material
+    """Name of a material, see :data:`rfgen_sionna.scene.MATERIALS`, or a material, such as
+    `dataclasses.replace(MATERIALS["concrete"], scattering_coefficient=0.3)`."""
     name: str = "actor"
     """What labels call it; unique within a simulation."""
     position: Vector = (0.0, 0.0, 0.0)
@@ -63,14 +64,14 @@ class Actor:
                     f"{self.name}: a trajectory gives the world position itself, leave position and velocity out"
                 )
             self.pose(0.0)
-        material(self.material, owner=self.name)
+        _ = self.properties
 
     @classmethod
     def from_mesh(
         cls,
         mesh: Any,
         *,
-        material: str,
+        material: str | Material,
         position: ArrayLike = (0.0, 0.0, 0.0),
         velocity: ArrayLike = (0.0, 0.0, 0.0),
         orientation: ArrayLike = (0.0, 0.0, 0.0),
@@ -81,7 +82,7 @@ class Actor:
 
         Args:
             mesh: `trimesh.Trimesh`, path of a file that trimesh reads (in metres), or a pair (vertices, faces).
-            material: name of a material.
+            material: a material or its name.
             position: world position of the mesh's origin at t = 0 [m].
             velocity: [m/s].
             orientation: (yaw, pitch, roll) [rad].
@@ -110,7 +111,7 @@ class Actor:
     @property
     def properties(self) -> Material:
         """The material's properties."""
-        return material(self.material, owner=self.name)
+        return self.material if isinstance(self.material, Material) else material(self.material, owner=self.name)
 
     @property
     def faces(self) -> IntArray:

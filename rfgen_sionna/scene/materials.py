@@ -22,6 +22,7 @@ from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.errors import MaterialError, MaterialRangeWarning
 from rfgen_sionna.scene.material_table import ALIASES, TABLE
 from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity, covers
+from rfgen_sionna.scene.scattering import LAMBERTIAN, ScatteringPattern
 
 
 def _prefix(owner: str) -> str:
@@ -52,6 +53,10 @@ class Material:
     """Thickness of the slab that a surface stands for [m]; None is a body so thick that only its front reflects."""
     scattering_coefficient: float = 0.0
     """Share S of the reflected field that is scattered diffusely, 0 … 1 (Sionna's definition): S² of the energy."""
+    scattering_pattern: ScatteringPattern = LAMBERTIAN
+    """Where the diffuse part goes."""
+    xpd_coefficient: float = 0.0
+    """Share of the diffuse energy that changes its polarisation, 0 … 1 (Sionna's definition)."""
     permeability: complex = 1.0
     """Relative permeability; 1 for everything in the table."""
     outside: Outside = "extrapolate"
@@ -65,6 +70,9 @@ class Material:
             raise MaterialError(
                 f"material {self.name!r}: scattering_coefficient {self.scattering_coefficient}, allowed are 0 … 1"
             )
+
+        if not 0.0 <= self.xpd_coefficient <= 1.0:
+            raise MaterialError(f"material {self.name!r}: xpd_coefficient {self.xpd_coefficient}, allowed are 0 … 1")
 
     @property
     def valid_ranges_hz(self) -> tuple[Range, ...]:

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from rfgen_sionna.scene.errors import MaterialError
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.permittivity import Computed, Outside
+from rfgen_sionna.scene.scattering import ScatteringPattern
 
 PLUGIN = "rfgen-radio-material"
 """Mitsuba's name for our materials in scene descriptions."""
@@ -101,6 +102,8 @@ def from_sionna(radio_material: Any, outside: Outside = "extrapolate") -> Materi
         found,
         thickness=_number(radio_material.thickness),
         scattering_coefficient=_number(radio_material.scattering_coefficient),
+        scattering_pattern=ScatteringPattern.from_sionna(radio_material.scattering_pattern),
+        xpd_coefficient=_number(radio_material.xpd_coefficient),
     )
 
 

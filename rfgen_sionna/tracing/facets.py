@@ -33,6 +33,8 @@ class Facets:
     """(facet,) False where a closed surface looks away from the viewpoint."""
     parts: IntArray
     """(facet,) number of parts that the integral divides each edge into."""
+    place: IntArray
+    """(facet,) number that tells the facets of a face apart, the same for as long as they stay the same."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -46,6 +48,7 @@ class Facets:
             self.surface[index],
             self.facing[index],
             self.parts[index],
+            self.place[index],
         )
 
     @property
@@ -64,7 +67,7 @@ def stack_facets(
 ) -> Facets:
     """All pieces of all surfaces, in their order, for the vertices [m] given."""
     corners = [np.zeros((0, 3, 3))]
-    number, face, index, parts = ([np.zeros(0, np.int32)] for _ in range(4))
+    number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     facing = [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c = piece.corners(points, surface.faces)
@@ -74,6 +77,7 @@ def stack_facets(
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
         parts.append(piece.parts)
+        place.append(piece.places)
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
     return Facets(
@@ -83,6 +87,7 @@ def stack_facets(
         surface=np.concatenate(index),
         facing=np.concatenate(facing),
         parts=np.concatenate(parts),
+        place=np.concatenate(place),
     )
 
 

@@ -21,6 +21,7 @@ from scipy.linalg import qr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
@@ -52,7 +53,7 @@ class Expansion:
 class BandTracer:
     """Facet gains of one radar; positions are taken relative to its phase centre, which keeps their digits."""
 
-    def __init__(self, radar: Radar, rtol: float) -> None:
+    def __init__(self, radar: Radar, rtol: float, seed: int = 0) -> None:
         self.centre = radar.center_frequency
         self.half_band = 0.5 * radar.waveform.bandwidth
         self.highest = self.centre + self.half_band
@@ -60,7 +61,7 @@ class BandTracer:
         self._tx = radar.tx_world - self._origin
         self._rx = radar.rx_world - self._origin
         self._fields = radar.tx_field, radar.rx_field
-        self._rtol = rtol
+        self._rtol, self._seed = rtol, seed
         self._pattern, self._rotation = radar.pattern, radar.rotation
         # Across the boresight, in units of half the array's width; along it elements hardly differ.
         tx, rx = radar.tx_positions[:, None, 1:], radar.rx_positions[None, :, 1:]
@@ -138,6 +139,10 @@ class BandTracer:
         if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
             basis = self._basis(order, degree, full=True)
         return self._expansion(basis)
+
+    def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
+        """(facet,) what rough facets add for every pair (:mod:`rfgen_sionna.tracing.diffuse`); None if none is."""
+        return diffuse_gains(facets, materials, self._origin, self._fields, self.centre, self._seed)
 
     def at_probes(
         self, facets: Facets, materials: tuple[Material, ...], u: FloatArray, pair: tuple[int, int], parts: IntArray

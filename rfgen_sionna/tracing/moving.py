@@ -89,8 +89,10 @@ class MovingParts:
             if found.largest <= 1.5 * self._rtol or attempt:
                 break
             self._expansion = None
-        for gain, each in zip(gains, seen, strict=True):
+        for gain, each, there in zip(gains, seen, facets, strict=True):
             gain *= each.fraction[kept]
+            if (rough := self._band.diffuse(there, self._materials)) is not None:
+                gain[0] += np.sqrt(each.fraction[kept]) * rough  # of energy, half of a facet returns half
         paths = self._paths(knots, instants, positions, facets, gains, kept)
         self._turn += 1
         return MovingTrace(

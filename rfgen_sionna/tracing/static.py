@@ -142,6 +142,8 @@ def trace_static(
             break
         fineness[coarse] *= finer(np.array(found.total), rtol)
     gains *= seen.fraction
+    if (rough := band.diffuse(facets, materials)) is not None:
+        gains[0] += np.sqrt(seen.fraction) * rough  # of energy, half of a facet returns half
     tau = band.delays(facets.centroids)[..., None]
     paths = facet_paths(
         surfaces.static,

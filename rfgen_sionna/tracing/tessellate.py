@@ -32,6 +32,12 @@ class Tessellation:
     """(facet,) number of parts that the integral divides each edge into."""
 
     @cached_property
+    def places(self) -> IntArray:
+        """(facet,) where in its face each facet lies, as a number that no other facet of the face has."""
+        middle = np.rint(self.weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
+        return np.asarray(middle[:, 0] * 2**16 + middle[:, 1], dtype=np.int32)
+
+    @cached_property
     def _pieces(self) -> NDArray[np.intp]:
         """Facets that are less than their face."""
         return np.flatnonzero((self.weights != np.eye(3)).any(axis=(1, 2)))

@@ -82,9 +82,13 @@ class Tracer:
         Allowed error of the static scene's coherent return, and of each actor's, relative to itself; it is measured
         (:mod:`rfgen_sionna.tracing.accuracy`) and facets are made finer until it is met. Times `PHASE_PER_RTOL` it is
         the phase error [rad] and the relative error of the gains that splines in time may make.
+    seed
+        Seed of the phases of what rough surfaces return diffusely.
     """
 
-    def __init__(self, scene: RadarScene | None, radar: Radar, actors: Sequence[Actor], rtol: float = 1e-3) -> None:
+    def __init__(
+        self, scene: RadarScene | None, radar: Radar, actors: Sequence[Actor], rtol: float = 1e-3, seed: int = 0
+    ) -> None:
         self.radar = radar
         self.actors: tuple[Actor | Seen, ...] = tuple(actors)
         if radar.trajectory is not None:
@@ -93,7 +97,7 @@ class Tracer:
         self.rtol = rtol
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
-        self._band = BandTracer(radar, rtol)
+        self._band = BandTracer(radar, rtol, seed)
         self._moving = MovingParts(self.surfaces, self._band, self._viewpoint, radar.max_range, rtol)
         self._positions: dict[float, list[FloatArray]] = {}
         self._rays_time: float | None = None

@@ -1,0 +1,107 @@
+"""What rough surfaces return diffusely: S^2 of the reflected energy, with a phase of its own for every facet.
+
+A facet of area A returns, per unit of what would reach the receiver without it,
+
+    |a|^2 = (lambda / 4 pi)^2 S^2 |Gamma|^2 cos(theta_i) f A / (R_t R_r)^2
+
+with the scattering pattern f (as Sionna's paths do, per area instead of per ray), and |Gamma|^2 the mean of both
+polarisations. The phase is drawn from the seed for each facet and stays with it: diffuse returns of things at rest stay
+coherent from chirp to chirp and from frame to frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.facets import Facets
+
+
+def diffuse_gains(
+    facets: Facets,
+    materials: Sequence[Material],
+    viewpoint: FloatArray,
+    fields: tuple[FloatArray, FloatArray],
+    frequency: float,
+    seed: int,
+) -> ComplexArray | None:
+    """(facet,) diffuse gains without the propagation phase, for Tx and Rx at the viewpoint; None where all is smooth.
+
+    Parameters
+    ----------
+    facets, materials
+        The facets, and the materials of their surfaces.
+    viewpoint
+        (3,) [m]; the elements of an array are near it.
+    fields
+        (3,) directions of the Tx and Rx elements' electric field.
+    frequency
+        [Hz]
+    seed
+        Seed of the phases.
+    """
+    rough = np.array([material.scattering_coefficient for material in materials])
+    gains = np.zeros(len(facets), dtype=np.complex128)
+    if not rough.any():
+        return None
+    for number in np.flatnonzero(rough).tolist():
+        index = np.flatnonzero(facets.surface == number)
+        corners = facets.corners[index]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = np.linalg.norm(cross, axis=1)
+        offset = corners.mean(axis=1) - viewpoint
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-4)
+        k = offset / distance[:, None]
+        normal = cross / np.maximum(size, 1e-30)[:, None]
+        normal *= -np.sign((normal * k).sum(axis=1))[:, None]
+        cos = np.clip(-(normal * k).sum(axis=1), 0.0, 1.0)
+        material = materials[number]
+        energy = rough[number] ** 2 * _reflectance(material, frequency, cos) * cos * 0.5 * size
+        energy *= material.scattering_pattern(k, -k, normal) / distance**4
+        phases = 2 * np.pi * _draws(facets.face[index], facets.place[index], number, seed)
+        e, f = (_across(field, k) for field in fields)
+        kept, turned = np.sqrt(1.0 - material.xpd_coefficient), np.sqrt(material.xpd_coefficient)
+        along = (e * f).sum(axis=1) * np.exp(1j * phases[0])
+        crossed = (np.cross(e, f) * k).sum(axis=1) * np.exp(1j * phases[1])
+        wavelength = SPEED_OF_LIGHT / frequency
+        gains[index] = wavelength / (4 * np.pi) * np.sqrt(energy) * (kept * along + turned * crossed)
+    return gains
+
+
+def _across(field: FloatArray, k: FloatArray) -> FloatArray:
+    """(facet, 3) the field's part across directions `k` (facet, 3), of unit size."""
+    part = field - (k @ field)[:, None] * k
+    return np.asarray(part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-9))
+
+
+def _reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatArray:
+    """Share of the energy that a smooth surface reflects, mean of both polarisations; as the facet integral has it."""
+    eps, mu = complex(material.relative_permittivity(frequency)), complex(material.relative_permeability(frequency))
+    if not np.isfinite(eps):
+        return np.ones_like(cos)
+    root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
+    root = np.where(root.imag > 0, -root, root)
+    cos = np.maximum(cos, 1e-9)
+    found = [(mu * cos - root) / (mu * cos + root), (eps * cos - root) / (eps * cos + root)]
+    if material.thickness is not None:
+        trip = np.exp(-4j * np.pi * frequency / SPEED_OF_LIGHT * material.thickness * root)
+        found = [r * (1.0 - trip) / np.where(abs(1.0 - r * r * trip) > 1e-12, 1.0 - r * r * trip, 1.0) for r in found]
+    return np.asarray(0.5 * (abs(found[0]) ** 2 + abs(found[1]) ** 2))
+
+
+def _draws(face: np.ndarray, place: np.ndarray, surface: int, seed: int) -> FloatArray:
+    """(2, facet) numbers in 0 … 1 that depend on the facet and the seed alone, not on the other facets (SplitMix64)."""
+    with np.errstate(over="ignore"):
+        key = face.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + place.astype(np.uint64)
+        key = key * np.uint64(0xD1B54A32D192ED03) + np.uint64(seed) * np.uint64(0x8CB92BA72F3D8DD7)
+        key = key + np.uint64(surface + 1) * np.uint64(0xABC98388FB8FAC03)
+        rows = []
+        for turn in range(2):
+            z = key + np.uint64(turn + 1) * np.uint64(0x9E3779B97F4A7C15)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            rows.append((z ^ (z >> np.uint64(31))).astype(np.float64) / 2.0**64)
+    return np.stack(rows)
