@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
@@ -88,44 +89,40 @@ def phase_terms(
 
 @dataclass(frozen=True)
 class Course:
-    """Stretches of a frame within which phases and gains are cubics in time."""
+    """Phases and gains over a frame as B-splines in time, cubic where there are knots enough."""
 
     knots: FloatArray
-    """(knot,) [s] what the values of :meth:`cubics` belong to."""
-    starts: FloatArray
-    """(stretch,) [s]"""
-    lengths: FloatArray
-    """(stretch,) [s]"""
+    """(knot,) [s] that values are given at."""
     derivatives: tuple[FloatArray, FloatArray, FloatArray] | None
-    """Matrices that take delays at the paths' knots to delays, rates and curvatures at `knots`; None where the rate is
+    """Matrices that take delays at the paths' knots to delays, rates and curvatures there; None where the rate is
     constant."""
+    matrix: FloatArray
+    """(coefficient, knot) takes values at the knots to as many coefficients."""
+    corners: FloatArray
+    """Knots of the B-splines, counted from the first of `knots` [s]."""
 
     @classmethod
     def of(cls, paths: RadarPaths, first: float, last: float) -> Course:
         """For paths over `first` … `last` [s]: through three instants where their rate is constant."""
+        from scipy.interpolate import make_interp_spline
+
+        knots, derivatives = np.linspace(first, last + 1e-6, 3), None
         if len(paths.times) > 1:
-            value, slope, curve = (knot_weights(paths.times, paths.times, order) for order in range(3))
-            return cls(paths.times, paths.times[:-1], np.diff(paths.times), (value, slope, curve))
-        knots = np.linspace(first, last + 1e-6, 3)
-        return cls(knots, knots[:1], knots[-1:] - knots[:1], None)
+            knots = paths.times
+            value, slope, curve = (knot_weights(knots, knots, order) for order in range(3))
+            derivatives = (value, slope, curve)
+        # Not-a-knot, as the paths' own splines are.
+        spline = make_interp_spline(knots - knots[0], np.eye(len(knots)), k=min(3, len(knots) - 1))
+        return cls(knots, derivatives, np.asarray(spline.c), np.asarray(spline.t))
 
-    def place(self, times: FloatArray) -> tuple[np.ndarray, FloatArray]:
-        """(time,) stretch of each instant, and how far in it it lies, from 0 to 1."""
-        stretch = np.clip(np.searchsorted(self.starts, times, side="right") - 1, 0, len(self.starts) - 1)
-        return stretch, np.asarray((times - self.starts[stretch]) / self.lengths[stretch])
+    def place(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """(time,) first of the coefficients that count at each instant, and the weights (time, degree + 1) of these."""
+        from scipy.interpolate import BSpline
 
-    def cubics(self, values: FloatArray) -> FloatArray:
-        """(stretch, path, 4) coefficients, lowest first, of the spline through `values` (knot, path)."""
-        order = min(3, len(self.knots) - 1)
-        out = np.zeros((len(self.starts), values.shape[1], 4))
-        for power in range(order + 1):
-            matrix = knot_weights(self.knots, self.starts, power) if power < 3 else self._third()
-            out[..., power] = (matrix * (self.lengths**power / math.factorial(power))[:, None]) @ values
-        return out
-
-    def _third(self) -> FloatArray:
-        """Third derivatives within the stretches: at a spline's knots they jump."""
-        return knot_weights(self.knots, self.starts + 0.5 * self.lengths, 3)
+        degree = len(self.corners) - len(self.knots) - 1
+        inside = np.clip(times - self.knots[0], self.corners[0], self.corners[-1])
+        found = BSpline.design_matrix(inside, self.corners, degree)
+        return found.indices.reshape(-1, degree + 1)[:, 0].astype(np.intp), found.data.reshape(-1, degree + 1)
 
     def terms(
         self, radar: Radar, paths: RadarPaths, window: Window, tx: int, rx: int

@@ -1,9 +1,9 @@
 """Sums of paths over chirps as nonuniform Fourier transforms, in one kernel for the CPU and for CUDA devices.
 
 Every lane of the kernel is one chirp of one element pair. It goes through the paths, evaluates each one's phase and
-beat frequency at the chirp's own time from cubics, and spreads it with the taps of :mod:`rfgen_sionna.signal.taps` on a
-grid of its own; a transform of the grids follows. What changes over the ADC window, the small quadratic phase and the
-gain, goes into the taps: it takes no further transform.
+beat frequency at the chirp's own time from B-splines, and spreads it with the taps of :mod:`rfgen_sionna.signal.taps`
+on a grid of its own; a transform of the grids follows. What changes over the ADC window, the small quadratic phase and
+the gain, goes into the taps: it takes no further transform.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 
 from rfgen_sionna.records import ComplexArray, FloatArray
@@ -31,26 +32,11 @@ class Lanes:
     """What the kernel runs over."""
 
     table: FloatArray
-    """(row, path, column) coefficients of the fields' polynomials in s, field after field, lowest degree first; the
-    columns are a multiple of 4."""
-    lengths: tuple[int, ...]
-    """How many coefficients each field has."""
-    rows: np.ndarray[Any, np.dtype[np.uint32]]
-    """(lane,) row of the table that the lane takes."""
-    s: FloatArray
-    """(lane,) where in the row's stretch of time the chirp is."""
-
-    @classmethod
-    def of(cls, fields: Sequence[FloatArray], rows: np.ndarray[Any, Any], s: FloatArray) -> Lanes:
-        """`fields` are (row, path, coefficient) each; those that are zero at the end of all rows are left out."""
-        kept = []
-        for field in fields:
-            used = np.flatnonzero(field.any(axis=(0, 1)))
-            kept.append(field[..., : used[-1] + 1 if len(used) else 1])
-        lengths = tuple(field.shape[-1] for field in kept)
-        table = np.zeros((*kept[0].shape[:2], -(-sum(lengths) // 4) * 4))
-        table[..., : sum(lengths)] = np.concatenate(kept, axis=-1)
-        return cls(table, lengths, np.asarray(rows, dtype=np.uint32), np.asarray(s))
+    """(row, path, field) coefficients; the fields are padded to a multiple of 4."""
+    rows: NDArray[np.intp]
+    """(lane,) first row of the table that counts."""
+    weights: FloatArray
+    """(lane, coefficient) of that row and the next ones: a field is their weighted sum."""
 
 
 def spread(
@@ -64,7 +50,7 @@ def spread(
 ) -> ComplexArray:
     """(lane, count) samples of all lanes, modes -count // 2 … at u = mode / (count / 2).
 
-    Sums over the paths, with the row's cubics at s,
+    Sums over the paths, with the fields at each lane's own time,
 
         exp(j 2 pi phase) exp(j 2 pi beat mode) sum_m gain_m u^m sum_n (j 2 pi quadratic T_2(u))^n / n!
 
@@ -100,47 +86,43 @@ def _grids(
 
     types = _types(device)
     real, index = types.Float64, types.UInt32
-    paths, columns = lanes.table.shape[1:]
+    paths, fields = lanes.table.shape[1:]
     size, cells = 2 * count, 2 * count + 2 * _lead(width) + 1
     number = len(lanes.rows)
     table = real(lanes.table.ravel())
     lane = dr.arange(index, number * shares) // index(dr.opaque(index, shares))
     share = dr.arange(index, number * shares) - lane * dr.opaque(index, shares)
-    row = dr.gather(index, index(lanes.rows), lane)
-    s = dr.gather(real, real(lanes.s), lane)
+    row = dr.gather(index, index(lanes.rows.astype(np.uint32)), lane)
+    weights = [dr.gather(real, real(np.ascontiguousarray(column)), lane) for column in lanes.weights.T]
     grid = dr.zeros(real, 2 * number * cells * shares)
     scale, rows, last = dr.opaque(real, float(size)), dr.opaque(index, cells), dr.opaque(index, paths)
-    step, stride = dr.opaque(index, shares), dr.opaque(index, columns // 4)
+    step, stride = dr.opaque(index, shares), dr.opaque(index, fields // 4)
     orders = sorted({order for order, _ in terms})
     powers = {order: sorted(n for m, n in terms if m == order) for order in orders}
     of = {term: taps(width, term) for term in terms}
     turn = types.Float32 if eps >= _SINGLE else real
 
-    begins = np.cumsum([0, *lanes.lengths])
-
     def one_path(p: Any) -> tuple[Any]:
-        at = (row * last + p) * stride
-        found = [value for k in range(columns // 4) for value in dr.gather(types.Array4f64, table, at + k)]
+        at = [((row + number) * last + p) * stride for number in range(len(weights))]
+        values = []
+        for k in range(fields // 4):
+            total = weights[0] * dr.gather(types.Array4f64, table, at[0] + k)
+            for weight, place in zip(weights[1:], at[1:], strict=True):
+                total = dr.fma(dr.gather(types.Array4f64, table, place + k), weight, total)
+            values += list(total)
 
-        def field(number: int) -> Any:
-            own = found[begins[number] : begins[number + 1]]
-            total = own[-1]
-            for coefficient in own[-2::-1]:
-                total = dr.fma(total, s, coefficient)
-            return total
-
-        cycles = field(PHASE)
+        cycles = values[PHASE]
         cycles -= dr.round(cycles)
         sine, cosine = (real(part) for part in dr.sincos(turn(cycles) * turn(2 * np.pi)))
-        beat = field(BEAT)
+        beat = values[BEAT]
         place = (beat - dr.floor(beat)) * scale - 0.5 * width
         first = dr.ceil(place)
         v = 2 * (first - place) - 1
         target = (lane * rows + index(types.Int32(first) + _lead(width))) * step + share
-        angle = 2 * np.pi * field(QUADRATIC) if any(n for _, n in terms) else real(0)
+        angle = 2 * np.pi * values[QUADRATIC] if any(n for _, n in terms) else real(0)
         strengths = []
         for order in orders:
-            re, im = field(GAINS + 2 * order), field(GAINS + 2 * order + 1)
+            re, im = values[GAINS + 2 * order], values[GAINS + 2 * order + 1]
             re, im = re * cosine - im * sine, re * sine + im * cosine
             strengths.append((-im, re) if order % 2 else (re, im))
         for tap in range(width):

@@ -25,11 +25,11 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
 from rfgen_sionna.signal.phase import Course, Window, conjugate_gains, element_gains, phase_terms
-from rfgen_sionna.signal.spreading import Lanes, spread
+from rfgen_sionna.signal.spreading import BEAT, GAINS, PHASE, QUADRATIC, Lanes, spread
 from rfgen_sionna.signal.taps import Term, width_for
 
 DEVICES = ("auto", "cpu", "cuda")
-_TABLE = 1_000_000  # coefficients at a time, 8 MB
+_TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of several channels, 32 MB of one
 _GRID, _MOST_GRID = 150_000, 600_000  # cells at a time, 1.2 MB; where they are a small share of the frame, 5 MB
 _SHARE = 12
 _MOST_POWERS = 40
@@ -181,21 +181,32 @@ def _moving(
     amplitude = element_gains(radar, paths)
     orders = 1 if paths.dispersion is None else 1 + len(paths.dispersion)
     channels = _channels(radar, weights)
-    columns = (12 + 8 * orders) * len(course.starts)
+    fields = -(-(GAINS + 2 * orders) // 4) * 4
+    numbers = fields * len(course.knots) * paths.num_paths
     cells = 4 * len(times) * window.count
     room = max(_GRID, min(_MOST_GRID, cells * len(channels) // _SHARE))
-    step = max(1, min(_TABLE // (paths.num_paths * columns), room // cells))
+    step = max(1, min(_TABLE // numbers, room // cells))
+    # Where one channel's coefficients are too many, its paths come a part at a time.
+    bounds = np.linspace(0, paths.num_paths, max(1, -(-numbers // _MOST_TABLE)) + 1).astype(int)
     for first in range(0, len(channels), step):
         group = channels[first : first + step]
-        # Where one channel's coefficients are too many, its paths come a part at a time.
-        parts = max(1, -(-paths.num_paths * columns * len(group) // (2 * _TABLE)))
-        bounds = np.linspace(0, paths.num_paths, parts + 1).astype(int)
         total: ComplexArray = np.zeros(0, dtype=np.complex128)
         for low, high in itertools.pairwise(bounds):
-            chosen = paths if parts == 1 else paths.select(np.arange(low, high))
+            chosen = paths if len(bounds) == 2 else _part(paths, slice(low, high))
             echo = _spread_channels(radar, chosen, amplitude[low:high], course, times, group, window, eps, device)
             total = echo if low == 0 else total + echo
         yield from zip(group, total, strict=True)
+
+
+def _part(paths: RadarPaths, part: slice) -> RadarPaths:
+    """Some paths, without copies."""
+    return replace(
+        paths,
+        a=paths.a[:, :, part],
+        tau=paths.tau[:, :, part],
+        tau_rate=paths.tau_rate[:, :, part],
+        dispersion=None if paths.dispersion is None else paths.dispersion[:, :, :, part],
+    )
 
 
 def _spread_channels(
@@ -210,41 +221,38 @@ def _spread_channels(
     device: str,
 ) -> ComplexArray:
     """(channel, chirp, sample)"""
-    stretches, chirps = len(course.starts), len(times)
-    tables: list[list[FloatArray]] = []
-    shared, sizes, angle = [], [], 0.0
-    for _, tx, rx in channels:
+    knots, orders = len(course.knots), 1 if paths.dispersion is None else 1 + len(paths.dispersion)
+    fields = -(-(GAINS + 2 * orders) // 4) * 4
+    table = np.zeros((len(channels), knots, paths.num_paths, fields))
+    shared, sizes, angle = [], np.zeros(orders), 0.0
+    for own, (_, tx, rx) in zip(table, channels, strict=True):
         gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
-        loudness = np.abs(gains[0]).max(axis=1) ** 2
+        loudness = np.square(np.abs(gains[0]).max(axis=1))
         loudness /= max(float(loudness.sum()), 1e-300)
-        sizes.append(np.sqrt((np.abs(gains) ** 2).max(axis=2).sum(axis=1)))
+        sizes = np.maximum(sizes, np.sqrt(np.square(np.abs(gains)).max(axis=2).sum(axis=1)))
         phase, beat, quadratic = course.terms(radar, paths, window, tx, rx)
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
         quadratic = 0.5 * quadratic
-        cubics = [course.cubics(values) for values in (phase + quadratic, beat, quadratic)]
-        cubics[0][..., 0] -= np.rint(cubics[0][..., 0])
-        shared.append(np.einsum("spc,p->sc", cubics[2], loudness))
-        cubics[2] -= shared[-1][:, None]
-        largest = np.abs(quadratic - quadratic @ loudness[:, None]).max(axis=0)
-        angle = max(angle, 2 * np.pi * float(np.sqrt((loudness * largest**2).sum())))
-        for gain in gains:
-            for values in (gain.real, gain.imag):
-                if values.shape[1] > 1:
-                    cubics.append(course.cubics(np.ascontiguousarray(values.T)))
-                else:
-                    cubics.append(np.broadcast_to(values[None, :, :], (stretches, len(values), 1)))
-        tables.append(cubics)
-    fields = [np.concatenate([cubics[index] for cubics in tables]) for index in range(len(tables[0]))]
+        common = quadratic @ loudness
+        phase = course.matrix @ (phase + quadratic)
+        own[..., PHASE] = phase - np.rint(phase[0])  # whole cycles are the same for all coefficients of a path
+        own[..., BEAT] = course.matrix @ beat
+        quadratic = quadratic - common[:, None]
+        own[..., QUADRATIC] = course.matrix @ quadratic
+        shared.append(course.matrix @ common)
+        angle = max(angle, 2 * np.pi * float(np.sqrt(np.square(np.abs(quadratic).max(axis=0)) @ loudness)))
+        for order, gain in enumerate(gains):
+            turned = gain.T if gain.shape[1] == 1 else course.matrix @ gain.T  # one gain for all times, or a course
+            own[..., GAINS + 2 * order], own[..., GAINS + 2 * order + 1] = turned.real, turned.imag
     at = [course.place(times[:, entry]) for entry, _, _ in channels]
-    rows = np.concatenate([stretch + stretches * index for index, (stretch, _) in enumerate(at)])
-    weights = _needed_terms(angle, np.max(sizes, axis=0), eps)
-    width = width_for(weights, 0.5 * eps)
-    lanes = Lanes.of(fields, rows, np.concatenate([s for _, s in at]))
-    samples = spread(lanes, window.count, tuple(weights), width, eps, device)
-    samples = samples.reshape(len(channels), chirps, window.count)
+    rows = np.concatenate([first + knots * index for index, (first, _) in enumerate(at)])
+    lanes = Lanes(table.reshape(-1, *table.shape[2:]), rows, np.concatenate([weights for _, weights in at]))
+    terms = _needed_terms(angle, sizes, eps)
+    samples = spread(lanes, window.count, tuple(terms), width_for(terms, 0.5 * eps), eps, device)
+    samples = samples.reshape(len(channels), len(times), window.count)
     chebyshev = 2 * window.u**2 - 1
-    for index, (stretch, s) in enumerate(at):
-        turns = (shared[index][stretch] * s[:, None] ** np.arange(4)).sum(axis=1)
+    for index, (first, weights) in enumerate(at):
+        turns = (shared[index][first[:, None] + np.arange(weights.shape[1])] * weights).sum(axis=1)
         if np.any(turns):
             samples[index] *= np.exp(2j * np.pi * turns[:, None] * chebyshev)
     return samples

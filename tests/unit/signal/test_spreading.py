@@ -19,28 +19,28 @@ TERMS = {
 }
 
 
-def tables(rng, paths, orders, quadratic=0.02):
-    """Fields (row, path, coefficient) of two rows: cubics for the phase, lines for the beat, constant gains."""
-    fields = [
-        rng.uniform(-1e3, 1e3, (2, paths, 4)),
-        rng.uniform(-1.5, 1.5, (2, paths, 1)) + np.zeros((2, paths, 2)),
-        rng.uniform(-quadratic, quadratic, (2, paths, 1)),
-    ]
-    fields[1][..., 1] *= 0.01
-    return fields + [rng.normal(size=(2, paths, 1)) for _ in range(2 * orders)]
+def lanes_of(rng, paths, orders, quadratic=0.02, lanes=5):
+    """Two stretches of three coefficients each, and lanes with weights of their own that add up to 1."""
+    table = np.zeros((2, 3, paths, -(-(3 + 2 * orders) // 4) * 4))
+    table[..., 0] = rng.uniform(-1e3, 1e3, (2, 3, paths))
+    table[..., 1] = rng.uniform(-1.5, 1.5, (2, 1, paths)) + rng.uniform(-0.01, 0.01, (2, 3, paths))
+    table[..., 2] = rng.uniform(-quadratic, quadratic, (2, 3, paths))
+    table[..., 3 : 3 + 2 * orders] = rng.normal(size=(2, 3, paths, 2 * orders))
+    weights = rng.uniform(0, 1, (lanes, 3))
+    weights /= weights.sum(axis=1, keepdims=True)
+    return Lanes(table.reshape(6, paths, -1), 3 * (np.arange(lanes) % 2), weights)
 
 
-def definition(fields, row, s, count):
+def definition(lanes, orders, count):
     """(lane, count)"""
     modes = np.arange(count) - count // 2
     u = modes / (count / 2)
     out = []
-    for r, x in zip(row, s, strict=True):
-        phase, beat, quadratic, *gains = (field[r] @ x ** np.arange(field.shape[-1]) for field in fields)
+    for row, weights in zip(lanes.rows, lanes.weights, strict=True):
+        phase, beat, quadratic, *gains = np.tensordot(weights, lanes.table[row : row + 3], axes=1).T[: 3 + 2 * orders]
         cycles = phase[:, None] + beat[:, None] * modes + quadratic[:, None] * (2 * u * u - 1)
-        gain = sum(
-            (re + 1j * im)[:, None] * u**m for m, (re, im) in enumerate(zip(gains[::2], gains[1::2], strict=True))
-        )
+        pairs = zip(gains[::2], gains[1::2], strict=True)
+        gain = sum((re + 1j * im)[:, None] * u**m for m, (re, im) in enumerate(pairs))
         out.append((gain * np.exp(2j * np.pi * cycles)).sum(axis=0))
     return np.array(out)
 
@@ -60,23 +60,13 @@ def llvm():
 def test_the_kernel_sums_as_it_says(kind, count, shares):
     rng = np.random.default_rng(count)
     orders = 4 if kind == "gain over the band" else 1
-    fields = tables(rng, 300, orders, 0.0 if kind == "points" else 0.02)
-    rows, s = np.array([0, 1, 1, 0, 1]), np.array([0.0, 0.3, 1.0, 0.9, 0.5])
-    lanes = Lanes.of(fields, rows, s)
+    lanes = lanes_of(rng, 300, orders, 0.0 if kind == "points" else 0.02)
     found = spread(lanes, count, TERMS[kind], 12, 1e-9, "cpu", shares=shares)
-    assert relative(found, definition(fields, rows, s, count)) < 2e-7
-
-
-def test_what_is_zero_takes_no_room():
-    fields = tables(np.random.default_rng(0), 7, 1, 0.0)
-    lanes = Lanes.of(fields, np.zeros(1), np.zeros(1))
-    assert lanes.lengths == (4, 2, 1, 1, 1)
-    assert lanes.table.shape == (2, 7, 12)
+    assert relative(found, definition(lanes, orders, count)) < 2e-7
 
 
 def test_the_same_lanes_give_the_same_bits():
-    fields = tables(np.random.default_rng(1), 500, 1)
-    lanes = Lanes.of(fields, np.arange(64) % 2, np.linspace(0, 1, 64))
+    lanes = lanes_of(np.random.default_rng(1), 500, 1, lanes=64)
     found = [spread(lanes, 64, TERMS["points"], 7, 1e-6, "cpu") for _ in range(3)]
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], found[2])
@@ -121,14 +111,12 @@ def test_devices_that_are_not_there(monkeypatch):
 def test_the_kernel_sums_alike_on_a_gpu(kind):
     if not has_cuda():
         pytest.fail("this test was asked for by -m gpu, but there is no CUDA device")
-    rng = np.random.default_rng(3)
-    fields = tables(rng, 3000, 4 if kind == "gain over the band" else 1)
-    rows, s = np.arange(128) % 2, np.linspace(0, 1, 128)
-    lanes = Lanes.of(fields, rows, s)
+    orders = 4 if kind == "gain over the band" else 1
+    lanes = lanes_of(np.random.default_rng(3), 3000, orders, lanes=128)
     found = [spread(lanes, 256, TERMS[kind], 10, 1e-9, "cuda") for _ in range(2)]
     np.testing.assert_array_equal(*found)
     assert relative(found[0], spread(lanes, 256, TERMS[kind], 10, 1e-9, "cpu")) < 1e-10
-    assert relative(found[0][:4], definition(fields, rows[:4], s[:4], 256)) < 1e-6
+    assert relative(found[0], definition(lanes, orders, 256)) < 1e-6
 
 
 def test_frames_go_through_a_device_by_name():
