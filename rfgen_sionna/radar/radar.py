@@ -12,6 +12,7 @@ import numpy as np
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.device import radar_fields, radar_file
+from rfgen_sionna.radar.elements import checked_elements
 from rfgen_sionna.radar.pattern import Pattern
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
 from rfgen_sionna.radar.record import fields_from_record, radar_record
@@ -56,25 +57,9 @@ class Radar:
     :class:`~rfgen_sionna.radar.trajectory.Trajectory` can be stored in a file, a function cannot."""
 
     def __post_init__(self) -> None:
-        for name in ("tx_positions", "rx_positions"):
-            array = np.array(getattr(self, name), dtype=np.float64)  # a copy: it becomes read-only
-            if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):
-                raise ValueError(f"radar.{name} has shape {array.shape}: finite (element, 3) positions [m] are needed")
-            if np.abs(array).max() > 10.0:
-                raise ValueError(
-                    f"radar.{name} reaches {np.abs(array).max():g} m: elements lie within 10 m of the centre"
-                )
-            gaps = np.linalg.norm(array[:, None] - array[None], axis=-1) + np.eye(len(array))
-            if gaps.min() < 1e-6:
-                i, j = np.argwhere(gaps < 1e-6)[0]
-                raise ValueError(f"radar.{name}: elements {i} and {j} are at the same place {array[i].tolist()} m")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            names = tuple(getattr(self, f"{name[:2]}_names"))
-            if len(names) != len(array) or len(set(names)) != len(names):
-                raise ValueError(
-                    f"radar.{name[:2]}_names is {names!r}: a different name for each of {len(array)} elements"
-                )
+        for end in ("tx", "rx"):
+            array = checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
+            object.__setattr__(self, f"{end}_positions", array)
         if self.waveform.num_tx != len(self.tx_positions):
             named = "slots know" if self.waveform.slots else "tx_order fires"
             raise ValueError(f"radar has {len(self.tx_positions)} Tx elements; waveform.{named} {self.waveform.num_tx}")
