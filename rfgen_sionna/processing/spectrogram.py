@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
-from rfgen_sionna.processing.slots import kept_bands, separated
+from rfgen_sionna.processing.slots import in_bands, kept_bands, separated
 from rfgen_sionna.processing.spectrum import (
     Window,
     check_cube,
@@ -88,7 +88,13 @@ def range_time(
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
     rows = []
-    for frame in separated(array, radar):
+    for frame in array:
+        if in_bands(radar):  # an element's echoes are those within its band
+            maps = range_doppler(frame, radar, range_window=window, static=static)
+            # Parseval: the bins of one windowed tone add up to its power times this.
+            spread = len(frame) * np.sum(np.square(taper("hann", len(frame))))
+            rows.append(maps.power.sum(axis=-1) / spread)
+            continue
         profile = range_spectrum(frame if static else remove_static(frame), radar, window=window)
         rows.append(np.mean(np.square(profile.real, dtype=np.float64) + np.square(profile.imag), axis=(0, 1, 2)))
     middle = float(radar.waveform.chirp_times[: array.shape[1]].mean() + radar.waveform.sample_times.mean())

@@ -77,6 +77,17 @@ def test_static_echoes_of_every_element_are_taken_out(ddm):
     cube = np.broadcast_to(weights[:, None, None, None], ddm.frame_shape)
     left = np.abs(range_doppler(cube, ddm, static=False, velocity_window="blackman").spectrum)
     assert left.max() < 1e-3
+    still = range_time(cube[None], ddm, static=True).power.max()
+    assert range_time(cube[None], ddm).power.max() < 1e-5 * still
+
+
+def test_range_profiles_have_the_power_of_each_elements_echo(ddm):
+    """Three elements with echoes of amplitude 1, moving: the mean over elements of the power is 1, as for TDM."""
+    chirps = np.arange(32)
+    doppler = np.exp(2j * np.pi * 2 / 32 * chirps)
+    cube = (np.conj(ddm.waveform.axis_weights[:, 0]).sum(axis=1) * doppler)[:, None, None, None]
+    cube = np.broadcast_to(cube * np.exp(2j * np.pi * 5 / 32 * np.arange(32)), ddm.frame_shape)
+    assert range_time(cube[None], ddm, window="boxcar").power[0, 5] == pytest.approx(1.0, rel=0.05)
 
 
 def test_beams_are_looked_at_one_by_one(beams):
