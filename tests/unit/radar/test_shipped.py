@@ -152,3 +152,43 @@ def test_a_forgotten_prefix_is_noticed(name: str, section: str, key: str, factor
     with pytest.raises(ValueError, match=preset or key) as caught:
         Radar.load(name, preset, overrides={f"{section}.{key}": changed})
     assert any(word in str(caught.value) for word in ("allowed", "reaches", "needed", "fit", "at most"))
+
+
+def every_profile_value() -> list[tuple[str, str, int, str]]:
+    """(radar, preset, index, key) of all numbers in presets of several profiles."""
+    return [
+        (name, preset, index, key)
+        for name in available("radars")
+        for preset, values in read_config(resolve("radars", name))["preset"].items()
+        for index, profile in enumerate(values.get("profile", ()))
+        for key, value in profile.items()
+        if value
+    ]
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize(("name", "preset", "index", "key"), every_profile_value())
+def test_a_forgotten_prefix_in_a_profile_is_noticed(
+    name: str, preset: str, index: int, key: str, factor: float
+) -> None:
+    profiles = [dict(profile) for profile in read_config(resolve("radars", name))["preset"][preset]["profile"]]
+    profiles[index][key] *= factor
+    with pytest.raises(ValueError, match=preset) as caught:
+        Radar.load(name, preset, overrides={f"preset.{preset}.profile": profiles})
+    assert any(word in str(caught.value) for word in ("allowed", "reaches", "needed", "fit", "at most"))
+
+
+def test_what_every_kind_of_frame_is_called() -> None:
+    kinds = {
+        (name, preset): Radar.load(name, preset).waveform.multiplexing
+        for name in available("radars")
+        for preset in Radar.available()[name]
+    }
+    assert kinds["awr1843", "mmmesh"] == "tdm"
+    assert kinds["awr1843", "bpm"] == "bpm"
+    assert kinds["awr1843", "ddm"] == "ddm"
+    assert kinds["mmwcas", "steered_left"] == "beam"
+    assert kinds["position2go", "doppler"] == "none"
+    assert len(Radar.load("awr1843", "near_far").waveform.profiles) == 2
+    assert Radar.load("awr1843", "triangle").waveform.profiles[1].slope < 0
+    assert Radar.load("position2go", "doppler").waveform.slope == 0
