@@ -88,6 +88,9 @@ def generate(
         typer.Option(metavar="X,Y,Z", help="At what it looks (default: 3,0,1; along +x from a given position)."),
     ] = None,
     pir_resolution: Annotated[str, typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images.")] = "128x128",
+    motion: Annotated[
+        str, typer.Option(help='Where the motion comes from: "kinematic" (rules) or "diffusion" (learned).')
+    ] = "kinematic",
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
@@ -123,6 +126,7 @@ def generate(
             radar_position=place,
             look_at=target_point,
             pir_resolution=resolution,
+            motion=motion,
             progress=progress,
             report=_decided,
         ).close()

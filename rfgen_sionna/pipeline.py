@@ -15,7 +15,7 @@ import numpy as np
 
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
-from rfgen_sionna.generative.actor import Actor
+from rfgen_sionna.generative.actor import Actor, motion_source
 from rfgen_sionna.generative.decisions import Decision, argument
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
@@ -61,6 +61,7 @@ def generate(
     look_at: tuple[float, float, float] | None = None,
     pir_resolution: tuple[int, int] = (128, 128),
     fov_deg: float | tuple[float, float] = 60.0,
+    motion: str = "kinematic",
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
@@ -100,6 +101,8 @@ def generate(
         looks, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
     pir_resolution, fov_deg
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file.
+    motion
+        Where the motion comes from: "kinematic" (rules of movement) or "diffusion" (the learned model).
     progress
         Called with the frames done and in all.
     report
@@ -119,6 +122,7 @@ def generate(
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     check_view(pir_resolution, fov_deg)
+    source = motion_source(motion)
     said, surroundings = _read(prompt, negative, environment, seed, distance)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
@@ -138,7 +142,7 @@ def generate(
 
     found = floor_under(scene, (*spot, float(radar.position[2])))
     height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
-    person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height)
+    person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height, source=source)
     simulator = Simulator(scene, radar, [person], rtol=rtol)
     if simulator.hidden(person, 0.0, duration):
         raise ValueError(

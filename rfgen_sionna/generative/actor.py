@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, describe, person
+from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.sampled import load_mesh_sequence
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
-from rfgen_sionna.generative.motion.loaders import load_motion
+from rfgen_sionna.generative.motion.foreign import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.placing import before_radar, check_way, way_back
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed, parse_prompt
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene import actor as scene_actor
 
@@ -72,6 +73,7 @@ class Actor(scene_actor.Actor):
         radar: Radar | None = None,
         source: MotionSource | None = None,
         floor: float = 0.0,
+        motion: str = "kinematic",
     ) -> Actor:
         """A person who does what a sentence says.
 
@@ -88,26 +90,28 @@ class Actor(scene_actor.Actor):
             material: name of a material.
             name: what labels call the person.
             radar: whom the person stands before; None is a radar at the origin looking along +x.
-            source: where the motion comes from; None is the kinematic synthesiser.
+            source: where the motion comes from; None is what `motion` names.
             floor: height of the floor under the person [m].
+            motion: "kinematic" (rules of movement) or "diffusion" (the learned model, which also takes prompts whose
+                action is not understood: the nearest one it knows, with a warning).
 
         Raises:
             PromptError: the prompt cannot be carried out.
             PhenotypeError: the body cannot be had.
             ValueError: a duration, speed or hand that the source does not allow, or a walk that leads to the radar.
-            ImportError: anny (or torch) is not installed.
+            ImportError: anny (or torch), or for the learned model diffusers, is not installed.
         """
         check_seed(seed)
+        source = source or motion_source(motion)
         if isinstance(prompt, ScenePrompt):
             said = prompt
         else:
-            said = parse_prompt(prompt, negative, seed=seed)
+            said = _read(prompt, negative, seed, source)
             for sentence in said.warnings:
                 _LOG.warning(sentence)
         words = said.body
         wanted = Phenotype(words.gender, words.age_years, words.height_m, words.weight_kg, words.muscle)
         phenotype = body if isinstance(body, Phenotype) else wanted if body is None else None
-        source = source or KinematicSource()
         distance = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
         place, yaw = (0.0, 0.0), 0.0
         if position is None or orientation is None:
@@ -128,7 +132,7 @@ class Actor(scene_actor.Actor):
                 _LOG.warning("body: no muscle of %g goes with %g kg here; the weight is kept", *given)
                 phenotype = replace(wanted, muscle=None)
                 rig = person(phenotype, seed=seed)
-        motion = source(
+        performed = source(
             said.action,
             duration,
             seed,
@@ -138,24 +142,24 @@ class Actor(scene_actor.Actor):
         )
         way: list[Decision] = []
         if said.action == "walk":
-            path, seen = way_back(motion)
+            path, seen = way_back(performed)
             way.append(path)
             if not seen:
                 _LOG.warning("duration: %g s show no way back of the walk back and forth; take longer", duration)
         elif said.action == "walk_straight" and position is None and orientation is None:
-            way.append(check_way(motion, place, yaw, radar))
+            way.append(check_way(performed, place, yaw, radar))
         arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(
-            animate(rig, motion),
+            animate(rig, performed),
             material,
             name=name,
             position=cast(Any, (*place, floor) if position is None else position),
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
-            motion=replace(motion, prompt=said.text),
+            motion=replace(performed, prompt=said.text),
             prompt=said,
             body=rig,
             phenotype=phenotype,
-            decisions=(*_decisions(said, seed, describe(rig), arguments), *way, _material(material)),
+            decisions=(*_decisions(said, seed, describe(rig), arguments), *way, _origin(source), _material(material)),
         )
 
     @classmethod
@@ -176,10 +180,12 @@ class Actor(scene_actor.Actor):
         """A person performing a motion, or a mesh sequence from files.
 
         Args:
-            motion: a motion, an AMASS / SMPL / SMPL-H `.npz` file, or a folder of meshes of fixed connectivity.
+            motion: a motion; a file of one (AMASS / SMPL / SMPL-H / SMPL-X `.npz`, MDM's or HumanML3D's `.npy`,
+                `.bvh`); a `.glb` file with an animation; or a folder of meshes of fixed connectivity.
             seed: what `body` leaves open is drawn from it.
             body: the body that performs a motion; not used for meshes, which are bodies themselves.
-            frame_rate: frames per second of a folder of meshes [Hz], needed there and only there.
+            frame_rate: frames per second of a folder of meshes [Hz], needed there; or at which an animation is sampled
+                [Hz], 30 unless given; not for motions.
             up: up axis of the `.npz` clip's world, "z" (AMASS) or "y".
             position, orientation, material, name, radar: as in :meth:`from_prompt`, without a prompt.
 
@@ -192,7 +198,12 @@ class Actor(scene_actor.Actor):
         sequence: MeshSequence
         rig: Rig | None = None
         phenotype: Phenotype | None = None
-        if not isinstance(motion, Motion) and not str(motion).endswith(".npz"):
+        if not isinstance(motion, Motion) and is_animated(motion):
+            if body is not None:
+                raise ValueError("body: an animated mesh is its own body; leave it out")
+            rate = 30.0 if frame_rate is None else frame_rate
+            sequence, clip = load_animation(motion, frame_rate=rate), None
+        elif not isinstance(motion, Motion) and Path(motion).suffix not in MOTION_SUFFIXES:
             if frame_rate is None:
                 raise ValueError(f"frame_rate: needed for the mesh sequence {motion}, in Hz")
             if body is not None:
@@ -201,7 +212,7 @@ class Actor(scene_actor.Actor):
         else:
             if frame_rate is not None:
                 raise ValueError("frame_rate: a motion has its own; leave it out")
-            clip = motion if isinstance(motion, Motion) else load_motion(motion, up=up, action=Path(motion).stem)
+            clip = motion if isinstance(motion, Motion) else load_any_motion(motion, up=up, action=Path(motion).stem)
             phenotype = None if isinstance(body, Rig) else body or Phenotype()
             rig = body if isinstance(body, Rig) else person(phenotype, seed=seed)
             sequence = animate(rig, clip)
@@ -215,6 +226,51 @@ class Actor(scene_actor.Actor):
             body=rig,
             phenotype=phenotype,
         )
+
+
+def motion_source(name: str) -> MotionSource:
+    """The origin of motion that a name stands for.
+
+    Raises:
+        ValueError: unknown name.
+        ImportError: the learned model's packages are missing.
+        FileNotFoundError: its weights are.
+    """
+    if name == "kinematic":
+        return KinematicSource()
+    if name == "diffusion":
+        try:
+            from rfgen_sionna.generative.diffusion.source import DiffusionSource
+        except ImportError as error:
+            raise ImportError(
+                f"motion 'diffusion' needs {error.name}: pip install 'rfgen-sionna[diffusion]'"
+            ) from error
+        source = DiffusionSource()
+        _ = source.model
+        return source
+    raise ValueError(f"motion: {name!r}; allowed are 'kinematic' and 'diffusion'")
+
+
+def _read(prompt: str, negative: str, seed: int, source: MotionSource) -> ScenePrompt:
+    """The prompt read by the grammar or, where that finds no one action and the source reads words, by the source."""
+    try:
+        return parse_prompt(prompt, negative, seed=seed)
+    except PromptError as error:
+        read = getattr(source, "read", None)
+        if read is None or not str(error).startswith(("action", "target")):
+            raise
+        action = read(prompt).action
+        if action not in ACTIONS:
+            raise
+        _LOG.warning("prompt: %s; taken for the nearest action that is known, %r, and nothing else", error, action)
+        return replace(parse_prompt(f"a person who {ACTIONS[action].description}", negative, seed=seed), text=prompt)
+
+
+def _origin(source: MotionSource) -> Decision:
+    name = {"KinematicSource": "kinematic", "DiffusionSource": "diffusion"}.get(type(source).__name__, "given")
+    return Decision(
+        "motion", name, DEFAULT if name == "kinematic" else argument("source" if name == "given" else "motion")
+    )
 
 
 def _check(action: str, duration: float) -> None:

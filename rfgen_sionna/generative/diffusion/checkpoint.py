@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.features import HandBasis
 from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
+from rfgen_sionna.generative.diffusion.residual import Residual
 from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.text import TextEncoder
 from rfgen_sionna.generative.diffusion.understanding import vocabulary
@@ -41,27 +42,42 @@ class MotionModel:
     """Seed, steps, hours."""
     stems: frozenset[str]
     """Stems of the words that it was trained on."""
+    residuals: dict[str, Residual] = field(default_factory=dict)
+    """Action -> what the network misses of it; empty where that wasn't measured."""
 
 
-def write_model(path: Path, net: DenoisingNet, text: TextEncoder, corpus: Corpus, facts: dict[str, Any]) -> None:
-    """Write a model, whole or not at all."""
-    tensors = {f"net.{k}": v.to(torch.float16) for k, v in net.state_dict().items()}
-    tensors |= {f"text.{k}": v.to(torch.float16) for k, v in text.state_dict().items()}
-    for name in ("mean", "scale"):
-        tensors[f"features.{name}"] = torch.from_numpy(getattr(corpus, name)).float()
-    tensors["hands.mean"] = torch.from_numpy(np.ascontiguousarray(corpus.hands.mean)).float()
-    tensors["hands.components"] = torch.from_numpy(np.ascontiguousarray(corpus.hands.components)).float()
+def write_model(path: Path, model: MotionModel) -> None:
+    """Write a model, whole or not at all; weights in half precision."""
+    tensors = {f"net.{k}": v.to(torch.float16) for k, v in model.net.state_dict().items()}
+    tensors |= {f"text.{k}": v.to(torch.float16) for k, v in model.text.state_dict().items()}
+    for name, values in {
+        "features.mean": model.mean,
+        "features.scale": model.scale,
+        "hands.mean": model.hands.mean,
+        "hands.components": model.hands.components,
+    }.items():
+        tensors[name] = torch.from_numpy(np.ascontiguousarray(values)).float()
+    for action, residual in model.residuals.items():
+        tensors[f"residual.{action}.directions"] = torch.from_numpy(residual.directions.copy()).half()
+        tensors[f"residual.{action}.gains"] = torch.from_numpy(residual.gains.copy()).half()
     header = {
         "format": _FORMAT,
-        "shape": net.shape.to_dict(),
-        "actions": text.actions,
-        "beats": {name: asdict(beat) for name, beat in corpus.beats.items()},
-        "stems": sorted(vocabulary(tuple({c for e in corpus.entries for c in e.captions}))),
-        "facts": facts,
+        "shape": model.net.shape.to_dict(),
+        "actions": model.text.actions,
+        "beats": {name: asdict(beat) for name, beat in model.beats.items()},
+        "levels": {name: residual.levels.tolist() for name, residual in model.residuals.items()},
+        "stems": sorted(model.stems),
+        "facts": model.facts,
     }
     partial = path.with_suffix(".part")
     save_file({k: v.contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
     partial.replace(path)
+
+
+def assembled(net: DenoisingNet, text: TextEncoder, corpus: Corpus, facts: dict[str, Any]) -> MotionModel:
+    """A model from what was trained and the statistics of its training set; residuals aren't measured yet."""
+    stems = vocabulary(tuple({c for e in corpus.entries for c in e.captions}))
+    return MotionModel(net, text, corpus.hands, corpus.beats, corpus.mean, corpus.scale, facts, stems)
 
 
 def read_model(path: Path) -> MotionModel:
@@ -93,4 +109,12 @@ def read_model(path: Path) -> MotionModel:
         tensors["features.scale"].double().numpy(),
         header["facts"],
         frozenset(header["stems"]),
+        {
+            name: Residual(
+                tensors[f"residual.{name}.directions"].double().numpy(),
+                np.array(levels),
+                tensors[f"residual.{name}.gains"].double().numpy(),
+            )
+            for name, levels in header["levels"].items()
+        },
     )

@@ -43,7 +43,7 @@ def main(
         task = bar.add_task("clips of another seed", total=None, note="")
         files = synthesise(
             data / "kinematic-fresh",
-            50,
+            25,
             seed=1,
             workers=workers,
             progress=lambda done, total: bar.update(task, completed=done, total=total),

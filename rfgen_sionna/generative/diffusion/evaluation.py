@@ -41,23 +41,23 @@ class Reference:
 
 
 def reference(fresh: Sequence[Clip], corpus: Corpus, *, seed: int = 0) -> Reference:
-    """Train the judge on half of what was held out, and keep the other half to compare with.
+    """Train the judge on what was held out of the training set, and keep other unseen motion to compare with.
 
     Args:
-        fresh: synthesised clips of another seed than the training set's.
-        corpus: whose held-out captured clips are used.
+        fresh: synthesised clips of another seed than the training set's, to compare with.
+        corpus: its held-out synthesised clips teach the judge; of its held-out captured clips, half do, and half are
+            for comparing.
         seed: of the judge.
     """
     kinematic: dict[str, list[FloatArray]] = {}
     rows: list[FloatArray] = []
     labels: list[str] = []
-    for k, clip in enumerate(fresh):
-        features = encode(clip.motion, corpus.hands)
-        if k % 2:
-            kinematic.setdefault(clip.action, []).append(features[:FRAMES])
-        else:
-            rows.append(features)
-            labels.append(clip.action)
+    for clip in fresh:
+        kinematic.setdefault(clip.action, []).append(encode(clip.motion, corpus.hands)[:FRAMES])
+    for entry in corpus.entries:
+        if entry.held_out and entry.source == "kinematic" and len(entry.actions) == 1:
+            rows.append(entry.features.astype(np.float64))
+            labels.append(entry.actions[0])
     captured = []
     windows = [
         (e.actions[0], e.captions[0], e.features[s : s + FRAMES].astype(np.float64))
@@ -156,7 +156,7 @@ def _named(source: DiffusionSource, real: Reference, made: dict[str, list[Motion
 def _paraphrases(source: DiffusionSource, real: Reference, rng: np.random.Generator) -> dict[str, Any]:
     right = {}
     for action, prompts in PARAPHRASES.items():
-        many = list(prompts) * 2
+        many = list(prompts)
         motions = source.generate_many(many, duration=DURATION, seeds=_seeds(rng, len(many)))
         right[action] = _hits(source, real, action, motions)
     every = [h for group in right.values() for h in group]

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
@@ -16,33 +17,51 @@ from rfgen_sionna.records import FloatArray, Motion
 
 _SHORTEST = 0.13
 """Plants shorter than this are taken for noise [s]."""
-_LOW = 0.035
-"""Toes are down where they are at most this much over their resting height [m]."""
+_ROLLING = 0.012
+"""By how much the toes are higher than the heel while a foot rolls on its heel [m]."""
+_RIDE = 0.06
+"""Time over which the pelvis is moved to the floor [s]."""
+_CLEAR = 0.018
+"""Height at which a swinging foot clears the floor, halfway [m]."""
+_RELEASE = 0.07
+"""Half the time that a planted foot takes to be set anew [s]."""
 _FURTHEST = 0.12
 """The most that a planted foot is moved [m]; a plant that drifts further is taken in pieces."""
 
 
-def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
+def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True) -> Motion:
     """The motion with toes held still while they are planted and no foot under the floor.
 
     Args:
         motion: on `skeleton`, with contacts; without them only the floor is kept.
         skeleton: whose legs they are.
+        ride: whether the pelvis may be raised or lowered to put the lower planted foot on the floor.
     """
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
-    places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+    root = motion.translation.copy()
+    places = forward_kinematics(world, root, motion.offsets, motion.parents)
+    low = np.stack([_clearance(places, world, skeleton, side) for side in SIDES], axis=-1)
+    if ride and motion.contacts is not None and motion.contacts.any():
+        # the pelvis rides where the lower of the planted feet is on the floor
+        planted = np.where(motion.contacts, low, np.inf).min(axis=-1)
+        at = np.flatnonzero(np.isfinite(planted))
+        rise = np.interp(np.arange(len(planted)), at, planted[at])
+        rise = gaussian_filter1d(rise, _RIDE * motion.frame_rate, mode="nearest")
+        root[:, 2] -= rise
+        places[..., 2] -= rise[:, None]
+        low -= rise[:, None]
     for i, side in enumerate(SIDES):
         hip, knee, ankle, toe = (JOINT[f"{side}_{j}"] for j in ("hip", "knee", "ankle", "foot"))
         shift = np.zeros((len(places), 3))
-        # the heel moves with the foot's own rotation
-        heel = places[:, ankle, 2] + (world[:, ankle] @ skeleton.heel[i])[:, 2]
-        low = np.minimum(places[:, toe, 2] - skeleton.toe_height, heel)
+        least = np.zeros(len(places))
         if motion.contacts is not None:
-            down = motion.contacts[:, i] & (places[:, toe, 2] < skeleton.toe_height + _LOW)
-            held, offset = _hold(places[:, toe], down, motion.frame_rate)
-            offset[held, 2] = -low[held]
+            heel = places[:, ankle] + world[:, ankle] @ skeleton.heel[i]
+            rolling = places[:, toe, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
+            held, offset = _hold(places[:, toe], heel, rolling, motion.contacts[:, i], motion.frame_rate)
+            offset[held, 2] = -low[held, i]
             shift = _between(held, offset)
-        shift[:, 2] = np.maximum(shift[:, 2], -low)
+            least = _swing_height(~motion.contacts[:, i], motion.frame_rate)
+        shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
         target = places[:, ankle] + shift
         _, thigh, shank = two_bone(
             places[:, hip],
@@ -57,7 +76,52 @@ def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
     for j, p in enumerate(motion.parents):
         if p >= 0:
             local[:, j] = transpose(world[:, p]) @ world[:, j]
-    return replace(motion, rotations=to_quaternions(local))
+    return replace(motion, rotations=to_quaternions(local), translation=root)
+
+
+def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
+    """The motion with the pelvis moving over the floor as its planted feet say.
+
+    Steps and path are made separately and need not agree; what is seen of sliding is mostly that. Where no foot is
+    planted the pelvis moves as before.
+    """
+    if motion.contacts is None or len(motion.translation) < 4:
+        return motion
+    world = global_rotations(to_matrices(motion.rotations), motion.parents)
+    places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+    total = np.zeros((len(places) - 1, 2))
+    weight = np.zeros((len(places) - 1, 1))
+    for i, side in enumerate(SIDES):
+        ankle, toe = places[:, JOINT[f"{side}_ankle"]], places[:, JOINT[f"{side}_foot"]]
+        heel = ankle + world[:, JOINT[f"{side}_ankle"]] @ skeleton.heel[i]
+        rolling = toe[:, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
+        step = np.where((rolling[1:] & rolling[:-1])[:, None], np.diff(heel, axis=0), np.diff(toe, axis=0))[:, :2]
+        planted = (motion.contacts[1:, i] & motion.contacts[:-1, i])[:, None].astype(float)
+        total += planted * step
+        weight += planted
+    slip = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
+    slip = gaussian_filter1d(slip, 0.03 * motion.frame_rate, axis=0, mode="nearest")
+    root = motion.translation.copy()
+    root[1:, :2] -= np.cumsum(slip, axis=0)
+    return replace(motion, translation=root)
+
+
+def _clearance(places: FloatArray, world: FloatArray, skeleton: Skeleton, side: str) -> FloatArray:
+    """(frame,) height of toe joint over its rest, or of the heel, whichever is lower [m]."""
+    ankle = JOINT[f"{side}_ankle"]
+    # the heel moves with the foot's own rotation
+    heel = places[:, ankle, 2] + (world[:, ankle] @ skeleton.heel[SIDES.index(side)])[:, 2]
+    return np.minimum(places[:, JOINT[f"{side}_foot"], 2] - skeleton.toe_height, heel)
+
+
+def _swing_height(swinging: NDArray[np.bool_], rate: float) -> FloatArray:
+    """(frame,) the least height of a foot that swings [m]: it clears the floor between two plants."""
+    out = np.zeros(len(swinging))
+    for first, last in runs(swinging):
+        if last - first >= _SHORTEST * rate:
+            s = (np.arange(first, last) - first + 1) / (last - first + 1)
+            out[first:last] = _CLEAR * np.sin(np.pi * s) ** 2
+    return out
 
 
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -66,21 +130,37 @@ def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _hold(toe: FloatArray, down: NDArray[np.bool_], rate: float) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Which frames are held, and the (frame, 3) shift that holds them."""
+def _hold(
+    toe: FloatArray, heel: FloatArray, rolling: NDArray[np.bool_], down: NDArray[np.bool_], rate: float
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Which frames are held, and the (frame, 3) shift that holds them.
+
+    A foot that comes down on its heel (`rolling`) has the heel where it is once the toes are down; then the toes stay.
+    """
     held = np.zeros(len(toe), bool)
     offset = np.zeros_like(toe)
+    release = max(1, round(_RELEASE * rate))
     for first, last in runs(down):
         if last - first < max(2, round(_SHORTEST * rate)):
             continue
-        start = first
-        for stop in range(first + 1, last + 1):
+        held[first:last] = True
+        flat = np.flatnonzero(~rolling[first:last])
+        landed = first + int(flat[0]) if len(flat) else last
+        start = landed
+        for stop in range(landed + 1, last + 1):
             spot = toe[start:stop, :2].mean(axis=0)
             drift = np.abs(toe[start:stop, :2] - spot).max()
             if drift > _FURTHEST or stop == last:
-                held[start:stop] = True
                 offset[start:stop, :2] = spot - toe[start:stop, :2]
+                if stop < last:
+                    # a foot that must let go does so over a few poses
+                    held[stop - release : stop + release] = False
                 start = stop
+        if landed > first:
+            spot = heel[landed, :2] + offset[landed, :2] if landed < last else heel[first:last, :2].mean(axis=0)
+            shift = spot - heel[first:landed, :2]
+            far = np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True) / _FURTHEST, 1.0)
+            offset[first:landed, :2] = shift / far
     return held, offset
 
 

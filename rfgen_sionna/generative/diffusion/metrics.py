@@ -40,7 +40,7 @@ def mean_jerk(features: FloatArray) -> float:
     return float(np.linalg.norm(np.diff(joint_positions(features), n=3, axis=0), axis=-1).mean() * FRAME_RATE**3)
 
 
-def foot_slide(motion: Motion, skeleton: Skeleton, height: float = 0.02) -> float:
+def foot_slide(motion: Motion, skeleton: Skeleton, height: float = 0.005) -> float:
     """Mean horizontal speed [m/s] of the stiller of toe joint and heel, of feet that touch the floor; nan if none does.
 
     A foot touches the floor where its toe joint or heel is at most `height` [m] over it; the motion's own contacts

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from rfgen_sionna.generative.diffusion.features import HandBasis, decode
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
+from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.diffusion.within_limits import within_limits
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.records import FloatArray, Motion
 
@@ -17,7 +18,9 @@ RATE = 60.0
 """Poses per second of a finished motion [Hz]."""
 
 
-def finish(features: FloatArray, hands: HandBasis, skeleton: Skeleton | None = None, rate: float = RATE) -> Motion:
+def finish(
+    features: FloatArray, hands: HandBasis, skeleton: Skeleton | None = None, rate: float = RATE, *, free: bool = True
+) -> Motion:
     """The motion of (frame, NUM_FEATURES) rows at 20 Hz on a skeleton.
 
     Args:
@@ -25,14 +28,16 @@ def finish(features: FloatArray, hands: HandBasis, skeleton: Skeleton | None = N
         hands: the fingers' components.
         skeleton: of the person; None for a mean adult. The path is scaled with the legs.
         rate: poses per second of the result [Hz].
+        free: whether the pelvis may give way to the steps; not where its path was asked for.
     """
     skeleton = skeleton or MEAN_ADULT
-    motion = resampled(decode(features, hands, FRAME_RATE), rate)
+    motion = within_limits(resampled(decode(features, hands, FRAME_RATE), rate))
     scale = skeleton.leg_length() / MEAN_ADULT.leg_length()
     height = skeleton.standing_height() - scale * MEAN_ADULT.standing_height()
     translation = motion.translation * scale
     translation[:, 2] += height
-    return lock_feet(replace(motion, translation=translation, offsets=skeleton.offsets), skeleton)
+    motion = replace(motion, translation=translation, offsets=skeleton.offsets)
+    return lock_feet(carried_by_feet(motion, skeleton) if free else motion, skeleton, ride=free)
 
 
 def resampled(motion: Motion, rate: float) -> Motion:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
@@ -14,6 +15,7 @@ from rfgen_sionna.generative.diffusion.batches import SOFT, spread
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.features import CONTACTS, NUM_FEATURES, PARTS
 from rfgen_sionna.generative.diffusion.network import PAIR, SOURCES, STRIDE, Conditions
+from rfgen_sionna.generative.diffusion.residual import Corrector
 from rfgen_sionna.generative.diffusion.schedule import log_snr, make_scheduler, signal_shares, step_at
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.text import tokenise
@@ -21,6 +23,8 @@ from rfgen_sionna.records import FloatArray
 
 SHORTEST, LONGEST = 32, 160
 """Frames that the model makes at once."""
+_SLOW = 0.35
+"""Time scale of a path that is asked for [s]."""
 CUTOFF = 6.0
 """Of the low-pass on the result [Hz]."""
 
@@ -40,6 +44,8 @@ class Wish:
     """(frame, part) 1 where `known` holds, 0.5 for a path that is roughly followed, 0 where the model is free."""
     draft: FloatArray | None = None
     """(frame, NUM_FEATURES) to start from."""
+    action: str = ""
+    """The action as it was understood; what the network is known to miss of it is put back."""
     source: str = "kinematic"
     """Whose manner: "kinematic", "mocap" or "any"."""
 
@@ -79,7 +85,7 @@ class Sampler:
             raise ValueError(f"frames: {frames}; allowed are {SHORTEST} to {LONGEST}")
         block = PAIR * STRIDE
         padded = -(-frames // block) * block
-        conditions = _conditions(model, wishes, padded)
+        conditions = conditions_of(model, wishes, padded)
         known, hard = conditions.known, _hard(conditions.given)
         noise = torch.stack(
             [torch.randn(padded, NUM_FEATURES, generator=torch.Generator().manual_seed(_mixed(w.seed))) for w in wishes]
@@ -92,10 +98,16 @@ class Sampler:
             start = step_at(self.strength) if self.strength < 1.0 else timesteps[0]
             timesteps, x = self._from_draft(model, scheduler, wishes, start, noise, padded)
         clean = x
+        shares = signal_shares()
+        follow = _Path(conditions.known, conditions.given)
+        correct = Corrector(
+            [model.residuals.get(w.action) if w.source == "kinematic" else None for w in wishes], padded
+        )
         level = torch.from_numpy(log_snr(signal_shares())).float()
         for t in timesteps:
-            clean = self._guess(model, x, level[t], conditions)
-            clean = torch.where(hard > 0.0, known, clean)
+            clean = self.guess(model, x, level[t], conditions)
+            clean = correct(clean, x, float(shares[t]))
+            clean = follow(torch.where(hard > 0.0, known, clean))
             x = scheduler.step(clean, t, x).prev_sample
         # the last guess: the scheduler would leave a hundredth of the noise in
         rows = clean.double().numpy()[:, :frames] * model.scale + model.mean
@@ -103,7 +115,8 @@ class Sampler:
         kept = (hard > 0.0).numpy()[:, :frames]
         return np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth)
 
-    def _guess(self, model: MotionModel, x: Tensor, level: Tensor, conditions: Conditions) -> Tensor:
+    def guess(self, model: MotionModel, x: Tensor, level: Tensor, conditions: Conditions) -> Tensor:
+        """The guided guess of the clean motions."""
         n = len(x)
         if self.guidance == 1.0:
             return model.net(x, level.expand(n), conditions)
@@ -130,6 +143,24 @@ class Sampler:
         return all_steps[first:], np.sqrt(share) * draft + np.sqrt(1.0 - share) * noise
 
 
+class _Path:
+    """Puts the slow part of the place on the floor where it was asked for, and leaves the steps' own sway."""
+
+    def __init__(self, known: Tensor, given: Tensor) -> None:
+        frames = known.shape[1]
+        self.asked = given[:, :, :1] == SOFT
+        self.known = known[..., :2]
+        blur = gaussian_filter1d(np.eye(frames), _SLOW * FRAME_RATE, axis=0, mode="nearest")
+        self.blur = torch.from_numpy(blur).float()
+
+    def __call__(self, clean: Tensor) -> Tensor:
+        if not bool(self.asked.any()):
+            return clean
+        place = clean[..., :2]
+        moved = torch.where(self.asked, place + self.known - self.blur @ place, place)
+        return torch.cat([moved, clean[..., 2:]], dim=-1)
+
+
 def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
     """(motion, frame, feature) without what is faster than `cutoff` [Hz]; contacts stay as they are."""
     sos = butter(4, cutoff, fs=FRAME_RATE, output="sos")
@@ -138,7 +169,7 @@ def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
     return np.asarray(out, np.float64)
 
 
-def _conditions(model: MotionModel, wishes: Sequence[Wish], frames: int) -> Conditions:
+def conditions_of(model: MotionModel, wishes: Sequence[Wish], frames: int) -> Conditions:
     wanted = model.text(tokenise([w.prompt for w in wishes]))
     unwanted = model.text(tokenise([w.negative for w in wishes])).pooled
     said = torch.tensor([bool(w.prompt.strip()) for w in wishes])[:, None]

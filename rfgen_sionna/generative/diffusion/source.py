@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_grid
-from rfgen_sionna.generative.diffusion.features import PARTS, TURN, recentred, turned
+from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
+from rfgen_sionna.generative.diffusion.stage import put_back, settled
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, Skeleton
@@ -169,7 +170,8 @@ class DiffusionSource:
         held = bool(keeps) or path is not None
         out = []
         for prompt, seed, features in zip(prompts, seeds, rows, strict=True):
-            motion = finish(features if held else settled(features), self.model.hands, skeleton, self.frame_rate)
+            rows_out = features if held else settled(features)
+            motion = finish(rows_out, self.model.hands, skeleton, self.frame_rate, free=not held)
             out.append(replace(motion, prompt=prompt, seed=seed, action=self.read(prompt).action))
         return out
 
@@ -204,7 +206,7 @@ class DiffusionSource:
         start = recentred(rows)
         wish = replace(self._wish(prompt, seed, negative, n, 1.0, False), draft=start[:n])
         made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
-        made = _put_back(made, rows)
+        made = put_back(made, rows)
         return replace(
             finish(made, self.model.hands, skeleton, self.frame_rate),
             prompt=prompt,
@@ -218,13 +220,28 @@ class DiffusionSource:
             _LOG.warning(sentence)
         # what isn't known is asked for by the nearest action's own words
         words = prompt if said.known or said.action not in CLAUSES else canonical(said.action, said.hand)
+        action = said.action
+        if negative.strip():
+            left = self._left_open(said, negative)
+            if left:
+                shares = np.array([share for _, share in left])
+                drawn = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
+                action = left[drawn][0]
+                words = canonical(action, said.hand)
         beat = None
-        if rhythm and said.action in self.model.beats:
+        if rhythm and action in self.model.beats:
             rng = np.random.default_rng([seed, 23])
-            drawn = self.model.beats[said.action]
-            beat = drawn.draw(frames + LONGEST, FRAME_RATE, rng, speed * said.pace)
-        manner = self.manner if said.action in CLAUSES else "mocap"
-        return Wish(words, seed, negative, beat, source=manner)
+            beat = self.model.beats[action].draw(frames + LONGEST, FRAME_RATE, rng, speed * said.pace)
+        manner = self.manner if action in CLAUSES else "mocap"
+        return Wish(words, seed, negative, beat, action=action, source=manner)
+
+    def _left_open(self, said: Understanding, negative: str) -> list[tuple[str, float]]:
+        """(action, probability) of what the prompt leaves open and the negative prompt doesn't rule out; empty where it
+        rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
+        options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]
+        denied = set(self.read(negative).options)
+        left = [(a, s) for a, s in options if a not in denied]
+        return left if 0 < len(left) < len(options) else []
 
     def _rows(self, wishes: Sequence[Wish], frames: int) -> list[FloatArray]:
         """(frame, NUM_FEATURES) of each wish; long ones in stretches, each going on where the last one stopped."""
@@ -241,7 +258,7 @@ class DiffusionSource:
                 given[:_OVERLAP] = 1.0
                 more.append(replace(_part(wish, start, LONGEST), known=known, given=given, seed=wish.seed + start))
             for k, rows in enumerate(self.sampler(self.model, more, LONGEST)):
-                done[k] = np.concatenate([done[k], _put_back(rows, done[k][start:])[_OVERLAP:]])
+                done[k] = np.concatenate([done[k], put_back(rows, done[k][start:])[_OVERLAP:]])
         return [rows[:frames] for rows in done]
 
 
@@ -253,32 +270,6 @@ def canonical(action: str, hand: str = "") -> str:
     if action not in ACTIONS:
         return "a person does " + action.replace("_", " ")
     return f"a person {ACTIONS[action].description}" + (f" with the {hand} hand" if hand else "")
-
-
-def settled(rows: FloatArray) -> FloatArray:
-    """Feature rows with the middle of the path over the origin, and a walk back and forth along x."""
-    out = rows.copy()
-    low, high = rows[:, :2].min(axis=0), rows[:, :2].max(axis=0)
-    out[:, :2] -= 0.5 * (low + high)
-    if np.linalg.norm(high - low) > 0.6:
-        centred = out[:, :2] - out[:, :2].mean(axis=0)
-        values, axes = np.linalg.eigh(centred.T @ centred)
-        x, y = axes[:, -1]
-        if values[0] < 0.1 * values[-1]:
-            yaw = np.arctan2(y, x)
-            # the nearer of both senses: the person still starts facing ahead
-            yaw -= np.pi * np.round(yaw / np.pi)
-            if abs(yaw) < np.radians(25.0):
-                out = turned(out, -yaw)
-                out[:, :2] -= 0.5 * (out[:, :2].min(axis=0) + out[:, :2].max(axis=0))
-    return out
-
-
-def _put_back(rows: FloatArray, where: FloatArray) -> FloatArray:
-    """Rows that start over the origin facing ahead, moved to where other rows start."""
-    out = turned(rows, float(np.arctan2(where[0, TURN.start + 1], where[0, TURN.start])))
-    out[:, :2] += where[0, :2] - out[0, :2]
-    return out
 
 
 def _part(wish: Wish, start: int, frames: int) -> Wish:

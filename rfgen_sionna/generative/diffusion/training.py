@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,8 @@ import torch
 from torch import Tensor
 
 from rfgen_sionna.generative.diffusion.batches import Batch, Feeder
-from rfgen_sionna.generative.diffusion.checkpoint import write_model
+from rfgen_sionna.generative.diffusion.calibration import calibrate
+from rfgen_sionna.generative.diffusion.checkpoint import assembled, write_model
 from rfgen_sionna.generative.diffusion.corpus import Corpus
 from rfgen_sionna.generative.diffusion.geometry import geometric_loss
 from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, Shape
@@ -128,13 +129,11 @@ def train(
             partial.replace(saved)
             with (out / "log.jsonl").open("a", encoding="utf-8") as log:
                 log.write(json.dumps({"step": step + 1, "seconds": round(spent), "loss": shown, **parts}) + "\n")
-            write_model(
-                out / "motion.safetensors",
-                mean,
-                text,
-                corpus,
-                {"steps": step + 1, "hours": spent / 3600.0, "seed": recipe.seed},
-            )
+            facts = {"steps": step + 1, "hours": spent / 3600.0, "seed": recipe.seed}
+            model = assembled(mean, text, corpus, facts)
+            if step + 1 == recipe.steps:
+                model = calibrate(replace(model, net=mean.eval()), corpus, seed=recipe.seed)
+            write_model(out / "motion.safetensors", model)
     return out / "motion.safetensors"
 
 

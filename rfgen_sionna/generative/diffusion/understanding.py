@@ -47,6 +47,8 @@ class Understanding:
     """Factor on the usual speed that the words ask for."""
     options: tuple[str, ...] = ()
     """The actions that the words leave open, likeliest first."""
+    shares: tuple[float, ...] = ()
+    """Their probabilities."""
     unknown: tuple[str, ...] = ()
     """Content words that no training sentence had."""
     warnings: tuple[str, ...] = field(default=())
@@ -88,7 +90,7 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
     unknown = tuple(w for w in content if stem(w) not in known_stems)
     warnings: tuple[str, ...] = ()
     together = sum(float(chance[text.actions.index(a)]) for a in options)
-    if together < _SURE or (content and len(unknown) > 0.5 * len(content)):
+    if together < _SURE or (content and 2 * len(unknown) >= len(content)):
         strange = f" ({', '.join(map(repr, unknown))} unknown)" if unknown else ""
         warnings = (f"prompt: {prompt!r} is outside what the model has learned{strange}; nearest action: {action}",)
     return Understanding(
@@ -99,6 +101,7 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         HANDS[int(hand.argmax())],
         _PACE[int(pace.argmax())] if float(pace.max()) > 0.6 else 1.0,
         options,
+        tuple(float(chance[text.actions.index(a)]) for a in options),
         unknown,
         warnings,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -23,8 +25,10 @@ from rfgen_sionna.generative.diffusion.features import (
     recentred,
     turned,
 )
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, runs
-from rfgen_sionna.generative.motion import KinematicSource
+from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet, runs
+from rfgen_sionna.generative.diffusion.metrics import out_of_limits
+from rfgen_sionna.generative.diffusion.within_limits import within_limits
+from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
 
@@ -96,8 +100,6 @@ def test_recentring_starts_over_the_origin_facing_ahead(motions: dict[str, Motio
 
 
 def test_a_motion_without_the_body_s_joints_is_refused(motions: dict[str, Motion], hands: HandBasis) -> None:
-    from dataclasses import replace
-
     short = replace(motions["walk"], joint_names=tuple(reversed(motions["walk"].joint_names)))
     with pytest.raises(ValueError, match="joint_names"):
         encode(short, hands)
@@ -118,6 +120,39 @@ def test_locked_feet_stand_still(motions: dict[str, Motion], hands: HandBasis) -
     assert slide(locked) < 0.002
     assert np.array_equal(locked.contacts, sliding.contacts)
     assert rows[:, CONTACTS].all()
+
+
+def test_a_walker_is_carried_by_the_feet(motions: dict[str, Motion]) -> None:
+    walk = motions["walk"]
+    drift = np.linspace(0.0, 1.0, len(walk.translation))[:, None] * [0.6, -0.3, 0.0]
+    back = carried_by_feet(replace(walk, translation=walk.translation + drift))
+    # what the drift adds to planted feet is taken off again; it stays only in what rolls
+    path = back.translation - back.translation[0] - (walk.translation - walk.translation[0])
+    assert np.abs(path[:, :2]).max() < 0.3 * np.linalg.norm(drift[-1])
+    assert np.array_equal(back.translation[:, 2], walk.translation[:, 2])
+
+
+def test_swinging_feet_clear_the_floor_and_none_is_under_it(motions: dict[str, Motion], hands: HandBasis) -> None:
+    walk = motions["walk"]
+    sunk = lock_feet(replace(walk, translation=walk.translation - [0.0, 0.0, 0.05]))
+    places = joint_positions(encode(sunk, hands))
+    toes = places[:, [JOINT["left_foot"], JOINT["right_foot"]], 2] - MEAN_ADULT.toe_height
+    assert toes.min() > -0.005
+    assert np.abs(sunk.translation[:, 2] - walk.translation[:, 2]).max() < 0.02
+
+
+def test_joints_are_brought_within_their_limits_and_others_left(motions: dict[str, Motion]) -> None:
+    push = motions["push"]
+    bent = push.rotations.copy()
+    s = np.sin(np.radians(85.0))
+    bent[5:9, JOINT["left_elbow"]] = [0.0, 0.0, -s, np.cos(np.radians(85.0))]
+    bent[3:6, JOINT["right_index2"]] = [np.sin(np.radians(60.0)), 0.0, 0.0, np.cos(np.radians(60.0))]
+    broken = replace(push, rotations=bent)
+    assert out_of_limits(broken) > 0.0
+    mended = within_limits(broken)
+    assert out_of_limits(mended) == 0.0
+    same = np.abs(np.sum(mended.rotations * push.rotations, axis=-1)) > 1.0 - 1e-9
+    assert same[10:].all()
 
 
 def test_runs_are_the_stretches_of_true() -> None:

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.diffusion import source as source_module
-from rfgen_sionna.generative.diffusion.checkpoint import read_model, write_model
+from rfgen_sionna.generative.diffusion.checkpoint import assembled, read_model, write_model
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
 from rfgen_sionna.generative.diffusion.corpus import Corpus
 from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS, fit_hands
@@ -34,7 +34,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> DiffusionSource:
     rows = on_grid(WALK, hands)
     corpus = Corpus((), hands, {"walk": Beat(0.0, 0.1, 0.02)}, rows.mean(axis=0), np.full(NUM_FEATURES, 0.05))
     path = tmp_path_factory.mktemp("model") / "motion.safetensors"
-    write_model(path, net, TextEncoder(tuple(CLAUSES)), corpus, {"seed": 0})
+    write_model(path, assembled(net, TextEncoder(tuple(CLAUSES)), corpus, {"seed": 0}))
     return DiffusionSource(path, Sampler(steps=3))
 
 

@@ -1,0 +1,157 @@
+"""The model that ships: it loads, is small enough, does what it is told, and people can be made with it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.actor import motion_source
+from rfgen_sionna.generative.diffusion.control import Keep, on_grid
+from rfgen_sionna.generative.diffusion.exam import OUTSIDE, PARAPHRASES
+from rfgen_sionna.generative.diffusion.features import PARTS, joint_positions
+from rfgen_sionna.generative.diffusion.metrics import foot_slide, out_of_limits
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
+from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion.skeleton import JOINT
+from rfgen_sionna.records import FloatArray
+
+
+@pytest.fixture(scope="module")
+def source() -> DiffusionSource:
+    made = motion_source("diffusion")
+    assert isinstance(made, DiffusionSource)
+    return made
+
+
+def wrists(source: DiffusionSource, prompt: str, **how: object) -> FloatArray:
+    """(frame, 2) heights of the left and right wrist over their shoulders [m]."""
+    places = joint_positions(on_grid(source.generate(prompt, duration=3.0, **how), source.model.hands))  # type: ignore[arg-type]
+    return np.stack(
+        [places[:, JOINT[f"{s}_wrist"], 2] - places[:, JOINT[f"{s}_shoulder"], 2] for s in ("left", "right")], axis=-1
+    )
+
+
+def test_the_file_is_small_enough_and_knows_the_actions(source: DiffusionSource) -> None:
+    assert SHIPPED.stat().st_size < 40e6
+    assert set(CLAUSES) <= set(source.model.text.actions)
+    assert set(CLAUSES) == set(source.model.residuals)
+
+
+def test_names_of_origins_are_checked() -> None:
+    assert isinstance(motion_source("kinematic"), KinematicSource)
+    with pytest.raises(ValueError, match="'kinematic' and 'diffusion'"):
+        motion_source("magic")
+
+
+def test_most_unseen_wordings_are_understood(source: DiffusionSource) -> None:
+    right = [source.read(p).action == action for action, prompts in PARAPHRASES.items() for p in prompts]
+    # the limit of the examination is 0.9, of motion
+    assert np.mean(right) > 0.9
+
+
+def test_prompts_outside_are_warned_about(source: DiffusionSource, caplog: pytest.LogCaptureFixture) -> None:
+    assert not any(source.read(p).known for p in OUTSIDE)
+    source.generate(OUTSIDE[0], duration=2.0)
+    assert "nearest action" in caplog.text
+
+
+@pytest.mark.parametrize(("prompt", "up"), [("a person raises the left arm", 0), ("someone lifts the right hand", 1)])
+def test_the_arm_that_is_asked_for_is_raised(source: DiffusionSource, prompt: str, up: int) -> None:
+    heights = np.median(wrists(source, prompt, seed=2), axis=0)
+    assert heights[up] > 0.2
+    assert heights[1 - up] < -0.3
+
+
+def test_a_negative_prompt_takes_away_what_it_names(source: DiffusionSource) -> None:
+    for negative, up in (("left arm", 1), ("right arm", 0)):
+        sides = [
+            np.median(wrists(source, "a person raises one arm", seed=s, negative=negative), axis=0) for s in range(4)
+        ]
+        assert np.mean([h[up] > h[1 - up] for h in sides]) >= 0.75
+
+
+def test_legs_walk_while_an_arm_is_raised(source: DiffusionSource) -> None:
+    motion = source.generate("a person walks while raising the left arm", duration=5.0, seed=1)
+    places = joint_positions(on_grid(motion, source.model.hands))
+    assert np.ptp(motion.translation[:, 0]) > 0.4
+    apart = places[:, JOINT["left_ankle"], 0] - places[:, JOINT["right_ankle"], 0]
+    assert np.ptp(apart) > 0.3
+    assert np.median(places[:, JOINT["left_wrist"], 2]) > np.median(places[:, JOINT["head"], 2])
+    assert np.median(places[:, JOINT["right_wrist"], 2]) < np.median(places[:, JOINT["right_shoulder"], 2])
+
+
+def test_fingers_move_in_finger_gestures(source: DiffusionSource) -> None:
+    motion = source("finger_swing", 3.0, 4, hand="right")
+    index, other = (motion.rotations[:, JOINT[j]] for j in ("right_index1", "left_index1"))
+    assert index.std(axis=0).max() > 3.0 * other.std(axis=0).max()
+
+
+def test_the_beat_sets_the_pace(source: DiffusionSource) -> None:
+    def rate(speed: float) -> float:
+        rows = on_grid(source("jumping_jacks", 8.0, 3, speed=speed), source.model.hands)
+        height = joint_positions(rows)[:, JOINT["left_wrist"], 2]
+        power = np.abs(np.fft.rfft(height - height.mean(), 2048))
+        return float(np.argmax(power)) * 20.0 / 2048
+
+    assert rate(1.2) / rate(0.8) == pytest.approx(1.5, rel=0.12)
+
+
+def test_a_given_path_is_walked(source: DiffusionSource) -> None:
+    motion = source.generate("a person walks straight ahead", duration=5.0, seed=1, path=[(0.0, 0.0), (4.0, 0.0)])
+    end = motion.translation[-1]
+    assert end[0] == pytest.approx(4.0, abs=0.6)
+    assert abs(end[1]) < 0.5
+
+
+def test_given_legs_are_kept(source: DiffusionSource) -> None:
+    walk = KinematicSource(20.0)("walk", 5.0, 1)
+    motion = source.generate(
+        "a person raises the right arm", duration=5.0, seed=1, keep=Keep(walk, ("place", "pelvis"))
+    )
+    made, given = (on_grid(m, source.model.hands)[:100] for m in (motion, walk))
+    columns = [*PARTS["place"], *PARTS["pelvis"]]
+    assert np.abs(made[:, columns] - given[:, columns]).max() < 1e-6
+
+
+def test_motions_keep_limits_and_feet(source: DiffusionSource) -> None:
+    motions = [source(action, 4.0, 5) for action in ("standing", "t_pose", "push", "left_leg_raised")]
+    assert np.mean([out_of_limits(m) for m in motions]) < 0.01
+    assert np.nanmean([foot_slide(m, MEAN_ADULT) for m in motions]) < 0.02
+
+
+def test_a_draft_keeps_its_action(source: DiffusionSource) -> None:
+    draft = KinematicSource(20.0)("left_arm_raised", 4.0, 2)
+    a, b = (source.redo(draft, "a person raises the left arm", strength=0.9, seed=s) for s in (1, 2))
+    assert np.abs(a.rotations - b.rotations).max() > 0.01
+    for made in (a, b):
+        places = joint_positions(on_grid(made, source.model.hands))
+        assert np.median(places[:, JOINT["left_wrist"], 2] - places[:, JOINT["left_shoulder"], 2]) > 0.2
+
+
+def test_six_seconds_take_about_a_second(source: DiffusionSource) -> None:
+    source.generate("a person walks", duration=6.0)
+    start = time.process_time()
+    source.generate("a person walks", duration=6.0, seed=1)
+    # of processor time; 0.3 to 0.4 s on one core of 2024
+    assert time.process_time() - start < 2.0
+
+
+@pytest.mark.slow
+def test_a_person_is_made_with_the_learned_model() -> None:
+    from rfgen_sionna.generative import Actor
+
+    person = Actor.from_prompt("a tall man raises his left arm", motion="diffusion", seed=1, duration=2.0)
+    assert any(d.name == "motion" and d.value == "diffusion" for d in person.decisions)
+    lowest = [float(person.vertices(t)[:, 2].min()) for t in np.linspace(0.0, 2.0, 9)]
+    assert np.abs(lowest).max() < 0.01
+
+
+def test_importing_the_package_loads_no_torch() -> None:
+    code = "import sys, rfgen_sionna.generative, rfgen_sionna.generative.diffusion; print('torch' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"
