@@ -110,13 +110,7 @@ def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motio
     """Figures of motions by action that need no prompts: rhythm, distance, variance, jerk, slide, limits."""
     rows = {a: [on_grid(m, source.model.hands) for m in group] for a, group in made.items()}
     actions = list(rows)
-    look, _ = real.judge.look([m for a in actions for m in rows[a]])
-    true, _ = real.judge.look([m for a in actions for m in real.kinematic[a]])
-    rng = np.random.default_rng(0)
-    count = min(len(look), len(true) // 2)
-    floor = metrics.frechet_floor(true, count, rng)
-    picks = [true[rng.permutation(len(true))[:count]] for _ in range(5)]
-    some = look[rng.permutation(len(look))[:count]]
+    ours, floor = _distances(real, rows)
     ratio = {a: metrics.variance(rows[a]) / metrics.variance(real.kinematic[a][: len(rows[a])]) for a in actions}
     slide = {a: [metrics.foot_slide(m, MEAN_ADULT) for m in group] for a, group in made.items()}
     beaten = [a for a in actions if a in PERIODIC]
@@ -128,7 +122,7 @@ def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motio
             a: [float(np.mean([rhythm_score(m, FRAME_RATE) for m in g[a]])) for g in (rows, real.kinematic)]
             for a in beaten
         },
-        "Fréchet distance over floor, kinematic": float(np.mean([metrics.frechet(some, p) for p in picks])) / floor,
+        "Fréchet distance over floor, kinematic": ours / floor,
         "Fréchet floor, kinematic": floor,
         "least variance ratio": float(min(ratio.values())),
         "variance ratio by action": ratio,
@@ -139,6 +133,25 @@ def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motio
         else None,
         "poses out of joint limits": float(np.mean([metrics.out_of_limits(m) for g in made.values() for m in g])),
     }
+
+
+def _distances(real: Reference, rows: dict[str, list[FloatArray]]) -> tuple[float, float]:
+    """Fréchet distance of made to real motion, and of real to other real: as many of each action in every set."""
+    rng = np.random.default_rng(0)
+    each = min(min(len(g) for g in rows.values()), min(len(real.kinematic[a]) for a in rows) // 2)
+    look = {a: (real.judge.look(rows[a])[0], real.judge.look(real.kinematic[a])[0]) for a in rows}
+    ours, floor = [], []
+    for _ in range(5):
+        made, first, second = [], [], []
+        for mine, true in look.values():
+            made.append(mine[rng.permutation(len(mine))[:each]])
+            order = rng.permutation(len(true))
+            first.append(true[order[:each]])
+            second.append(true[order[each : 2 * each]])
+        a, b, c = (np.concatenate(x) for x in (made, first, second))
+        ours.append(metrics.frechet(a, b))
+        floor.append(metrics.frechet(b, c))
+    return float(np.mean(ours)), float(np.mean(floor))
 
 
 def _named(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:

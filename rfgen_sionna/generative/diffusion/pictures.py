@@ -41,7 +41,7 @@ def strips(
         rows.append((f"{action}\ngenerated", source.generate(canonical(action), duration=3.0, seed=seed)))
         if captured and action in captured:
             rows.append((f"{action}\ncaptured", captured[action]))
-    figure = Figure((12.0, 1.15 * len(rows)), layout="constrained")
+    figure = Figure((8.0, 0.85 * len(rows)), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, (label, motion) in zip(np.atleast_1d(figure.subplots(len(rows), 1)), rows, strict=True):
         places = body_joints(motion)
@@ -56,8 +56,8 @@ def strips(
                 axes.plot([x[p], x[j]], [pose[p, 2], pose[j, 2]], color=colour, lw=1.1)
         axes.axhline(0.0, color="0.7", lw=0.6)
         axes.set_aspect("equal")
-        axes.set_xlim(-0.8, 0.85 * _POSES)
-        axes.set_ylim(-0.1, 2.2)
+        axes.set_xlim(-2.2, 0.85 * _POSES)
+        axes.set_ylim(-0.05, 2.1)
         axes.set_axis_off()
-        axes.text(-0.75, 1.0, label, fontsize=7, va="center")
+        axes.text(-2.2, 1.0, label, fontsize=7, va="center")
     figure.savefig(path, dpi=110)

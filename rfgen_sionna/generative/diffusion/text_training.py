@@ -50,8 +50,8 @@ def train_text(
     captured: list[Captions],
     *,
     seed: int = 0,
-    steps: int = 2500,
-    batch: int = 192,
+    steps: int = 1500,
+    batch: int = 112,
     progress: Callable[[int, int, float], None] | None = None,
 ) -> TextEncoder:
     """A trained encoder.
