@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,30 +14,44 @@ from rfgen_sionna.tracing.gains import BandTracer
 
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which returns are compared."""
-
-
 SAFETY = 2.0
 """What is measured at one pair and a few frequencies counts this much, for all the others."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Estimated error of coherent returns, surface by surface."""
+    """Estimated errors of coherent returns, surface by surface; root mean squares over the probes."""
 
-    error: FloatArray
-    """(surface,) relative to the surface's own return; 0 where it returns nothing."""
+    amount: FloatArray
+    """(surface,) error of each return."""
     level: FloatArray
-    """(surface,) root mean square of the return over the probes."""
+    """(surface,) the return."""
+    least: FloatArray
+    """(surface,) what counts as its level at least."""
+    incoherent: FloatArray
+    """(surface,) root of the sum of the energies that its facets return one by one."""
 
     @property
-    def largest(self) -> float:
-        return float(self.error.max(initial=0.0))
+    def error(self) -> FloatArray:
+        """(surface,) relative to the surface's own return; 0 where it returns nothing."""
+        return _ratio(self.amount, np.maximum(self.level, self.least))
 
     @property
     def total(self) -> float:
-        """Error of all surfaces together, relative to the strongest of them."""
-        strongest = float(self.level.max(initial=0.0))
-        return float(np.sqrt(((self.error * self.level) ** 2).sum())) / strongest if strongest > 0 else 0.0
+        """Error of all surfaces together, relative to the strongest of them or to what all facets return without
+        interfering, whichever is more: of a street seen at grazing incidence next to nothing is left but the rims, and
+        no tolerance can be relative to that."""
+        scale = max(float(self.level.max(initial=0.0)), float(np.linalg.norm(self.incoherent)))
+        return float(_ratio(np.linalg.norm(self.amount), np.float64(scale)))
+
+    @property
+    def share(self) -> FloatArray:
+        """(surface,) share of each surface in the square of the total."""
+        return _ratio(self.amount**2, np.float64((self.amount**2).sum()))
+
+
+def _ratio(amount: Any, scale: Any) -> Any:
+    return np.where(scale > 0, amount / np.where(scale > 0, scale, 1.0), 0.0)
 
 
 def finer(error: FloatArray, rtol: float) -> FloatArray:
@@ -80,7 +95,7 @@ def measure(
     """
     count = len(materials)
     if len(facets) == 0:
-        return Accuracy(np.zeros(count), np.zeros(count))
+        return Accuracy(*np.zeros((4, count)))
     frequency = band.frequency(probes)
     fine = band.at_probes(facets, materials, probes, pair, 2 * facets.parts)
     turns = np.mod(frequency[:, None] * fine.tau, 1.0)
@@ -91,9 +106,8 @@ def measure(
     least = np.zeros(count) if usual is None else usual.copy()
     np.maximum.at(least, facets.surface, CANCELLED * np.abs(truth * weight).max(axis=0))
     level = np.sqrt((np.abs(returned) ** 2).mean(axis=0))
-    scale = np.maximum(level, least)
-    amount = SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0))
-    return Accuracy(np.where(scale > 0, amount / np.where(scale > 0, scale, 1.0), 0.0), level)
+    energy = np.bincount(facets.surface, (np.abs(truth * weight) ** 2).mean(axis=0), count)
+    return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
 
 
 def _sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:

@@ -104,13 +104,16 @@ class BandTracer:
         joined = weights @ gains.view(np.float64).reshape(len(gains), -1)
         return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], len(facets))
 
-    def expansion_for(self, facets: Facets, materials: tuple[Material, ...], weight: FloatArray) -> Expansion:
+    def expansion_for(
+        self, facets: Facets, materials: tuple[Material, ...], weight: FloatArray, coherent: bool = True
+    ) -> Expansion:
         """The smallest expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
         that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
         by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs,
-        and then for those at the band's ends. Of very many facets the strongest tell it.
+        and then for those at the band's ends. Of very many facets the strongest tell it. Not `coherent`, the
+        error is relative to what the facets return without interfering, where that is more.
         """
         if len(facets) > ENOUGH:
             once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
@@ -121,7 +124,7 @@ class BandTracer:
         order, degree = 1, 0
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
-            return self._error(facets, materials, weight, u, at, self._expansion(basis)) <= SHARE * self._rtol
+            return self._error(facets, materials, weight, u, at, self._expansion(basis), coherent) <= SHARE * self._rtol
 
         first = np.zeros(len(PROBES), np.int32)
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
@@ -159,6 +162,7 @@ class BandTracer:
         u: FloatArray,
         pairs: IntArray,
         expansion: Expansion,
+        coherent: bool,
     ) -> float:
         exact = self._gains(facets, materials, self._nodes(u, pairs))
         phasor = np.exp(-2j * np.pi * np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)) * weight
@@ -166,13 +170,16 @@ class BandTracer:
         at_nodes = self._gains(facets, materials, expansion.nodes).a
         found = np.vander(u, expansion.order, increasing=True)  # (probe, order)
         rows = np.einsum("pk,kpn->pn", found, expansion.weights.reshape(expansion.order, -1, len(at_nodes))[:, pairs])
-        scale = max(_rms(truth), CANCELLED * float(np.abs(exact.a * weight).max(initial=0.0)))
+        single = np.abs(exact.a * weight)
+        scale = max(_rms(truth), CANCELLED * float(single.max(initial=0.0)))
+        if not coherent:
+            scale = max(scale, float(np.sqrt((single**2).sum(axis=1).mean())))
         return _rms(((rows @ at_nodes - exact.a) * phasor).sum(axis=1)) / scale if scale > 0 else 0.0
 
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
     ) -> FacetGains:
-        media = Media.at(materials, nodes.frequency)
+        media = Media.at(materials, nodes.frequency, self.half_band)
         parts = facets.parts if parts is None else parts
         corners = facets.corners - self._origin
         nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))

@@ -86,7 +86,7 @@ class MovingParts:
             facets = [each.facets.take(kept) for each in seen]
             gains = [self._band(each, self._materials, expansion) for each in facets]
             found = self._measure(facets[middle], seen[middle].fraction[kept], gains[middle])
-            if found.largest <= 1.5 * self._rtol or attempt:
+            if float(found.error.max(initial=0.0)) <= 1.5 * self._rtol or attempt:
                 break
             self._expansion = None
         for gain, each, there in zip(gains, seen, facets, strict=True):
@@ -97,7 +97,7 @@ class MovingParts:
         self._turn += 1
         return MovingTrace(
             paths,
-            max(found.largest, self._error),
+            max(float(found.error.max(initial=0.0)), self._error),
             sum(each.looked_at for each in seen),
             sum(each.rays for each in seen),
         )
@@ -127,6 +127,7 @@ class MovingParts:
                 self._rtol * fineness,
                 self._band.importance,
                 RANGE_MARGIN * self._max_range,
+                self._band.half_band,
             )
             for points, surface, fineness in zip(vertices, self._surfaces.moving, self._fineness, strict=True)
         ]

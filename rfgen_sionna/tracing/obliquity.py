@@ -13,9 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
+
+MAX_FRINGE = 3.0
+"""Phase [rad] that half the band may turn the echo of a slab's back face by, against its front's."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +36,26 @@ class Media:
     """(material,) share sqrt(1 - S^2) of the reflected field that stays coherent on a rough surface."""
 
     @staticmethod
-    def at(materials: Sequence[Material], frequencies: FloatArray) -> Media:
-        """Media of `materials` at node frequencies (node,) [Hz]."""
+    def at(materials: Sequence[Material], frequencies: FloatArray, half_band: float = 0.0) -> Media:
+        """Media of `materials` at node frequencies (node,) [Hz]; the signal sweeps `half_band` [Hz] to both sides.
+
+        A slab whose back face returns an echo of its own, later than what the band blurs (`MAX_FRINGE`), counts as a
+        half-space: its front's return is what the facet stands for.
+        """
         shape = (len(frequencies), len(materials))
         permittivity, permeability = np.empty(shape, np.complex128), np.empty(shape, np.complex128)
+        known: dict[int, int] = {}  # a town has thousands of objects and a few materials
         for number, material in enumerate(materials):
-            permittivity[:, number] = material.relative_permittivity(frequencies)
-            permeability[:, number] = material.relative_permeability(frequencies)
+            first = known.setdefault(id(material.model), number)
+            same = first < number and materials[first].outside == material.outside
+            permittivity[:, number] = permittivity[:, first] if same else material.relative_permittivity(frequencies)
+            permeability[:, number] = material.permeability
         thickness = np.array([np.inf if each.thickness is None else each.thickness for each in materials])
+        if len(frequencies):
+            index = np.sqrt(np.abs(permittivity[0] * permeability[0]))
+            slab = np.where(np.isfinite(thickness) & np.isfinite(index), thickness, 0.0)
+            fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * np.where(np.isfinite(index), index, 0.0) * slab
+            thickness = np.where(fringe > MAX_FRINGE, np.inf, thickness)
         rough = np.array([each.scattering_coefficient for each in materials])
         return Media(permittivity, permeability, thickness, np.sqrt(1.0 - rough**2))
 

@@ -21,7 +21,8 @@ from rfgen_sionna.tracing.visibility import Visibility, changed_fraction, visibl
 
 MAX_ROUNDS = 4
 """How often the facets are made finer before the tolerance is given up with a warning."""
-MAX_FACETS = 2_000_000
+MAX_EFFORT = 10_000_000
+"""Triangles to integrate at each node, beyond which the tolerance is given up as well."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -40,7 +41,7 @@ class StaticTrace:
     rays: int
     """Rays sent."""
     error: float
-    """Estimated error of the coherent return, relative to that of the strongest surface."""
+    """Estimated error of the coherent return, relative to what `tracing.accuracy.Accuracy.total` says."""
 
     @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -124,20 +125,21 @@ def trace_static(
     `rays` holds the static scene alone; None where there is no static surface.
     """
     materials = tuple(surface.material for surface in surfaces.static)
-    fineness, rays_sent = np.ones(len(materials)), 0
+    fineness, rays_sent, before = np.ones(len(materials)), 0, np.inf
     for attempt in range(MAX_ROUNDS):
         facets, seen = _seen_facets(surfaces, rays, band, viewpoint, rtol * fineness, max_range)
         rays_sent += seen.rays
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
-        expansion = band.expansion_for(facets, materials, weight)
+        expansion = band.expansion_for(facets, materials, weight, coherent=False)
         gains = band(facets, materials, expansion)
         found = measure(band, facets, materials, weight, gains[:, 0, 0], (0, 0))
         if found.total <= rtol:
             break
-        # What each surface adds to the error, against the strongest surface's return.
-        part = found.error * found.level / found.level.max()
-        coarse = part > 0.3 * rtol / np.sqrt(max(1, int(np.count_nonzero(part))))
-        if attempt == MAX_ROUNDS - 1 or len(facets) * (found.total / rtol) > MAX_FACETS:
+        coarse = found.share > 0.1 / len(materials)
+        effort, earlier = float((facets.parts.astype(np.float64) ** 2).sum()), before
+        before = found.total
+        # More of the same is no use where the error hardly falls, or where it would take too long.
+        if attempt == MAX_ROUNDS - 1 or before > 0.5 * earlier or effort * before / rtol > MAX_EFFORT:
             _LOG.warning("the return of the static scene is right to %.2g of itself (rtol: %g)", found.total, rtol)
             break
         fineness[coarse] *= finer(np.array(found.total), rtol)
@@ -170,7 +172,9 @@ def _seen_facets(
 ) -> tuple[Facets, Visibility]:
     """The facets that are seen, made for a tolerance (surface,) of each surface."""
     pieces = [
-        tessellate(points, surface.faces, viewpoint, band.highest, tolerance, band.importance, max_range)
+        tessellate(
+            points, surface.faces, viewpoint, band.highest, tolerance, band.importance, max_range, band.half_band
+        )
         for points, surface, tolerance in zip(surfaces.static_vertices, surfaces.static, rtol.tolist(), strict=True)
     ]
     facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)

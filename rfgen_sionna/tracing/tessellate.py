@@ -16,6 +16,9 @@ MAX_BULGE = 1.0
 """Phase bulge [rad] up to which an expansion to first order means anything."""
 FACET_BULGE = 0.5
 """Phase bulge [rad] that a facet may have: those that need a smaller one are integrated in parts."""
+BAND_SWING = 4.0
+"""Phase [rad] by which the band's ends turn the corners of a facet against each other, seen from its centre: it is then
+two or three range cells deep at most, and a few coefficients follow its gain over the band."""
 MAX_PARTS = 8
 """Largest number of parts to an edge."""
 
@@ -93,6 +96,7 @@ def tessellate(
     rtol: float,
     importance: Callable[[FloatArray], FloatArray] | None = None,
     max_range: float = np.inf,
+    half_band: float = 0.0,
     limit: int = 5_000_000,
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
@@ -115,6 +119,8 @@ def tessellate(
         where it hardly listens, coarser facets will do. None is 1 all around.
     max_range
         Facets that lie beyond it as a whole are left out [m]: of a town only what is near is split.
+    half_band
+        Half the band that is sampled [Hz]; facets deeper than :data:`BAND_SWING` allows are split.
     limit
         Largest number of facets.
 
@@ -144,6 +150,9 @@ def tessellate(
             allowed = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
         bulge = phase_bulge(corners, viewpoint, frequency)
         coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
+        if half_band > 0:
+            depth = np.ptp(np.linalg.norm(corners - viewpoint, axis=2), axis=1)  # half the spread of the paths
+            coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
         done_parts.append(np.maximum(np.ceil(np.sqrt(bulge / allowed))[~coarse], 1.0).astype(np.int32))
