@@ -11,13 +11,16 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene.places import Policy
 
 app = typer.Typer(
     name="rfgen",
@@ -91,6 +94,9 @@ def generate(
     motion: Annotated[
         str, typer.Option(help='Where the motion comes from: "kinematic" (rules) or "diffusion" (learned).')
     ] = "kinematic",
+    collisions: Annotated[
+        str, typer.Option(help='Where the person meets walls or furniture: "error", "warn" or "ignore".')
+    ] = "error",
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
@@ -127,6 +133,7 @@ def generate(
             look_at=target_point,
             pir_resolution=resolution,
             motion=motion,
+            collisions=cast("Policy", collisions),  # checked there
             progress=progress,
             report=_decided,
         ).close()
@@ -238,8 +245,17 @@ def _scale(text: str) -> dict[str, Any]:
 
 def _draw(file: Path, overwrite: bool, keep: bool = False) -> None:
     """Draw the sheet and the film; `keep` leaves the ones that exist, which is an error otherwise."""
-    from rfgen_sionna.show import animation, sheet
+    from rfgen_sionna.show import NoPictureError, animation, sheet
 
+    try:
+        _draw_both(file, overwrite, keep, sheet, animation)
+    except NoPictureError as reason:  # the data are there, and so are the samples for who wants to look otherwise
+        _warn(str(reason), UserWarning)
+
+
+def _draw_both(
+    file: Path, overwrite: bool, keep: bool, sheet: Callable[..., Path], animation: Callable[..., Path]
+) -> None:
     target = _picture(file, ".png")
     if not (keep and _left(target, overwrite)):
         with _out.status("drawing"):

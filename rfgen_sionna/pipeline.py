@@ -26,6 +26,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.load import load_scene
+from rfgen_sionna.scene.places import Policy
 from rfgen_sionna.signal import Receiver, read_receiver, receiver_record
 from rfgen_sionna.simulation import Simulator
 
@@ -62,6 +63,7 @@ def generate(
     pir_resolution: tuple[int, int] = (128, 128),
     fov_deg: float | tuple[float, float] = 60.0,
     motion: str = "kinematic",
+    collisions: Policy = "error",
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
@@ -103,6 +105,9 @@ def generate(
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file.
     motion
         Where the motion comes from: "kinematic" (rules of movement) or "diffusion" (the learned model).
+    collisions
+        What to do where the person goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
+        "warn" says so and goes on, "ignore" doesn't look.
     progress
         Called with the frames done and in all.
     report
@@ -143,7 +148,7 @@ def generate(
     found = floor_under(scene, (*spot, float(radar.position[2])))
     height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
     person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height, source=source)
-    simulator = Simulator(scene, radar, [person], rtol=rtol)
+    simulator = Simulator(scene, radar, [person], rtol=rtol, collisions=collisions, seed=seed)
     if simulator.hidden(person, 0.0, duration):
         raise ValueError(
             f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; "

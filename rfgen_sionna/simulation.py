@@ -62,7 +62,8 @@ class Simulator:
     actors
         What moves; names must differ.
     rtol
-        Relative error that the tracer may make: a smaller value means more facets, knots and time.
+        Relative error that the return of each actor, and that of the static scene, may have: a smaller value takes more
+        time.
     collisions
         What to do where an actor goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
         "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.

@@ -21,6 +21,10 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 
+class NoPictureError(ValueError):
+    """A run whose samples have no picture of the kind that was asked for."""
+
+
 @contextmanager
 def opened(run: Run | str | os.PathLike[str]) -> Iterator[Run]:
     """A run given as such or by its path; one that was opened here is closed again."""
@@ -45,7 +49,7 @@ def shown(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any,
 
     Raises
     ------
-    ValueError
+    NoPictureError
         If the chirps tell no ranges.
     """
     array, radar = np.asarray(samples), run.radar
@@ -54,7 +58,7 @@ def shown(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any,
     if radar.waveform.multiplexing == "beam":
         array, radar = select_slot(array, radar, 0)
     if radar.waveform.slope == 0:
-        raise ValueError(
+        raise NoPictureError(
             f"'{run.path}': radar '{radar.name}' with preset '{radar.preset}' keeps its frequency and tells no ranges: "
             "there are no pictures of it; processing.range_doppler and micro_doppler give velocities"
         )

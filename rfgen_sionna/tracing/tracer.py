@@ -66,8 +66,8 @@ class Tracer:
     """Traces one radar in one scene with its actors.
 
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
-    and what they hide is traced anew. First order: every surface reflects with the Fresnel coefficients of its front as
-    that of a half-space; slabs, roughness and further bounces are not traced.
+    and what they hide is traced anew. First order: every surface reflects with its Fresnel coefficients, as a
+    half-space or a slab, and where it is rough diffusely as well; further bounces and what goes through are not traced.
 
     Parameters
     ----------
@@ -79,7 +79,8 @@ class Tracer:
     actors
         What moves.
     rtol
-        Allowed error of the static scene's coherent return, and of each actor's, relative to itself; it is measured
+        Allowed error of each actor's coherent return, relative to itself, and of the static scene's, relative to its
+        strongest surface or to what it returns without interfering; it is measured
         (:mod:`rfgen_sionna.tracing.accuracy`) and facets are made finer until it is met. Times `PHASE_PER_RTOL` it is
         the phase error [rad] and the relative error of the gains that splines in time may make.
     seed

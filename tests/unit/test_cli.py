@@ -74,7 +74,8 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         *("generate", "a person raises an arm", "--negative", "left arm", "--environment", "a living room"),
         *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
         *("--no-noise", "--rtol", "0.01", "--distance", "2", "--pir-resolution", "32x64", "--no-pictures"),
-        *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml", "--motion", "diffusion"),
+        *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml"),
+        *("--motion", "diffusion", "--collisions", "warn"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -98,6 +99,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "look_at": (3.0, 0.0, 1.0),
         "pir_resolution": (32, 64),
         "motion": "diffusion",
+        "collisions": "warn",
     }
     assert "action left_arm_raised or right_arm_raised" in out
     assert "wrote arm.h5" in out
