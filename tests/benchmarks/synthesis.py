@@ -205,6 +205,7 @@ def main() -> None:
     synthesize(radar, paths, 0.0, device="cpu")
     cascade = [timed(lambda: synthesize(radar, paths, 0.0, device="cpu"))[0] for _ in range(options.repeats)]
     result = {
+        "command": "python tests/benchmarks/synthesis.py --output tests/benchmarks/results",
         "seed": SEED,
         "paths": PATHS,
         "frame": {"awr1843": [128, 3, 4, 256], "mmwcas": list(radar.frame_shape)},
