@@ -86,7 +86,7 @@ class MovingParts:
             facets = [each.facets.take(kept) for each in seen]
             gains = [self._band(each, self._materials, expansion) for each in facets]
             found = self._measure(facets[middle], seen[middle].fraction[kept], gains[middle])
-            if float(found.error.max(initial=0.0)) <= 1.5 * self._rtol or attempt:
+            if float(found.error.max(initial=0.0)) <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
         for gain, each, there in zip(gains, seen, facets, strict=True):
@@ -134,6 +134,7 @@ class MovingParts:
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed."""
+        before = np.inf
         for attempt in range(MAX_ROUNDS):
             seen = self._see(t, positions, rays)
             kept = np.flatnonzero(seen.fraction > 0)
@@ -152,6 +153,10 @@ class MovingParts:
             coarse = error > self._rtol
             if not coarse.any():
                 return expansion
+            # More of the same is no use where the error hardly falls.
+            worst_before, before = before, float(error.max())
+            if before > 0.7 * worst_before:
+                break
             if attempt < MAX_ROUNDS - 1:
                 self._fineness[coarse] *= finer(error[coarse], self._rtol)
                 try:
