@@ -223,8 +223,9 @@ class Simulator:
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int) -> Iterator[Frame]:
         eps = max(0.3 * self.rtol, 1e-9)
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
+        moving = self.tracer.follow()
         for index, begin in enumerate(times):
-            traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length)
+            traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length, moving)
             if index == 0:
                 self._warn_silent()
                 # Nothing in it changes: one synthesis serves every frame.

@@ -99,7 +99,6 @@ class Tracer:
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol, seed)
-        self._moving = MovingParts(self.surfaces, self._band, self._viewpoint, radar.max_range, rtol)
         self._positions: dict[float, list[FloatArray]] = {}
         self._rays_time: float | None = None
 
@@ -114,12 +113,6 @@ class Tracer:
     def _static_rays(self) -> RayScene | None:
         """The static meshes alone; None where there are none."""
         return RayScene(self._static_meshes, origin=self._viewpoint) if self._static_meshes else None
-
-    def behind_scene(self, points: FloatArray) -> NDArray[np.bool_]:
-        """(point,) whether the static scene stands between the radar and each of `points` (point, 3) [m]."""
-        if self._static_rays is None:
-            return np.zeros(len(points), dtype=np.bool_)
-        return self._static_rays.occluded(self._viewpoint, points)
 
     @cached_property
     def _rays(self) -> RayScene:
@@ -138,9 +131,15 @@ class Tracer:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
+    def follow(self) -> MovingParts:
+        """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
+        the next. Results depend on what it went through before, so that every run begins with its own."""
+        return MovingParts(self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol)
+
     @one_blas_thread()
-    def trace(self, start: float, stop: float) -> Traced:
-        """Paths from `start` to `stop` [s], with as many knots as the motion asks for."""
+    def trace(self, start: float, stop: float, moving: MovingParts | None = None) -> Traced:
+        """Paths from `start` to `stop` [s], with as many knots as the motion asks for; `moving` is the run's, None is a
+        new one."""
         self._positions.clear()
         knots = instants = np.array([start])
         if self.actors:
@@ -148,13 +147,13 @@ class Tracer:
             knots = choose_knots(self._vertices, self._viewpoint, start, stop, *limits)
             faces = [actor.faces for actor in self.actors]
             instants = gain_knots(self._vertices, faces, self._viewpoint, knots, *limits)
-        return self._traced(knots if len(knots) > len(instants) else instants, instants)
+        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving or self.follow())
 
     @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:
         """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot."""
         self._positions.clear()
-        traced = self._traced(np.array([t]), np.array([t]))
+        traced = self._traced(np.array([t]), np.array([t]), self.follow())
         static = traced.static
         if len(traced.shaded):
             a = static.a.copy()
@@ -179,7 +178,7 @@ class Tracer:
         static = list(self.surfaces.static_vertices)
         return rays, [*static, *moving], [*([None] * len(static)), *velocities]
 
-    def _traced(self, knots: FloatArray, instants: FloatArray) -> Traced:
+    def _traced(self, knots: FloatArray, instants: FloatArray, parts: MovingParts) -> Traced:
         """Delays at `knots`, visibility and gains at `instants` [s]."""
         static = self.static
         shares: dict[float, FloatArray] = {}
@@ -193,7 +192,7 @@ class Tracer:
                 sent.append(count)
             return rays
 
-        moving = self._moving.trace(knots, instants, self._vertices, look)
+        moving = parts.trace(knots, instants, self._vertices, look)
         for t in instants.tolist():
             if t not in shares and self.actors and len(static.facets):
                 look(t)

@@ -294,6 +294,25 @@ def test_a_cube_has_the_frames_that_fit(moving: Any, radar: Any) -> None:
     assert len(moving.frame_times(radar.waveform.frame_length)) == 1
 
 
+def test_samples_do_not_depend_on_what_was_asked_before():
+    """To the bit, whatever the tracer learned meanwhile: facets made for one run don't serve the next."""
+    ball = rfgen.Actor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=3, radius=0.1), material="metal", position=(4, 0.2, 1),
+        velocity=(-20.0, 0, 0), name="ball",
+    )  # fmt: skip
+    board = rfgen.Actor.from_mesh(
+        trimesh.creation.box((0.01, 0.5, 0.5)), material="wood", position=(3, -0.5, 1), orientation=(0.3, 0, 0),
+        name="board",
+    )  # fmt: skip
+    radar = rfgen.Radar.load("awr1843", "di_gesture", position=(0, 0, 1))
+    simulator = rfgen.Simulator(None, radar, [ball, board], collisions="ignore")
+    once = simulator.adc(0.1)
+    simulator.paths(0.08)
+    simulator.pir(0.03, resolution=(8, 8))
+    np.testing.assert_array_equal(simulator.adc(0.1).data, once.data)
+    np.testing.assert_array_equal(rfgen.Simulator(None, radar, [ball, board]).adc(0.1).data, once.data)
+
+
 def test_the_seed_makes_the_noise(moving: Any, radar: Any) -> None:
     first, again, other = (moving.adc(0.1, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.data, again.data)
