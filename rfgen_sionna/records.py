@@ -187,6 +187,21 @@ class RadarPaths:
         """(len(t), time) matrix that takes values at the knots to values (or their derivative) at times `t` [s]."""
         return knot_weights(self.times, t, derivative)
 
+    def at(self, times: FloatArray) -> RadarPaths:
+        """The same paths with their values at other knots (time,) [s], taken from the spline."""
+        weights = self.weights(times)
+        direction, arrival = (np.einsum("nk,pki->pni", weights, each) for each in (self.direction, self.arrival))
+        return replace(
+            self,
+            a=self.a @ weights.T,
+            tau=self.tau @ weights.T,
+            tau_rate=self.tau @ self.weights(times, 1).T if len(self.times) > 1 else self.tau_rate @ weights.T,
+            times=np.asarray(times, dtype=np.float64),
+            direction=direction / np.linalg.norm(direction, axis=2, keepdims=True),
+            arrival=arrival / np.linalg.norm(arrival, axis=2, keepdims=True),
+            dispersion=None if self.dispersion is None else self.dispersion @ weights.T,
+        )
+
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> RadarPaths:
         """The paths that `chosen` (path,) marks or counts out, in its order."""
         return replace(

@@ -34,6 +34,9 @@ _GRID, _MOST_GRID = 150_000, 600_000  # cells at a time, 1.2 MB; where they are 
 _SHARE = 12
 _MOST_POWERS = 40
 
+SPLINE_KNOTS = 4
+"""Knots from which on a spline is a cubic."""
+
 
 def synthesize(
     radar: Radar,
@@ -89,6 +92,9 @@ def synthesize(
                 f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from "
                 f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
+        if len(paths.times) < SPLINE_KNOTS:
+            # Two or three knots are a polynomial in the delay; the phase is quadratic in it and takes a spline of more.
+            paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * SPLINE_KNOTS + 1))
     device = chosen_device(device)
     samples = np.zeros(radar.frame_shape, dtype=np.complex128)
     if paths.num_paths == 0:

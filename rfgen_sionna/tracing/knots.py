@@ -137,7 +137,9 @@ def gain_knots(
             before = now
         return worst
 
-    strides = [n for n in (8, 4, 2, 1) if (len(knots) - 1) % n == 0 and (len(knots) - 1) // n >= FIRST_COUNT - 1]
+    strides = [
+        n for n in (32, 16, 8, 4, 2, 1) if (len(knots) - 1) % n == 0 and (len(knots) - 1) // n >= FIRST_COUNT - 1
+    ]
     for stride in strides:
         times = knots[::stride]
         if len(times) == 1 or (times[1] - times[0] <= max_spacing * (1 + 1e-9) and error(times) <= tolerance):

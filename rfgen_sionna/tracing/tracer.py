@@ -24,8 +24,11 @@ from rfgen_sionna.tracing.surfaces import collect_surfaces
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
 
-PHASE_PER_RTOL = 3.0
-"""Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`."""
+PHASE_PER_RTOL = 0.5
+"""Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`: at 1e-3 no instant is off by
+0.1 degrees."""
+GAIN_PER_RTOL = 3.0
+"""Relative error of the gains between instants [root mean square over the facets] per unit of `rtol`."""
 VISIBILITY_SPACING = 10e-3
 """Longest gap between instants at which gains and visibility are traced [s]; delays may have more knots."""
 
@@ -81,8 +84,8 @@ class Tracer:
     rtol
         Allowed error of each actor's coherent return, relative to itself, and of the static scene's, relative to its
         strongest surface or to what it returns without interfering; it is measured
-        (:mod:`rfgen_sionna.tracing.accuracy`) and facets are made finer until it is met. Times `PHASE_PER_RTOL` it is
-        the phase error [rad] and the relative error of the gains that splines in time may make.
+        (:mod:`rfgen_sionna.tracing.accuracy`) and facets are made finer until it is met. Times
+        `PHASE_PER_RTOL` and `GAIN_PER_RTOL` it is what splines in time may err by.
     seed
         Seed of the phases of what rough surfaces return diffusely.
     """
@@ -143,10 +146,10 @@ class Tracer:
         self._positions.clear()
         knots = instants = np.array([start])
         if self.actors:
-            limits = (self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING)
-            knots = choose_knots(self._vertices, self._viewpoint, start, stop, *limits)
-            faces = [actor.faces for actor in self.actors]
-            instants = gain_knots(self._vertices, faces, self._viewpoint, knots, *limits)
+            highest, faces = self._band.highest, [actor.faces for actor in self.actors]
+            phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
+            knots = choose_knots(self._vertices, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
+            instants = gain_knots(self._vertices, faces, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING)
         return self._traced(knots if len(knots) > len(instants) else instants, instants, moving or self.follow())
 
     @one_blas_thread()

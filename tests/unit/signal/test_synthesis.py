@@ -104,6 +104,24 @@ def test_delay_follows_its_knots_through_the_frame(motion, limit):
     assert relative(found, direct_sum(radar, delay, gain)) < limit
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_few_knots_are_a_polynomial_in_the_delay(count):
+    """A steady speed by two knots, an acceleration by three, over a whole frame: exact, though the phase is not one."""
+    rng = np.random.default_rng(4)
+    radar = small_radar(loops=128, num_samples=16)
+    gain = random_gains(rng, radar, 4)
+    start_range, speed, acceleration = rng.uniform(1, 8, 4), rng.uniform(-50, 50, 4), 50.0 * (count - 2)
+
+    def delay(t, tx, rx):
+        t = np.asarray(t)
+        away = start_range[:, None] + speed[:, None] * t + 0.5 * acceleration * t**2
+        return 2 * (away + 0.01 * (tx + rx)) / SPEED_OF_LIGHT
+
+    knots = np.linspace(0, radar.waveform.frame_length, count)
+    found = synthesize(radar, make_paths(radar, gain, delay, knots), 0.0, eps=1e-7)
+    assert relative(found, direct_sum(radar, delay, gain)) < 1e-6
+
+
 def test_gain_changes_over_the_band_as_the_paths_say():
     """Dispersion is a polynomial in the instantaneous frequency, conjugated by the mixer."""
     rng = np.random.default_rng(5)
