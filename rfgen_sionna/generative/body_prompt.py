@@ -153,13 +153,14 @@ class BodyWords:
         """Take height, weight and age given as numbers."""
         for pattern in HEIGHT_PATTERNS:
             for m in reader.take(pattern):
-                self._value(reader, m, "height", number(m["value"]) * METRES[m["unit"][0]])
+                self.take_value(reader, m, "height", number(m["value"]) * METRES[m["unit"][0]])
         for m in reader.take(WEIGHT_PATTERN):
-            self._value(reader, m, "weight", number(m["value"]) * KILOGRAMS[m["unit"][0]])
+            self.take_value(reader, m, "weight", number(m["value"]) * KILOGRAMS[m["unit"][0]])
         for m in reader.take(AGE_PATTERN):
-            self._value(reader, m, "age", number(m["value"] or m["value2"]))
+            self.take_value(reader, m, "age", number(m["value"] or m["value2"]))
 
-    def _value(self, reader: Reader, match: re.Match[str], trait: str, value: float) -> None:
+    def take_value(self, reader: Reader, match: re.Match[str], trait: str, value: float) -> None:
+        """Take the number that a phrase gives for a trait, in the unit of its limits."""
         low, high, unit = _LIMITS[trait]
         value = round(value, 3)
         if not low <= value <= high:

@@ -12,7 +12,9 @@ from rfgen_sionna.generative.reading import Reader, compile_pattern, number
 from rfgen_sionna.generative.surroundings import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.vocabulary import (
     ACTION_PATTERNS,
+    BARE_LENGTH,
     BEARING_PATTERNS,
+    BEHIND,
     BOTH_HANDS,
     DISTANCE_PATTERNS,
     FILLERS,
@@ -23,9 +25,11 @@ from rfgen_sionna.generative.vocabulary import (
     PACE_PATTERNS,
     PERSON,
     PLURAL,
+    SEVERAL_NUMBERS,
     SPEED_PATTERNS,
     TO_AND_FRO,
     TURN_PATTERN,
+    UNREAD_DISTANCE,
     WAY_PATTERNS,
     WAYS,
 )
@@ -65,26 +69,28 @@ def read_wanted(text: str) -> Phrases:
     """Read a prompt.
 
     Raises:
-        PromptError: more than one person, or a number out of range.
+        PromptError: more than one person, two numbers for one value, a place behind the radar or one that is
+            unknown, or a number out of range.
     """
     text, scenes = split_keyword(text)
     said = Phrases(Reader(text), scenes=scenes)
     reader = said.reader
     reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
+    _refuse_misreadable(reader.text)
     said.body.read_numbers(reader)
     for pattern in DISTANCE_PATTERNS:
         for m in reader.take(pattern):
-            metres = round(number(m["value"]) * METRES[(m.groupdict().get("unit") or "m")[0]], 3)
-            if metres <= 0:
-                raise PromptError(f"distance: {m.group()!r} is {metres:g} m; it must be positive")
-            said.distances.append((m.group(), metres))
-            reader.note(m, f"distance {metres:g} m")
+            _distance(said, m, m["value"], m.groupdict().get("unit") or "m")
+    for m in reader.take(BARE_LENGTH):
+        _bare_length(said, m)
+    unread = compile_pattern(UNREAD_DISTANCE).search(reader.text)
+    if unread:
+        raise PromptError(f'distance: {unread.group()!r} is no number of metres; write it like "at 2.5 m"')
     for pattern in BEARING_PATTERNS:
         for m in reader.take(pattern):
             _bearing(said, m)
     _read_common(said)
     _read_second_halves(said)
-    refuse_unknown_place(reader)
     for m in reader.take(
         r"(?:(?:with|using|by) )?<a>(?P<side>left|right) (?:hand|arm|index finger|finger)|hand (?P<side2>left|right)"
     ):
@@ -98,7 +104,50 @@ def read_wanted(text: str) -> Phrases:
     for m in reader.take(PERSON):
         said.targets.append(m.group())
         reader.note(m, "target person" + said.body.read_noun(m.group()))
+    refuse_unknown_place(reader)
     return said
+
+
+def _refuse_misreadable(text: str) -> None:
+    several = compile_pattern(SEVERAL_NUMBERS).search(text)
+    if several:
+        what = (
+            "distance"
+            if compile_pattern(r"[a-z\d. ]*(?:m|met(?:re|er)s?|cm|feet|foot|ft)").fullmatch(several.group())
+            else "numbers"
+        )
+        raise PromptError(f"{what}: the prompt names several: {several.group()!r}; give one number")
+    behind = compile_pattern(BEHIND).search(text)
+    if behind:
+        raise PromptError(
+            f"azimuth: {behind.group()!r} is where the radar sees nothing; a person stands before it, at an azimuth "
+            "of -90° to 90°"
+        )
+
+
+def _distance(said: Phrases, match: re.Match[str], value: str, unit: str) -> None:
+    metres = round(number(value) * METRES[unit[0]], 3)
+    if metres <= 0:
+        raise PromptError(f"distance: {match.group()!r} is {metres:g} m; it must be positive")
+    said.distances.append((match.group(), metres))
+    said.reader.note(match, f"distance {metres:g} m")
+
+
+def _bare_length(said: Phrases, match: re.Match[str]) -> None:
+    """A length with no word for what it measures: a height if it is written as heights of people are."""
+    value, unit = (match["value"], match["unit"]) if match["value"] else (match["value2"], match["unit2"])
+    metres = number(value) * METRES[unit[0]]
+    if not 1.3 <= metres <= 2.3:
+        _distance(said, match, value, unit)
+    elif unit[0] == "c" or (unit[0] == "f" and "." in value):  # centimetres, feet and inches
+        said.body.take_value(said.reader, match, "height", metres)
+    elif {"weight", "age"} & said.body.values.keys() and "height" not in said.body.values:
+        raise PromptError(
+            f"distance: {match.group()!r} may be a height or a distance; "
+            f'write "{metres:g} m tall" or "{metres:g} m away"'
+        )
+    else:
+        _distance(said, match, value, unit)
 
 
 def _bearing(said: Phrases, match: re.Match[str]) -> None:
@@ -193,7 +242,10 @@ def _read_common(said: Phrases) -> None:
         reader.take(TO_AND_FRO, "action walk")
     reader.take(IN_VIEW, "within the radar's view, where everything is")
     for m in [*reader.take(ORIENTATION_NUMBER), *reader.take(TURN_PATTERN)]:
-        angle = number(m["angle"]) * (-1.0 if m["side"] == "right" else 1.0) % 360.0
+        turned = number(m["angle"])
+        if not -180.0 <= turned <= 360.0:
+            raise PromptError(f"orientation: {m.group()!r} is {turned:g}°; allowed are 0° to 360° or -180° to 180°")
+        angle = turned * (-1.0 if m["side"] == "right" else 1.0) % 360.0
         said.orientations.append((m.group(), angle))
         reader.note(m, f"orientation {angle:g}°")
     for angle, pattern in ORIENTATION_PATTERNS:

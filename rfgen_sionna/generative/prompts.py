@@ -19,8 +19,8 @@ from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, Decisio
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.kinematic import preferred_hand
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.reading import compile_pattern
-from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment
+from rfgen_sionna.generative.reading import compile_pattern, normalise, split_negative
+from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment, split_keyword
 from rfgen_sionna.generative.vocabulary import NEGATION
 
 T = TypeVar("T")
@@ -121,25 +121,29 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
     """Read what a prompt and a negative prompt ask for.
 
     Args:
-        prompt: a sentence or keywords, such as "a tall man picks something up, facing left, at 2.5 m".
+        prompt: a sentence or keywords, such as "a tall man picks something up, facing left, at 2.5 m"; what follows
+            the keyword "negative:" joins the negative prompt.
         negative: what is not wanted: it takes away choices, such as "left arm", "facing away" or "child".
         seed: seed for what both leave open.
 
     Raises:
-        PromptError: no known target or action, several of them, unknown surroundings, a negation inside `prompt`, a
-            number out of range, or two statements that contradict each other. The message lists what is known.
+        PromptError: no known target or action, several of them, unknown surroundings, a negation inside either prompt,
+            a number out of range, or two statements that contradict each other. The message lists what is known.
         ValueError: a seed that is none.
     """
     check_seed(seed)
     for name, text in (("prompt", prompt), ("negative", negative)):
         if not isinstance(text, str):
             raise TypeError(f"{name}: expected a text, got {type(text).__name__}")
-    said, denied = read_wanted(prompt), read_unwanted(negative)
-    negation = compile_pattern(NEGATION).search(" ".join(said.unused))
-    if negation:
-        raise PromptError(
-            f"prompt: {negation.group()!r} negates something; say what you don't want in the negative prompt instead"
-        )
+    wanted, unwanted = split_negative(prompt)
+    negative = ", ".join(part for part in (negative, unwanted) if part)
+    said, denied = read_wanted(wanted), read_unwanted(negative)
+    _refuse_negation(
+        wanted, said, "prompt: {!r} negates something; say what you don't want in the negative prompt instead"
+    )
+    _refuse_negation(
+        negative, denied, "negative prompt: {!r} negates what is forbidden already; name just what is not wanted"
+    )
     if denied.targets and not denied.reader.understood:
         raise PromptError(f"negative prompt: {denied.targets[0]!r} forbids the only target that is known, a person")
     named = ("target", "action", "orientation", "distance", "azimuth", "speed", "surroundings")
@@ -195,6 +199,16 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         unused=(*said.unused, *unused, *denied.unused),
         origins=origins | from_words,
     )
+
+
+def _refuse_negation(text: str, read: Phrases, message: str) -> None:
+    # Words of an action swallow a negation ("picks up a box without bending"), so the whole text counts; but
+    # "minus 30 degrees" is a number, and "environment: nothing" a place.
+    pattern = compile_pattern(NEGATION)
+    everything = [m for m in pattern.finditer(normalise(split_keyword(text)[0])) if m.group() != "minus"]
+    negation = [*everything, *pattern.finditer(" ".join(read.unused))]
+    if negation:
+        raise PromptError(message.format(negation[0].group()))
 
 
 def check_seed(seed: int) -> None:

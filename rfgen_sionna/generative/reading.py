@@ -31,6 +31,9 @@ _TAKEN = "~"
 _VALUE_KEY = re.compile(
     r"""["']?\b(orientation|facing|distance|range|azimuth|bearing|height|weight|age|hand)\b["']?\s*[:=]\s*"""
 )
+_NEGATIVE_KEY = re.compile(r"""["']?\bnegative(?:[ _]prompt)?\b["']?\s*[:=]\s*""", re.IGNORECASE)
+_ANY_KEY = re.compile(r"""["']?\b[a-z]+(?:[ _]prompt)?\b["']?\s*[:=]|[;\n}]""", re.IGNORECASE)
+_EXPONENT = re.compile(r"(?<![\w.])(\d{1,9}(?:\.\d+)?)e([+-]?\d{1,2})(?!\d|\.\d)")
 _PLAIN_KEY = re.compile(
     r"""["']?\b(?:action|activity|motion|movement|gesture|pose|posture|target|subject|person|gender|sex|body|build"""
     r"""|speed|pace)\b["']?\s*[:=]\s*"""
@@ -67,6 +70,25 @@ def _feet(match: re.Match[str]) -> str:
     return f"{int(match[1]) + int(match[2]) / 12:.3f} ft"
 
 
+def _expand(match: re.Match[str]) -> str:
+    digits = f"{float(match.group()):.9f}".rstrip("0")
+    return digits.removesuffix(".")
+
+
+def split_negative(text: str) -> tuple[str, str]:
+    """Take "negative: left arm, facing away" out of a prompt: the rest, and what it does not want.
+
+    What is not wanted goes on to the next keyword, the next ";", the next line or the end.
+    """
+    unwanted = []
+    while match := _NEGATIVE_KEY.search(text):
+        following = _ANY_KEY.search(text, match.end())
+        end = following.start() if following else len(text)
+        unwanted.append(text[match.end() : end].strip(" ,.\"'"))
+        text = f"{text[: match.start()]} , {text[end:]}"
+    return text, ", ".join(words for words in unwanted if words)
+
+
 def normalise(text: str) -> str:
     """Lower case, one kind of separator (","), units apart from their numbers, no hyphens or apostrophes.
 
@@ -75,6 +97,8 @@ def normalise(text: str) -> str:
     text = unicodedata.normalize("NFKC", text).lower()
     text = _PLAIN_KEY.sub(" , ", _VALUE_KEY.sub(r" , \1 ", text))
     text = re.sub(r"(\d),(\d{1,2})(?!\d)", r"\1.\2", text)  # decimal comma
+    text = _EXPONENT.sub(_expand, text)
+    text = re.sub(r"(\d)\s*[-–—−]\s*(?=\d)", r"\1 to ", text)
     text = re.sub(r"(^|\s)[-−](?=\d)", r"\1minus ", text)
     text = text.replace("°", " degrees ").replace("m/s", " mps ")
     text = _EITHER.sub("either", text)
@@ -91,7 +115,7 @@ class Reader:
     """A text from which phrases are taken one after another; what is left has not been understood."""
 
     def __init__(self, text: str) -> None:
-        self.text = normalise(text)
+        self.text = self.said = normalise(text)
         self.understood: list[tuple[str, str]] = []
 
     def take(self, pattern: str, meaning: str | None = None) -> list[re.Match[str]]:

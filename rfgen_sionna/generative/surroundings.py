@@ -12,7 +12,9 @@ from rfgen_sionna.generative.vocabulary import (
     FILLERS,
     FREE_SPACE,
     NEGATION,
+    NO_PLACES,
     NO_SCENE,
+    PLACE_LIKE,
     SCENE_PATTERNS,
     SCENE_PREFIX,
     UNKNOWN_PLACE,
@@ -25,6 +27,9 @@ KNOWN = f"known: {NOWHERE}, {', '.join(sorted(SCENE_PATTERNS))}"
 _KEYWORD = re.compile(
     r"""["']?\b(?:environment|surroundings|scene|location|place|room|background|setting)\b["']?\s*[:=]([^,;.\n}]*)""",
     re.IGNORECASE,
+)
+_SOMETHING_ELSE = re.compile(
+    r"\w*\d|(?:at|in|with|facing|looking|turned|away|towards?|from|very|fast|quick|and|[a-z]+ly)\b"
 )
 
 
@@ -113,6 +118,14 @@ def refuse_unknown_place(reader: Reader) -> None:
     Raises:
         PromptError: naming the place and the scenes that are known.
     """
-    match = compile_pattern(UNKNOWN_PLACE).search(reader.text)
-    if match:
-        raise PromptError(f"surroundings: {match.group()!r} names none that is known; {KNOWN}")
+    found = [m.group() for m in compile_pattern(UNKNOWN_PLACE).finditer(reader.text)]
+    for match in compile_pattern(PLACE_LIKE).finditer(reader.text):
+        start, end = match.span("place")
+        # an action at the end ("in a big jump") is no place; where something else that was read follows, it may be
+        after = re.search(r"(?<=[a-z]) ~", match["place"])
+        if after and _SOMETHING_ELSE.match(reader.said, start + after.start() + 1):
+            end = start + after.start()
+        if "~" not in reader.text[end - 1] and not NO_PLACES.intersection(reader.text[start:end].split()):
+            found.append(reader.said[match.start() : end])
+    if found:
+        raise PromptError(f"surroundings: {found[0]!r} names none that is known; {KNOWN}")

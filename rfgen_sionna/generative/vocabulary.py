@@ -20,6 +20,8 @@ _ARM, _LEG = r"(?:arm|hand)", r"(?:leg|foot|knee)"
 _UP = r"(?:up(?: high)?|high|upwards?|overhead|aloft|raised|lifted|in the air|into the air|(?:above|over) <a>head)"
 _HELD = r"(?:<hold|held>|<put>|<stretch>|<keep|kept>|<throw|threw>)"
 _RAISE = r"(?:<raise>|<lift>)"
+_RAISES = r"(?:raises?|raising|lifts?|lifting)(?! (?:up )?(?:an?|the|his|her|their|its|my|your|one|both|two|left|right|arms?|hands?|legs?)\b)"
+"""As a noun, "a left arm raise": nothing that is raised follows."""
 _LEFT_AND_RIGHT = (
     rf"<a>(?:left (?:{_ARM} )?and (?:also )?<a>right|right (?:{_ARM} )?and (?:also )?<a>left) (?:arms?|hands?)"
 )
@@ -29,6 +31,7 @@ _HAND = r"(?:with )?<a>(?:(?P<side>left|right) )?(?:open )?(?:hand|arm|palm|inde
 _GESTURE = r"(?:gesture|motion|movement)s?"
 TO_AND_FRO = (
     r"(?:back and forth|back and forwards?|to and fro|up and down|forwards? and backwards?|forth and back"
+    rf"|backwards? and forwards?|forwards? and then back(?:wards?)?"
     rf"|towards? and away from {_RADAR}|(?:(?:towards?|up to|to) {_RADAR}|away(?: from {_RADAR})?) and (?:then )?"
     rf"(?:(?:<walk>|<go|went>|<come|came>|<move>) )?(?:back|away(?: from (?:it|{_RADAR}))?)(?: again)?)"
 )
@@ -59,10 +62,14 @@ ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
     ("{side}_arm_raised", rf"{_HELD} <a>{_SIDE}{_ARM} {_UP}"),
     ("{side}_arm_raised", rf"{_HELD} up <a>{_SIDE}{_ARM}"),
     ("{side}_arm_raised", rf"<a>{_SIDE}{_ARM} (?:is )?(?:being )?(?:(?:held|stretched) )?{_UP}"),
+    ("{side}_arm_raised", rf"<a>{_SIDE}{_ARM} {_RAISES}"),
+    ("{side}_arm_raised", rf"(?:raise|raising|lift|lifting) of <a>{_SIDE}{_ARM}"),
     ("{side}_leg_raised", rf"{_RAISE} (?:up )?<a>{_SIDE}{_LEG}(?: {_UP})?"),
     ("{side}_leg_raised", rf"{_HELD} <a>{_SIDE}{_LEG} {_UP}"),
     ("{side}_leg_raised", rf"{_HELD} up <a>{_SIDE}{_LEG}"),
     ("{side}_leg_raised", rf"<a>{_SIDE}{_LEG} (?:is )?(?:being )?(?:(?:held|stretched) )?{_UP}"),
+    ("{side}_leg_raised", rf"<a>{_SIDE}{_LEG} {_RAISES}"),
+    ("{side}_leg_raised", rf"(?:raise|raising|lift|lifting) of <a>{_SIDE}{_LEG}"),
     ("{other}_leg_raised", rf"(?:<stand|stood>|<balance>) (?:only )?on (?:only )?<a>{_SIDE}{_LEG}(?: only)?"
                            rf"(?: , (?:the )?(?P<side2>left|right) (?:one|{_LEG}))?"),
     ("finger_swing", r"(?:<swing|swung>|<wag>|<wiggle>|<wave>) <a>(?:(?P<side>left|right) )?(?:index )?fingers?"
@@ -146,13 +153,33 @@ DISTANCE_PATTERNS: tuple[str, ...] = (
     rf"(?:at |from )?<a>(?:distance|range) (?:of )?{_LENGTH}(?: (?:away )?(?:from|to|of) {_RADAR})?",
     rf"(?:at )?{_LENGTH} (?:away(?: from {_RADAR})?|from {_RADAR}|in front of {_RADAR}|distant|distance|off)",
     rf"at {_LENGTH}(?! (?:tall|high|per))",
-    rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)",
     r"distance (?P<value><n>)(?= ,|$)",
 )
 """Where no unit follows a keyword ("distance: 2"), it is metres."""
+BARE_LENGTH = (
+    rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)|(?:(?<=man )|(?<=male )|(?<=person )|(?<=adult )|(?<=~ ))(?:of )?"
+    rf"{_LENGTH.replace('<value>', '<value2>').replace('<unit>', '<unit2>')}(?= (?:,|and|~)|$)"
+)
+"""A length with no word for what it measures: a distance, or a height beside a person."""
+_UNIT = r"(?:m|met(?:re|er)s?|cm|centimet(?:re|er)s?|feet|foot|ft)"
+SEVERAL_NUMBERS = (
+    rf"(?:between )?<n> (?:to|or|till|until|through) <n> (?:{_UNIT}|degrees?|kg|kilos?|kilograms?|lbs?|pounds?|years?)"
+    rf"|between <n> and <n> [a-z]+|<n> {_UNIT}(?: (?:to|or|and|till|until))?(?: at)? <n> {_UNIT}(?! (?:tall|high|in height))"
+    r"|(?:distance|range|azimuth|bearing|orientation|height|weight|age)(?: of)? <n> (?:to|or|till|until|through) <n>"
+)
+"""Two numbers for one value: "at 2-3 m", "between 2 and 3 m", "at 2 m and 3 m"."""
+UNREAD_DISTANCE = (
+    rf"(?:at|distance|range)(?: of)? (?:minus )?[\w.]*\d[\w.]*(?: [a-z]{{1,2}}\d*)? {_UNIT}(?! (?:tall|high|per))"
+)
+"""A distance whose number is not one."""
+PERSON = (
+    r"(?:persons?|people|humans?(?: beings?)?|someone|somebody|individuals?|subjects?|pedestrians?|m[ae]n|wom[ae]n|guys?|lad(?:y|ies)"
+    r"|gentlem[ae]n|adults?|child(?:ren)?|kids?|boys?|girls?|teen(?:ager)?s?|seniors?|elders?|males?|females?|he|she)"
+)
 HEIGHT_PATTERNS: tuple[str, ...] = (
     rf"(?:<a>height (?:of )?){_LENGTH}(?: tall)?",
     rf"{_LENGTH} (?:tall|high|in height)",
+    rf"(?<=\ba ){_LENGTH}(?= (?:(?!(?:an?|the|distant|away|distance|range|wide|long|from)\b)[a-z]+ ){{0,2}}{PERSON})",
 )
 WEIGHT_PATTERN = (
     r"(?:(?:<weigh>|weight)(?: of)? )?"
@@ -180,10 +207,6 @@ PACE_PATTERNS: tuple[tuple[float, str], ...] = (
 """The same as a noun, to be read before the verb that "pace" is as well."""
 """(factor on the usual speed, pattern)."""
 
-PERSON = (
-    r"(?:persons?|people|humans?(?: beings?)?|someone|somebody|individuals?|subjects?|pedestrians?|m[ae]n|wom[ae]n|guys?|lad(?:y|ies)"
-    r"|gentlem[ae]n|adults?|child(?:ren)?|kids?|boys?|girls?|teen(?:ager)?s?|seniors?|elders?|males?|females?|he|she)"
-)
 PLURAL = (
     r"(?:persons|people|humans|individuals|subjects|pedestrians|men|women|guys|ladies|gentlemen|adults|children|kids|boys|girls"
     r"|teen(?:ager)?s|seniors|elders|couple|crowd|group|family)"
@@ -227,7 +250,33 @@ UNKNOWN_PLACE = (
 """How places are said that are no scene of ours, so that they are refused and not replaced by free space."""
 
 BOTH_HANDS = r"(?:both|two) (?:of )?<a>(?:arms|hands)|hands|arms"
-NEGATION = r"(?:not|never|no|without|neither|nor|except|instead of|rather than)"
+NEGATION = (
+    r"(?:not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
+    r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"
+    r"|other than|anything but|(?:<refuse>|<fail>|unable) to|<lack>|omit(?:s|ted|ting)?)"
+)
+BEHIND = rf"(?:<n> {_UNIT} )?behind {_RADAR}"
+"""Where nothing is seen."""
+PLACE_LIKE = (
+    r"(?:in|inside|within) (?:an?|the|his|her|their|my|your|our|some) "
+    r"(?P<place>[a-z~]+(?: (?!(?:with|while|who|which|that|and|or|then|at|in|on|to|from|for|facing|by|near|of|a|an|the)\b)[a-z~]+){0,4})"
+)
+"""What stands where a place is said."""
+NO_PLACES = frozenset({
+    "manner", "way", "ways", "fashion", "style", "hurry", "rush", "air", "place", "pose", "position", "posture",
+    "stance", "shape", "row", "loop", "circle", "circles", "line", "direction", "rhythm", "mood", "motion",
+    "movement", "gesture", "middle", "center", "centre", "front", "foreground", "background", "distance", "view",
+    "range", "field", "radar", "sensor", "camera", "morning", "afternoon", "evening", "night", "dark", "light",
+    "rain", "sun", "wind", "snow", "cold", "heat", "end", "beginning", "past", "future", "meantime", "moment", "time",
+    "second", "minute", "seconds", "minutes", "series", "sequence", "burst", "sweep", "arc", "pattern", "order",
+    "speed", "pace", "tempo", "half", "hand", "hands", "arm", "arms", "pocket", "pockets", "head", "mind", "body",
+    "lap", "fist", "coat", "jacket", "suit", "dress", "shirt", "hat", "hoodie", "sweater", "skirt", "uniform",
+    "costume", "outfit", "clothes", "shoes", "boots", "chair", "wheelchair", "squat", "crouch", "lunge", "state",
+    "form", "frame", "case", "zigzag", "spiral", "bit", "while", "flash", "spin", "jump", "step", "steps", "walk",
+    "angle", "zone", "area", "scene", "picture", "thirties", "forties", "fifties",
+    "sixties", "seventies", "eighties", "twenties", "teens",
+})  # fmt: skip
+"""Nouns that follow "in a" and name no surroundings: "in a repetitive manner", "in a red coat"."""
 FILLERS = frozenset({
     "a", "an", "the", "of", "is", "are", "be", "being", "been", "and", "or", "with", "while", "who", "whose",
     "that", "which", "in", "on", "at", "to", "into", "by", "for", "as", "there", "this", "it", "its", "he", "she",

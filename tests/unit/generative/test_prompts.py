@@ -21,6 +21,7 @@ from rfgen_sionna.scene import available_scenes
 
 PARAPHRASES = {
     "walk": [
+        "a person walks backwards and forwards",
         "a person walking back and forth",
         "Someone strolls around in front of the radar",
         "a pedestrian paces to and fro",
@@ -70,6 +71,7 @@ PARAPHRASES = {
         "a kid holding both hands above the head",
     ],
     "left_arm_raised": [
+        "a person is doing a left arm raise",
         "left arm raised, person",
         "somebody holds up the left arm",
         "Person raising left hand",
@@ -199,6 +201,8 @@ def test_orientation(phrase: str, angle: float) -> None:
         ("at a distance of 350 cm from the radar", 3.5),
         ("10 feet away", 3.048),
         ("at about twenty five metres", 25.0),
+        ("at 190 cm", 1.9),
+        ("at 1e1 m", 10.0),
     ],
 )
 def test_distance(phrase: str, metres: float) -> None:
@@ -217,6 +221,10 @@ def test_lengths_that_are_no_distances_are_not_read_as_one() -> None:
 def test_numbers_of_the_body_are_taken_as_they_are() -> None:
     body = parse_prompt("an adult male, 35 years old, 1.82 m tall, weighing 82 kg, stands still").body
     assert (body.gender, body.age_years, body.height_m, body.weight_kg) == ("male", 35, 1.82, 82)
+    for phrase in ("standing still, 190cm, 100 kilos", "standing still, 100 kilos, 190 cm", "190 cm, 100 kg, standing"):
+        scene = parse_prompt(f"a person {phrase}")
+        assert (scene.distance_m, scene.body.height_m, scene.body.weight_kg) == (None, 1.9, 100)
+    assert parse_prompt("a 1.9 m man walks").body.height_m == 1.9
     assert parse_prompt("a 5 ft 10 in tall man walks").body.height_m == pytest.approx(1.778)
     assert parse_prompt("a 30-year-old woman weighing 150 lbs pulls").body.weight_kg == pytest.approx(68.04, abs=0.01)
 
@@ -340,6 +348,25 @@ def test_contradictions_are_refused_by_name(prompt: str, negative: str, field: s
         ("women walking", "more than one person"),
         ("a person walking and jumping", r"several \('walking', 'jumping'\)"),
         ("a person walking without arms", "negative prompt instead"),
+        *(
+            (f"a person jumping {word} facing away", f"'{word.split()[-1] if word == 'but not' else word}.* negates")
+            for word in ("excluding", "except", "avoids", "avoiding", "rather than", "but not", "minus")
+        ),
+        ("a person jumping instead of facing away", "'instead' negates"),
+        ("a person stops walking", "'stops' negates"),
+        ("a person used to walk", "'used to' negates"),
+        ("a person picks up a box without bending", "'without' negates"),
+        ("a person jumping, orientation: 400", "orientation: .*400°.* 0° to 360° or -180° to 180°"),
+        ("a person jumping, turned -200 degrees", "orientation: .*-200°"),
+        ("a person jumping behind the radar", "azimuth: 'behind the radar'"),
+        ("a person jumping 2 m behind the radar", "azimuth: '2 m behind the radar'"),
+        ("a person jumping at 2 m and 3 m", "distance: .*several: '2 m and 3 m'"),
+        ("a person jumping at 2-3 m", "distance: .*several"),
+        ("a person jumping, distance: 2-3", "several: 'distance 2 to 3'"),
+        ("a person jumping 2 m 50 cm away", "distance: .*several"),
+        ("a person jumping at 1e30 m", "distance: .*no number of metres"),
+        ("a person jumping at 2x m", "distance: .*no number of metres"),
+        ("a person standing, 1.9 m, 100 kg", 'distance: .*write "1.9 m tall" or "1.9 m away"'),
         ("a person isn't walking", "negative prompt instead"),
         ("a person jumping, 0 m away", "must be positive"),
         ("a man, 300 kg, jumping", "12 to 200 kg"),
@@ -398,6 +425,11 @@ SENTENCES: list[tuple[str, dict[str, Any]]] = [
     ("a person quickly swipes to the right", {"action": "swipe_right", "speed": 1.3}),
     ("a person swipes quickly to the left with the left hand", {"action": "swipe_left", "hand": "left", "speed": 1.3}),
     ("action: push", {"action": "push"}),
+    ("action: jump, negative: facing away", {"orientation_deg": None, "negative": "facing away"}),
+    ("a person jumping, negative: facing forward, sideways; distance: 2 m",
+     {"orientation_deg": 180, "distance_m": 2, "negative": "facing forward, sideways"}),
+    ('{"action": "raises an arm", "negative_prompt": "left arm", "target": "man"}', {"action": "right_arm_raised"}),
+    ("a person jumping at 3 m and 1.8 m tall", {"distance_m": 3}),
     ("Action: jumping jacks; target: woman; orientation: 90; distance: 2 m; environment: living room",
      {"action": "jumping_jacks", "orientation_deg": 90, "distance_m": 2, "surroundings": "living_room"}),
     ("action=push, hand=left, distance=2, azimuth=-10",
@@ -447,6 +479,8 @@ def test_keywords_describe_the_body() -> None:
         ("a person walking in Munich or Florence", "surroundings: .*several"),
         ("a person walking in a kitchen", r"surroundings: 'in a kitchen' names none that is known; .*living_room"),
         ("a person walking in a small modern office", "surroundings: 'in a small modern office'"),
+        ("a person walking in a moonbase", r"surroundings: 'in a moonbase' names none that is known; .*living_room"),
+        ("a person walking in the small moonbase at 3 m", "surroundings: 'in the small moonbase'"),
         ("a person jumping outdoors", "surroundings: 'outdoors'.*free space"),
         ("a person walks across the room", "surroundings: 'across the room'"),
         ("action: push, environment: moon base", "environment: 'moon base' names no scene"),
@@ -456,6 +490,31 @@ def test_keywords_describe_the_body() -> None:
 def test_what_would_be_misread_is_refused(prompt: str, message: str) -> None:
     with pytest.raises(PromptError, match=message):
         parse_prompt(prompt)
+
+
+@pytest.mark.parametrize(
+    "phrase",
+    [
+        "in a repetitive manner",
+        "in place",
+        "in the air",
+        "in front of the radar",
+        "in a hurry",
+        "in a red coat",
+        "in the middle",
+        "in an energetic way",
+        "in a T pose",
+        "in a big jump",
+    ],
+)
+def test_what_is_said_like_a_place_but_is_none_is_not_refused(phrase: str) -> None:
+    assert parse_prompt(f"a person who {'stands' if 'pose' in phrase else 'jumps'} {phrase}").surroundings is None
+
+
+@pytest.mark.parametrize("negative", ["not facing away", "without facing away", "minus facing away"])
+def test_a_negative_prompt_that_negates_is_refused(negative: str) -> None:
+    with pytest.raises(PromptError, match=r"negative prompt: .* negates what is forbidden already"):
+        parse_prompt("a person jumping", negative)
 
 
 def test_a_gesture_of_both_hands_is_said_to_be_of_one() -> None:
