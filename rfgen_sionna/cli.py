@@ -50,7 +50,7 @@ rfgen generate "a person walks towards the radar, at azimuth 20 degrees" --envir
 
 rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
 
-rfgen generate "a man jumps, 6 m away" --environment Munich --radar-position 8,21,2 --look-at 20,21,1
+rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 
 A prompt names a person and one action; it may name orientation, distance, azimuth, body, hand, speed and surroundings.
 What is not understood is said, and nothing is guessed: where words leave a choice, the seed draws it, and the report
