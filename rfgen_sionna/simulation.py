@@ -25,7 +25,7 @@ from rfgen_sionna.scene.places import POLICIES, Policy, check_collisions, check_
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.signal import Receiver, receive, synthesize
 from rfgen_sionna.tracing.relative import seen_from
-from rfgen_sionna.tracing.tracer import Tracer, TraceReport
+from rfgen_sionna.tracing.tracer import Tracer, TraceReport, check_max_bounces
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
@@ -69,6 +69,10 @@ class Simulator:
         "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.
     seed
         Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
+    max_bounces
+        Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
+        make of actors on the way there or back, 3 those on both. None is 3, but 1 for a radar that moves, which
+        has no ghosts yet. Ghosts weaker than `rtol` are left out.
 
     Raises
     ------
@@ -86,6 +90,7 @@ class Simulator:
         rtol: float = 1e-3,
         collisions: Policy = "error",
         seed: int = 0,
+        max_bounces: int | None = None,
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
@@ -101,6 +106,7 @@ class Simulator:
             raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
         if collisions not in POLICIES:
             raise ValueError(f"collisions is {collisions!r}: allowed are {', '.join(map(repr, POLICIES))}")
+        self.max_bounces = check_max_bounces(max_bounces, radar, stacklevel=2)
         self.scene = load_scene(scene)
         self.radar = tabulated(radar)
         self.actors = _with_unique_names(actors)
@@ -121,7 +127,7 @@ class Simulator:
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer behind the simulation."""
-        return Tracer(self.scene, self.radar, self.actors, self.rtol, self.seed)
+        return Tracer(self.scene, self.radar, self.actors, self.rtol, self.seed, self.max_bounces)
 
     @cached_property
     def _surroundings(self) -> RayScene | None:

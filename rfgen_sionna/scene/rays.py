@@ -121,6 +121,12 @@ class RayScene:
             raise ValueError(f"directions: ray {int(np.argmin(length))} has length zero")
         return self._trace(o, d / length)
 
+    def first_facet(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.int64]:
+        """(ray,) the facet that each ray hits first, -1 where there is none; the arguments of :meth:`first_hit`."""
+        d = _check_points(directions, "directions")
+        o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), d.shape)
+        return self._trace_raw(o, d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300))[0]
+
     def occluded(
         self,
         origins: ArrayLike,

@@ -23,8 +23,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.tracing.arrays import drjit_types
+from rfgen_sionna.tracing.arrays import drjit_types, upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, media_of_lanes, transverse
+from rfgen_sionna.tracing.reflected import Strength, Via, Wall, wall_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments
 
@@ -82,6 +83,7 @@ def facet_gains(
     rx_field: FloatArray,
     parts: IntArray | None = None,
     monostatic: bool = False,
+    via: Via | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -104,6 +106,9 @@ def facet_gains(
         Whether obliquity and Fresnel coefficients are those for an element half way between Tx and Rx; phase and
         spreading stay those of the pair. It errs by about a quarter of the square of baseline over distance, and takes
         half the time.
+    via
+        The plane mirrors by way of which Tx or Rx or both see the facets; delays are those by way of them. None is the
+        straight way.
 
     Notes
     -----
@@ -117,11 +122,11 @@ def facet_gains(
         return FacetGains(np.zeros(shape, np.complex128), np.zeros(shape))
 
     def vector(values: FloatArray, index: Any) -> Any:
-        flat = Float(np.ascontiguousarray(values, dtype=np.float64).reshape(-1))
+        flat = upload(dr, Float, np.asarray(values, np.float64))
         return Array3(*(dr.gather(Float, flat, index * 3 + axis) for axis in range(3)))
 
     def whole(values: IntArray, index: Any) -> Any:
-        return dr.gather(UInt32, UInt32(np.ascontiguousarray(values, dtype=np.uint32)), index)
+        return dr.gather(UInt32, upload(dr, UInt32, np.asarray(values, np.uint32)), index)
 
     lane = dr.arange(UInt32, shape[0] * shape[1])
     facet_count = dr.opaque(UInt32, shape[1])
@@ -129,15 +134,23 @@ def facet_gains(
     flat_corners = np.ascontiguousarray(corners, dtype=np.float64).reshape(-1, 3)
     p = [vector(flat_corners, facet * 3 + corner) for corner in range(3)]
     t, r = vector(nodes.tx, node), vector(nodes.rx, node)
-    wavenumber = dr.gather(Float, Float(2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)), node)
+    wavenumbers = 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)
+    wavenumber = dr.gather(Float, upload(dr, Float, wavenumbers), node)
     medium = media_of_lanes(dr, types, media, node, whole(material, facet), wavenumber)
     field_of_tx, field_of_rx = (Array3(*(dr.opaque(Float, float(x)) for x in f)) for f in (tx_field, rx_field))
+    wall = None
+    if via is not None:
+        wall = wall_of_lanes(dr, types, via, facet, node, wavenumber)
+        if wall.tx:
+            t, field_of_tx = wall.image(dr, t), wall.turned(dr, field_of_tx)
+        if wall.rx:
+            r, field_of_rx = wall.image(dr, r), wall.turned(dr, field_of_rx)
     centre = (p[0] + p[1] + p[2]) / 3.0
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     twice_area = dr.norm(cross)
     normal = cross / dr.select(twice_area > 0, twice_area, 1.0)
     normal = dr.select(dr.dot(normal, centre - t) > 0, -normal, normal)
-    surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic)
+    surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic, wall)
 
     if parts is None or int(np.max(parts)) == 1:
         gain, _ = _triangle(dr, Array3, Complex, surface, p, wavenumber, centre)
@@ -187,6 +200,8 @@ class _Surface(NamedTuple):
     tx_field: Any
     rx_field: Any
     monostatic: bool
+    wall: Wall | None
+    """By way of which elements look at it: `tx` and `rx` with their fields are images then."""
 
 
 def _triangle(
@@ -230,14 +245,35 @@ def _triangle(
         fields = surface.tx_field, surface.rx_field
         return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
 
+    if surface.wall is not None:  # the images may lie in very different directions
+        by_wall = Strength(dr, vector, complex_type, surface, surface.wall, centre)
+        of_centre = by_wall.at(centre)
+        changes = [by_wall.at(corner) - of_centre for corner in p[:2]]
+        changes.append((changes[0] + changes[1]).scaled(-1.0))  # linear: nothing on the average
+        return _return(dr, surface, usable, wavenumber, lengths, sags, of_centre, changes), excess(centre, reference)
     middle = at(centre)
     if surface.monostatic:
-        strength = middle.scaled(dr.square(dr.norm(centre - element)) / spread)
+        of_centre = middle.scaled(dr.square(dr.norm(centre - element)) / spread)
     else:
         e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
         there = Way(dr, vector, normal, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
         back = Way(dr, vector, normal, -k_out, e_rx, -k_in, e_tx).obliquity(dr, complex_type, surface.medium)
-        strength = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread)
-    total = _integral(dr, wavenumber, lengths, sags, strength, [at(corner) - middle for corner in p])
+        of_centre = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread)
+    changes = [at(corner) - middle for corner in p]
+    return _return(dr, surface, usable, wavenumber, lengths, sags, of_centre, changes), excess(centre, reference)
+
+
+def _return(
+    dr: Any,
+    surface: _Surface,
+    usable: Any,
+    wavenumber: Any,
+    lengths: list[Any],
+    sags: list[Any],
+    strength: ComplexPair,
+    changes: list[ComplexPair],
+) -> ComplexPair:
+    """The integral with its factor in front; 0 where it is not `usable`."""
+    total = _integral(dr, wavenumber, lengths, sags, strength, changes)
     gain = total.turned().scaled(surface.area / (4.0 * dr.pi))
-    return ComplexPair(dr.select(usable, gain.re, 0.0), dr.select(usable, gain.im, 0.0)), excess(centre, reference)
+    return ComplexPair(dr.select(usable, gain.re, 0.0), dr.select(usable, gain.im, 0.0))

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
 CANCELLED = 0.01
 """A coherent return weaker than this share of its strongest facet's counts as cancelled: no tolerance is relative
 to it."""
+RATE_STEP = 0.5e-3
+"""Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,27 @@ def stack_facets(
     )
 
 
+def over_time(
+    knots: FloatArray,
+    instants: FloatArray,
+    gains: Sequence[ComplexArray],
+    delays: Callable[[float], FloatArray],
+) -> tuple[ComplexArray, FloatArray, FloatArray]:
+    """Gain coefficients (order, tx, rx, facet, time), delays and their rates (tx, rx, facet, time) at the knots.
+
+    `gains` (order, tx, rx, facet) are those at each of the `instants` [s], `delays` gives them (tx, rx, facet) at a
+    time.
+    """
+    coefficients = np.stack(gains, axis=-1)
+    if len(knots) > len(instants):
+        coefficients = coefficients @ knot_weights(instants, knots).T
+    tau = np.stack([delays(float(t)) for t in knots], axis=-1)
+    if len(knots) > 1:
+        return coefficients, tau, tau @ knot_weights(knots, knots, 1).T
+    before, after = (delays(float(knots[0]) + step) for step in (-RATE_STEP, RATE_STEP))
+    return coefficients, tau, ((after - before) / (2 * RATE_STEP))[..., None]
+
+
 def facet_paths(
     surfaces: Sequence[Surface],
     facets: Facets,
@@ -102,8 +125,13 @@ def facet_paths(
     frequency: float,
     half_band: float,
     names: tuple[tuple[str, ...], tuple[str, ...]],
+    arrival: FloatArray | None = None,
+    bounces: int = 1,
 ) -> RadarPaths:
-    """First-order paths from (order, tx, rx, facet, time) gain coefficients; `names` are those of objects and parts."""
+    """Paths from (order, tx, rx, facet, time) gain coefficients; `names` are those of objects and parts.
+
+    Paths of several `bounces` have an `arrival` of their own; else it is None, the `direction`.
+    """
     objects = np.array([surface.object_id for surface in surfaces], dtype=np.int32)
     parts = np.zeros(len(facets), dtype=np.int32)
     for position, surface in enumerate(surfaces):
@@ -116,11 +144,11 @@ def facet_paths(
         times=times,
         frequency=frequency,
         direction=direction,
-        arrival=direction,
+        arrival=direction if arrival is None else arrival,
         object_id=objects[facets.surface] if len(facets) else np.zeros(0, np.int32),
         part_id=parts,
-        kind=np.full(len(facets), PathKind.FACET, dtype=np.uint8),
-        bounces=np.ones(len(facets), dtype=np.uint8),
+        kind=np.full(len(facets), PathKind.FACET if bounces == 1 else PathKind.MULTI_BOUNCE, dtype=np.uint8),
+        bounces=np.full(len(facets), bounces, dtype=np.uint8),
         object_names=names[0],
         part_names=names[1],
         facet=facets.face,

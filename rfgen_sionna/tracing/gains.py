@@ -12,6 +12,7 @@ polarisation on both sides reciprocity leaves even powers of w only.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -48,10 +49,14 @@ class Expansion:
     """Number of coefficients over the band."""
     weights: FloatArray
     """(order, tx, rx, node) what takes gains at the nodes to coefficients of powers of u for every pair."""
+    basis: tuple[tuple[int, ...], ...]
+    """Exponents (u, v_y, v_z, w_y, w_z) that it was to have."""
 
 
 class BandTracer:
     """Facet gains of one radar; positions are taken relative to its phase centre, which keeps their digits."""
+
+    enough = ENOUGH
 
     def __init__(self, radar: Radar, rtol: float, seed: int = 0) -> None:
         self.centre = radar.center_frequency
@@ -115,16 +120,16 @@ class BandTracer:
         and then for those at the band's ends. Of very many facets the strongest tell it. Not `coherent`, the
         error is relative to what the facets return without interfering, where that is more.
         """
-        if len(facets) > ENOUGH:
+        if len(facets) > self.enough:
             once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
-            strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), ENOUGH)[:ENOUGH])
+            strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), self.enough)[: self.enough])
             facets, weight = facets.take(strongest), weight[strongest]
         pairs = self._outermost()
         middle = np.zeros(len(pairs))
         order, degree = 1, 0
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
-            return self._error(facets, materials, weight, u, at, self._expansion(basis), coherent) <= SHARE * self._rtol
+            return self._error(facets, materials, weight, u, at, self.expansion(basis), coherent) <= SHARE * self._rtol
 
         first = np.zeros(len(PROBES), np.int32)
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
@@ -141,7 +146,7 @@ class BandTracer:
         ends = np.repeat([-1.0, 1.0], len(pairs))
         if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
             basis = self._basis(order, degree, full=True)
-        return self._expansion(basis)
+        return self.expansion(basis)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(facet,) what rough facets add for every pair (:mod:`rfgen_sionna.tracing.diffuse`); None if none is."""
@@ -208,12 +213,13 @@ class BandTracer:
                 found.append((k, m, n, p, q))
         return found
 
-    def _expansion(self, basis: list[tuple[int, ...]]) -> Expansion:
+    def expansion(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
 
         Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
         (all elements on a line) falls out of the basis.
         """
+        wanted = tuple(basis)
         order = 1 + max(each[0] for each in basis)
         u = np.cos(np.pi * (np.arange(order) + 0.5) / order)
         powers = np.vander(u, order, increasing=True)
@@ -231,7 +237,7 @@ class BandTracer:
         for number, each in enumerate(basis):
             weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
         nodes = self._nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
-        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank))
+        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank), wanted)
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

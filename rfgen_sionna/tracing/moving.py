@@ -9,17 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import PROBES, Accuracy, finer, measure
-from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
+from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
+from rfgen_sionna.tracing.ghosts import Ghosts, MirroredView
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 from rfgen_sionna.tracing.visibility import visible_fraction
 
-RATE_STEP = 0.5e-3
-"""Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""
 MAX_ROUNDS = 5
@@ -53,17 +52,24 @@ class _Seen:
 
 
 class MovingParts:
-    """Traces the moving surfaces stretch by stretch.
+    """Traces the moving surfaces stretch by stretch, and their `ghosts` where there may be any.
 
     Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
     measured in every stretch; where it is above the tolerance, facets and expansion are chosen anew.
     """
 
     def __init__(
-        self, surfaces: Surfaces, band: BandTracer, viewpoint: FloatArray, max_range: float, rtol: float
+        self,
+        surfaces: Surfaces,
+        band: BandTracer,
+        viewpoint: FloatArray,
+        max_range: float,
+        rtol: float,
+        ghosts: Ghosts | None = None,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
+        self._ghosts = ghosts
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
@@ -78,10 +84,16 @@ class MovingParts:
     ) -> MovingTrace:
         """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at a time."""
         middle = len(instants) // 2
+        ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         self._follow(positions, knots)
         for attempt in range(2):
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays)
-            seen = [self._see(float(t), positions, rays) for t in instants]
+            seen: list[_Seen] = []
+            mirrored: list[MirroredView] = []
+            for t in instants.tolist():
+                seen.append(self._see(t, positions, rays))
+                if ghosts is not None:  # now, as the ray scene stands at this time
+                    mirrored.append(ghosts.see(rays(t), seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
             gains = [self._band(each, self._materials, expansion) for each in facets]
@@ -95,11 +107,20 @@ class MovingParts:
                 gain[0] += np.sqrt(each.fraction[kept]) * rough  # of energy, half of a facet returns half
         paths = self._paths(knots, instants, positions, facets, gains, kept)
         self._turn += 1
+        error = max(float(found.error.max(initial=0.0)), self._error)
+        if ghosts is not None:
+
+            def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
+                return self._centroids(positions(t), chosen)
+
+            whole = [each.facets for each in seen]
+            more, missed = ghosts.trace(knots, instants, whole, mirrored, centroids, self._level)
+            paths, error = RadarPaths.concatenate([paths, *more]) if more else paths, error + missed
         return MovingTrace(
             paths,
-            max(float(found.error.max(initial=0.0)), self._error),
-            sum(each.looked_at for each in seen),
-            sum(each.rays for each in seen),
+            error,
+            sum(each.looked_at for each in seen) + sum(each.looked_at for each in mirrored),
+            sum(each.rays for each in seen) + sum(each.rays for each in mirrored),
         )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
@@ -117,7 +138,16 @@ class MovingParts:
             self._split(poses[0])
             self._expansion = None
 
+    def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
+        """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
+        ghosts = self._ghosts
+        if ghosts is None:
+            return positions
+        ghosts.consider([positions(t) for t in times])
+        return (lambda t: ghosts.followed(positions(t))) if ghosts.active else positions
+
     def _split(self, vertices: Sequence[FloatArray]) -> None:
+        images = self._ghosts.images(vertices) if self._ghosts is not None else [[] for _ in vertices]
         self._pieces = [
             tessellate(
                 points,
@@ -128,8 +158,11 @@ class MovingParts:
                 self._band.importance,
                 RANGE_MARGIN * self._max_range,
                 self._band.half_band,
+                images=mirrored,
             )
-            for points, surface, fineness in zip(vertices, self._surfaces.moving, self._fineness, strict=True)
+            for points, surface, fineness, mirrored in zip(
+                vertices, self._surfaces.moving, self._fineness, images, strict=True
+            )
         ]
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
@@ -201,29 +234,16 @@ class MovingParts:
         kept: NDArray[np.intp],
     ) -> RadarPaths:
         """Paths of the facets `kept`, with `gains` (order, tx, rx, facet) at each instant."""
-        coefficients = np.stack(gains, axis=-1)
-        if len(knots) > len(instants):
-            coefficients = coefficients @ knot_weights(instants, knots).T
-        shape = coefficients.shape[1:-1]
-        tau, direction = np.empty((*shape, len(knots))), np.empty((len(kept), len(knots), 3))
+        curves = over_time(knots, instants, gains, lambda t: self._band.delays(self._centroids(positions(t), kept)))
+        direction = np.empty((len(kept), len(knots), 3))
         for k, t in enumerate(knots):
-            centroids = self._centroids(positions(float(t)), kept)
-            offset = centroids - self._viewpoint
-            tau[..., k] = self._band.delays(centroids)
+            offset = self._centroids(positions(float(t)), kept) - self._viewpoint
             direction[:, k] = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)
-        if len(knots) > 1:
-            rate = tau @ knot_weights(knots, knots, 1).T
-        else:
-            steps = (float(knots[0]) - RATE_STEP, float(knots[0]) + RATE_STEP)
-            before, after = (self._band.delays(self._centroids(positions(t), kept)) for t in steps)
-            rate = ((after - before) / (2 * RATE_STEP))[..., None]
         return facet_paths(
             self._surfaces.moving,
             facets[0],
             knots,
-            coefficients,
-            tau,
-            rate,
+            *curves,
             direction,
             self._band.centre,
             self._band.half_band,

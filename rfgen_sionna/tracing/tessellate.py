@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -88,6 +88,29 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
 
 
+def _demand(
+    corners: FloatArray,
+    viewpoint: FloatArray,
+    frequency: float,
+    rtol: float,
+    importance: Callable[[FloatArray], FloatArray] | None,
+    half_band: float,
+) -> tuple[NDArray[np.bool_], IntArray]:
+    """(facet,) whether each is too large, and the number of parts that its edges are to be divided into."""
+    allowed = np.full(len(corners), allowed_bulge(rtol))
+    if importance is not None:
+        # A facet counts as much as its most important corner: large ones reach into the beam.
+        weight = importance(_unit(corners - viewpoint)).max(axis=1)
+        weight = np.maximum(weight, importance(_unit(corners.mean(axis=1) - viewpoint)))
+        allowed = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
+    bulge = phase_bulge(corners, viewpoint, frequency)
+    coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
+    if half_band > 0:
+        depth = np.ptp(np.linalg.norm(corners - viewpoint, axis=2), axis=1)  # half the spread of the paths
+        coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
+    return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32)
+
+
 def tessellate(
     vertices: FloatArray,
     faces: IntArray,
@@ -98,6 +121,7 @@ def tessellate(
     max_range: float = np.inf,
     half_band: float = 0.0,
     limit: int = 5_000_000,
+    images: Sequence[tuple[FloatArray, float]] = (),
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
@@ -123,6 +147,8 @@ def tessellate(
         Half the band that is sampled [Hz]; facets deeper than :data:`BAND_SWING` allows are split.
     limit
         Largest number of facets.
+    images
+        Mirror images of the vertices (vertex, 3) [m], which are seen as well, and the `rtol` of each.
 
     Raises
     ------
@@ -142,20 +168,14 @@ def tessellate(
             radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
             near = np.linalg.norm(centre - viewpoint, axis=1) - radius < max_range
             face, weights, corners = face[near], weights[near], corners[near]
-        allowed = np.full(len(face), allowed_bulge(rtol))
-        if importance is not None:
-            # A facet counts as much as its most important corner: large ones reach into the beam.
-            weight = importance(_unit(corners - viewpoint)).max(axis=1)
-            weight = np.maximum(weight, importance(_unit(corners.mean(axis=1) - viewpoint)))
-            allowed = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
-        bulge = phase_bulge(corners, viewpoint, frequency)
-        coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
-        if half_band > 0:
-            depth = np.ptp(np.linalg.norm(corners - viewpoint, axis=2), axis=1)  # half the spread of the paths
-            coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
+        coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band)
+        for mirrored, tolerance in images:
+            seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
+            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band)
+            coarse, parts = coarse | more[0], np.maximum(parts, more[1])
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
-        done_parts.append(np.maximum(np.ceil(np.sqrt(bulge / allowed))[~coarse], 1.0).astype(np.int32))
+        done_parts.append(parts[~coarse])
         count += int(np.count_nonzero(~coarse))
         face, weights, corners = face[coarse], weights[coarse], corners[coarse]
         if len(face) == 0:

@@ -1,7 +1,8 @@
-"""First-order physical optics of a scene with static and moving parts."""
+"""Physical optics of a scene with static and moving parts."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,9 +15,12 @@ from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.facets import RATE_STEP
 from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.knots import choose_knots, gain_knots
-from rfgen_sionna.tracing.moving import RATE_STEP, MovingParts
+from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
+from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.static import StaticTrace, trace_static
 from rfgen_sionna.tracing.surfaces import collect_surfaces
@@ -31,6 +35,9 @@ GAIN_PER_RTOL = 3.0
 """Relative error of the gains between instants [root mean square over the facets] per unit of `rtol`."""
 VISIBILITY_SPACING = 10e-3
 """Longest gap between instants at which gains and visibility are traced [s]; delays may have more knots."""
+
+MOST_BOUNCES = 3
+"""Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +76,10 @@ class Tracer:
     """Traces one radar in one scene with its actors.
 
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
-    and what they hide is traced anew. First order: every surface reflects with its Fresnel coefficients, as a
-    half-space or a slab, and where it is rough diffusely as well; further bounces and what goes through are not traced.
+    and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab, and
+    where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a second
+    time, coherently (:mod:`rfgen_sionna.tracing.ghosts`); other further bounces, among the static surfaces, from body
+    to body or by two walls, and what goes through are not traced.
 
     Parameters
     ----------
@@ -88,10 +97,20 @@ class Tracer:
         `PHASE_PER_RTOL` and `GAIN_PER_RTOL` it is what splines in time may err by.
     seed
         Seed of the phases of what rough surfaces return diffusely.
+    max_bounces
+        Number of surfaces on a path, 1 … 3: 1 is direct returns alone, 2 has ghosts by way of a wall on the way there
+        or back, 3 on both. Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna
+        pattern, are left out. If the radar moves it is 1.
     """
 
     def __init__(
-        self, scene: RadarScene | None, radar: Radar, actors: Sequence[Actor], rtol: float = 1e-3, seed: int = 0
+        self,
+        scene: RadarScene | None,
+        radar: Radar,
+        actors: Sequence[Actor],
+        rtol: float = 1e-3,
+        seed: int = 0,
+        max_bounces: int = MOST_BOUNCES,
     ) -> None:
         self.radar = radar
         self.actors: tuple[Actor | Seen, ...] = tuple(actors)
@@ -102,6 +121,7 @@ class Tracer:
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol, seed)
+        self.max_bounces = max_bounces if radar.trajectory is None else 1
         self._positions: dict[float, list[FloatArray]] = {}
         self._rays_time: float | None = None
 
@@ -110,6 +130,16 @@ class Tracer:
         """The static scene, traced at first use."""
         return trace_static(
             self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
+        )
+
+    @cached_property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        """Flat parts of the static scene, wide against the Fresnel zone, that the radar sees: ghosts appear in them."""
+        corners = np.concatenate([self._viewpoint[None], *self.surfaces.static_vertices])
+        reach = min(self.radar.max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
+        surfaces, seen = self.surfaces, np.unique(self.static.facets.number).astype(np.int64)
+        return find_mirrors(
+            surfaces.static, surfaces.static_vertices, seen, self._viewpoint, self.radar.wavelength, reach
         )
 
     @cached_property
@@ -137,26 +167,34 @@ class Tracer:
     def follow(self) -> MovingParts:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
         the next. Results depend on what it went through before, so that every run begins with its own."""
-        return MovingParts(self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol)
+        ghosts = None
+        if self.max_bounces > 1 and self.surfaces.static and self.surfaces.moving:
+            ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
+        return MovingParts(self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol, ghosts)
 
     @one_blas_thread()
     def trace(self, start: float, stop: float, moving: MovingParts | None = None) -> Traced:
         """Paths from `start` to `stop` [s], with as many knots as the motion asks for; `moving` is the run's, None is a
         new one."""
         self._positions.clear()
+        moving = moving or self.follow()
         knots = instants = np.array([start])
         if self.actors:
             highest, faces = self._band.highest, [actor.faces for actor in self.actors]
             phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
-            knots = choose_knots(self._vertices, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
+            followed = moving.consider(self._vertices, (start, stop))
+            knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
             instants = gain_knots(self._vertices, faces, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING)
-        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving or self.follow())
+        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving)
 
     @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:
         """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot."""
         self._positions.clear()
-        traced = self._traced(np.array([t]), np.array([t]), self.follow())
+        moving = self.follow()
+        if self.actors:
+            moving.consider(self._vertices, (t,))
+        traced = self._traced(np.array([t]), np.array([t]), moving)
         static = traced.static
         if len(traced.shaded):
             a = static.a.copy()
@@ -217,3 +255,26 @@ class Tracer:
             self._rays.update(self._vertices(t))
             self._rays_time = t
         return self._rays
+
+
+def check_max_bounces(value: int | None, radar: Radar, stacklevel: int = 1) -> int:
+    """What `max_bounces` of a :class:`Tracer` is to be; None is as many as there are.
+
+    Warns where a moving radar is to have ghosts.
+
+    Raises
+    ------
+    ValueError
+        If it is neither None nor 1 … 3.
+    """
+    moves = radar.trajectory is not None
+    if value is None:
+        return 1 if moves else MOST_BOUNCES
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= MOST_BOUNCES:
+        raise ValueError(f"max_bounces is {value!r}: None or 1 … {MOST_BOUNCES} is needed")
+    if moves and value > 1:
+        warnings.warn(
+            f"max_bounces is {value}: what a moving radar sees is traced with direct returns alone, without ghosts",
+            stacklevel=stacklevel + 1,
+        )
+    return 1 if moves else int(value)

@@ -21,6 +21,8 @@ def _lattice(n: int) -> FloatArray:
 
 _GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
 _FINE = _lattice(4)
+_LEAST_HEIGHT = 1e-4
+"""What lies nearer to a mirror than this [m] is on it."""
 
 
 @dataclass(frozen=True)
@@ -96,3 +98,78 @@ def _through(
     targets = np.tensordot(weights, corners, axes=(1, 1)).reshape(-1, 3)  # sample by sample
     hidden = rays.occluded(viewpoint, targets, np.tile(facet, len(weights)))
     return ~hidden.reshape(len(weights), len(corners)).T
+
+
+@dataclass(frozen=True)
+class MirrorView:
+    """Which mirror shows each facet, and where the mirrors' faces are."""
+
+    normal: FloatArray
+    """(facet, 3) unit vector of the facet's mirror, towards the viewpoint's side."""
+    offset: FloatArray
+    """(facet,) normal . x of the mirror [m]."""
+    mirror: IntArray
+    """(facet,) number of the mirror."""
+    owner: IntArray
+    """(face,) number of the mirror that each face of the ray scene belongs to, -1 for none."""
+
+
+@dataclass(frozen=True)
+class MirroredVisibility:
+    """Visible shares of facets that mirrors show."""
+
+    once: FloatArray
+    """(facet,) share of the area that is seen both directly and by the mirror, 0 … 1."""
+    twice: FloatArray
+    """(facet,) share that is seen by the mirror."""
+    rays: int
+
+
+def mirrored_fraction(
+    rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, direct: FloatArray, view: MirrorView
+) -> MirroredVisibility:
+    """Share of each facet's area that its mirror shows to the viewpoint.
+
+    A point counts where the way from the viewpoint first meets the mirror in the place that the law of reflection asks
+    for, and nothing is between that place and the point. `direct` (facet,) is the share that is seen directly; for the
+    rest see :func:`visible_fraction`, whose guiding rays and lattice are used.
+    """
+    count = 0
+
+    def shares(index: NDArray[np.intp], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        nonlocal count
+        targets = np.tensordot(weights, corners[index], axes=(1, 1)).reshape(-1, 3)  # sample by sample
+        lane = np.tile(index, len(weights))
+        normal, offset = view.normal[lane], view.offset[lane]
+        here, there = normal @ viewpoint - offset, np.einsum("ri,ri->r", targets, normal) - offset
+        twice = there > _LEAST_HEIGHT
+        sent = np.flatnonzero(twice)
+        normal, here, there, lane = normal[sent], here[sent, None], there[sent, None], lane[sent]
+        foot, other = viewpoint - here * normal, targets[sent] - there * normal
+        place = (there * foot + here * other) / (here + there)
+        hit = rays.first_facet(viewpoint, place - viewpoint)
+        on = (hit >= 0) & (view.owner[hit] == view.mirror[lane])
+        twice[sent[~on]] = False
+        count += len(sent)
+        sent, place, hit, lane = sent[on], place[on], hit[on], lane[on]
+        twice[sent] = ~rays.occluded(place, targets[sent], facet[lane], hit)
+        count += len(sent)
+        once = twice.copy()
+        sent = np.flatnonzero(twice)
+        lane = np.tile(index, len(weights))[sent]
+        once[sent[direct[lane] == 0]] = False
+        partly = (direct[lane] > 0) & (direct[lane] < 1)
+        sent, lane = sent[partly], lane[partly]
+        once[sent] = ~rays.occluded(viewpoint, targets[sent], facet[lane])
+        count += len(sent)
+        shape = len(weights), len(index)
+        return once.reshape(shape).mean(axis=0), twice.reshape(shape).mean(axis=0)
+
+    once, twice = shares(np.arange(len(corners)), _GUIDE)
+    mixed = (twice > 0) & (twice < 1) | (once != twice) & (once > 0)
+    step = (twice[1:] != twice[:-1]) & (view.mirror[1:] == view.mirror[:-1])
+    mixed[1:] |= step
+    mixed[:-1] |= step
+    index = np.flatnonzero(mixed)
+    once[index], twice[index] = shares(index, _FINE)
+    return MirroredVisibility(once, twice, count)

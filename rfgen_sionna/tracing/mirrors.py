@@ -1,0 +1,152 @@
+"""Plane mirrors among the static surfaces: walls, floor, ceiling, table tops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.surfaces import Surface
+
+FLAT = 1e-4
+"""How far from its plane a mirror's vertex may lie [m]: 0.3 rad of two-way phase at 77 GHz."""
+ALONG = 1e-3
+"""Angle between neighbouring triangles of a plane [rad]; those of thin triangles are rounded that much."""
+WIDTH = 2.0
+"""How many radii of the first Fresnel zone a mirror is wide at least."""
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """A flat, connected part of one static object."""
+
+    name: str
+    """The object's."""
+    material: Material
+    faces: NDArray[np.int64]
+    """(face,) numbers among all faces of the ray scene."""
+    normal: FloatArray
+    """(3,) unit vector, towards the side that the radar is on."""
+    offset: float
+    """normal . x of its points [m], world."""
+    axes: FloatArray
+    """(2, 3) unit vectors in the plane."""
+    low: FloatArray
+    """(2,) where it begins along the axes [m]."""
+    high: FloatArray
+    """(2,) where it ends."""
+
+    def height(self, points: FloatArray) -> FloatArray:
+        """Distance (...) of `points` (..., 3) from the plane [m], positive on the radar's side."""
+        return np.asarray(points @ self.normal - self.offset)
+
+    def image(self, points: FloatArray) -> FloatArray:
+        """Mirror images (..., 3) [m]."""
+        return np.asarray(points - 2.0 * self.height(points)[..., None] * self.normal)
+
+    def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
+        """(point, 3) where the ways from the viewpoint to `points` meet the plane [m]; both lie on the same side."""
+        here, there = self.height(viewpoint), self.height(points)[:, None]
+        foot_here, foot_there = viewpoint - here * self.normal, points - there * self.normal
+        return np.asarray((there * foot_here + here * foot_there) / np.maximum(here + there, 1e-12))
+
+    def spans(self, points: FloatArray, margin: FloatArray | float = 0.0) -> NDArray[np.bool_]:
+        """(point,) whether points of the plane lie in the rectangle around the mirror, widened by `margin` [m]."""
+        place = points @ self.axes.T
+        margin = np.broadcast_to(np.asarray(margin), len(points))[:, None]
+        return np.asarray(((place > self.low - margin) & (place < self.high + margin)).all(axis=1))
+
+
+def find_mirrors(
+    surfaces: Sequence[Surface],
+    vertices: Sequence[FloatArray],
+    seen: NDArray[np.int64],
+    viewpoint: FloatArray,
+    wavelength: float,
+    reach: float,
+) -> tuple[Mirror, ...]:
+    """Flat parts that the radar sees and that are wide against the Fresnel zone.
+
+    Parameters
+    ----------
+    surfaces, vertices
+        Static objects and their (vertex, 3) positions [m].
+    seen
+        Numbers of the faces, among all of the ray scene, of which the radar sees something.
+    viewpoint
+        (3,) phase centre of the radar [m].
+    wavelength
+        [m].
+    reach
+        Length of the longest way from the radar by a mirror to a body [m]: half way the zone is widest.
+    """
+    least = WIDTH * 0.5 * np.sqrt(wavelength * reach)
+    found = []
+    for surface, points in zip(surfaces, vertices, strict=True):
+        numbers = seen[(seen >= surface.first_facet) & (seen < surface.first_facet + len(surface.faces))]
+        if len(numbers) == 0:
+            continue
+        group = _flat_groups(points, surface)
+        for label in np.unique(group[numbers - surface.first_facet]):
+            mirror = _mirror(points, surface, np.flatnonzero(group == label), viewpoint, least)
+            if mirror is not None:
+                found.append(mirror)
+    return tuple(found)
+
+
+def _flat_groups(points: FloatArray, surface: Surface) -> NDArray[np.int32]:
+    """(face,) number of the connected flat part that each face belongs to."""
+    faces, count = surface.faces, len(surface.faces)
+    cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
+    # Meshes often hold a corner once for each face: what is in one place is one corner.
+    _, merged = np.unique(np.round(points * 1e6).astype(np.int64), axis=0, return_inverse=True)
+    corners = merged.reshape(-1)[faces].astype(np.int64)
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    owner = np.repeat(np.arange(count), 3)
+    key = edges[:, 0] * (int(merged.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, other = owner[order][same], owner[order][same + 1]
+    flat = np.linalg.norm(np.cross(normal[one], normal[other]), axis=1) < ALONG
+    graph = coo_matrix((np.ones(int(flat.sum())), (one[flat], other[flat])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+
+
+def _mirror(
+    points: FloatArray, surface: Surface, faces: NDArray[np.intp], viewpoint: FloatArray, least: float
+) -> Mirror | None:
+    """The mirror that `faces` make; None where they are bent, too narrow, or seen edge on."""
+    corners = points[surface.faces[faces]]
+    used = points[np.unique(surface.faces[faces])]
+    centre = used.mean(axis=0)
+    _, _, axes = np.linalg.svd(used - centre, full_matrices=False)
+    normal, axes = axes[2], axes[:2]
+    if np.abs((used - centre) @ normal).max() > FLAT:
+        return None
+    place = used @ axes.T
+    low, high = place.min(axis=0), place.max(axis=0)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    if area < least * float((high - low).max()) or float((high - low).min()) < least:
+        return None
+    offset = float(centre @ normal)
+    height = float(viewpoint @ normal) - offset
+    if abs(height) < FLAT:
+        return None
+    side = 1.0 if height > 0 else -1.0
+    return Mirror(
+        surface.name,
+        surface.material,
+        faces.astype(np.int64) + surface.first_facet,
+        side * normal,
+        side * offset,
+        axes,
+        low,
+        high,
+    )

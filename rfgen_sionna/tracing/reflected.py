@@ -1,0 +1,151 @@
+"""Physical optics of a facet that is lit, or looked at, by way of a plane mirror: the kernel's part.
+
+Behind a plane wall an element has an image. Towards a facet it radiates as the element does towards the wall, with the
+wall's r_s and r_p in the plane of incidence. In the image's own terms (its field f - 2 (f . n) n, its direction k, both
+as mirrored in the wall of normal n) what arrives is, with a = k x n,
+
+    -r_p e + (r_s + r_p) (e . a) a / |a|^2
+
+where e is the transverse part of the image's field. That is smooth through normal incidence, where r_s = -r_p, and the
+same for both senses of k: what the wall does on the way out it does on the way back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.tracing.arrays import upload
+from rfgen_sionna.tracing.obliquity import Media, Medium, media_of_lanes, reflection, transverse
+from rfgen_sionna.tracing.simplex import Complex as ComplexPair
+
+
+@dataclass(frozen=True)
+class Via:
+    """By which mirror facets are lit and looked at."""
+
+    mirror: IntArray
+    """(facet,) index of the facet's mirror."""
+    normal: FloatArray
+    """(mirror, 3) unit vectors."""
+    offset: FloatArray
+    """(mirror,) normal . x of the mirror's points [m], in the frame of the facets' corners."""
+    media: Media
+    """What the mirrors are made of, one material to a mirror."""
+    tx: bool
+    """Whether the way from Tx goes by the mirror."""
+    rx: bool
+    """Whether the way to Rx does."""
+
+
+class Wall(NamedTuple):
+    """The mirror of each lane."""
+
+    normal: Any
+    offset: Any
+    medium: Medium
+    tx: bool
+    rx: bool
+
+    def image(self, dr: Any, point: Any) -> Any:
+        """The mirror image of a point."""
+        return point - 2.0 * (dr.dot(point, self.normal) - self.offset) * self.normal
+
+    def turned(self, dr: Any, field: Any) -> Any:
+        """The mirror image of a field's direction."""
+        return field - 2.0 * dr.dot(field, self.normal) * self.normal
+
+
+class _Field(NamedTuple):
+    """A complex vector."""
+
+    re: Any
+    im: Any
+
+    def dot(self, dr: Any, other: _Field) -> ComplexPair:
+        return ComplexPair(
+            dr.dot(self.re, other.re) - dr.dot(self.im, other.im), dr.dot(self.re, other.im) + dr.dot(self.im, other.re)
+        )
+
+
+def wall_of_lanes(dr: Any, types: Any, via: Via, facet: Any, node: Any, wavenumber: Any) -> Wall:
+    Float, UInt32 = types.Float64, types.UInt32
+    mirror = dr.gather(UInt32, upload(dr, UInt32, np.asarray(via.mirror, np.uint32)), facet)
+    flat = upload(dr, Float, via.normal)
+    normal = types.Array3f64(*(dr.gather(Float, flat, mirror * 3 + axis) for axis in range(3)))
+    offset = dr.gather(Float, upload(dr, Float, via.offset), mirror)
+    return Wall(normal, offset, media_of_lanes(dr, types, via.media, node, mirror, wavenumber), via.tx, via.rx)
+
+
+class Strength:
+    """Obliquity over the product of the distances, at the points of a facet; `surface` holds the elements' images.
+
+    The Fresnel coefficients of wall and facet are those at the `centre`: how they change over a facet is less than
+    directions and distances do, and weaker by the wall's reflection.
+    """
+
+    def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, wall: Wall, centre: Any) -> None:
+        self._dr, self._vector, self._surface, self._wall = dr, vector, surface, wall
+        normal = surface.normal
+
+        def coefficients(medium: Medium, k: Any, n: Any) -> tuple[Any, Any]:
+            across = dr.cross(k, n)
+            sin2 = dr.minimum(dr.dot(across, across), 1.0)
+            return reflection(dr, complex_type, medium, dr.sqrt(1.0 - sin2), sin2)
+
+        k_in, k_out, _ = self._ways(centre)
+        self._wall_in = coefficients(wall.medium, k_in, wall.normal) if wall.tx else None
+        self._wall_out = coefficients(wall.medium, k_out, wall.normal) if wall.rx else None
+        self._there = coefficients(surface.medium, k_in, normal)
+        self._back = coefficients(surface.medium, k_out, normal)
+
+    def _ways(self, point: Any) -> tuple[Any, Any, Any]:
+        dr = self._dr
+        from_tx, to_rx = point - self._surface.tx, self._surface.rx - point
+        distance_tx, distance_rx = dr.maximum(dr.norm(from_tx), 1e-4), dr.maximum(dr.norm(to_rx), 1e-4)
+        return from_tx / distance_tx, to_rx / distance_rx, distance_tx * distance_rx
+
+    def at(self, point: Any) -> ComplexPair:
+        dr, surface = self._dr, self._surface
+        k_in, k_out, spread = self._ways(point)
+
+        def field(of_element: Any, k: Any, wall: tuple[Any, Any] | None) -> _Field:
+            own = _Field(transverse(dr, of_element, k), self._vector(0, 0, 0))
+            return own if wall is None else _reflected(dr, own, dr.cross(k, self._wall.normal), *wall)
+
+        e_tx, e_rx = field(surface.tx_field, k_in, self._wall_in), field(surface.rx_field, k_out, self._wall_out)
+        there = _obliquity(dr, surface.normal, k_in, e_tx, k_out, e_rx, self._there)
+        back = _obliquity(dr, surface.normal, -k_out, e_rx, -k_in, e_tx, self._back)
+        return (there + back).scaled(0.5 / spread)
+
+
+def _reflected(dr: Any, mirrored: _Field, across: Any, r_s: Any, r_p: Any) -> _Field:
+    """What a surface makes of a wave, from the wave's mirror image in it; `across` is k x n."""
+    both = r_s + r_p
+    share = ComplexPair(dr.dot(mirrored.re, across), dr.dot(mirrored.im, across))
+    share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
+    return _Field(
+        r_p.imag * mirrored.im - r_p.real * mirrored.re + share.re * across,
+        -r_p.real * mirrored.im - r_p.imag * mirrored.re + share.im * across,
+    )
+
+
+def _obliquity(
+    dr: Any, normal: Any, k_in: Any, e_in: _Field, k_out: Any, e_out: _Field, coefficients: tuple[Any, Any]
+) -> ComplexPair:
+    """As :class:`rfgen_sionna.tracing.obliquity.Way`, for complex fields."""
+    cos = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
+    k_reflected = k_in + 2.0 * cos * normal
+    image = _Field(*(each - 2.0 * dr.dot(each, normal) * normal for each in e_in))
+    returned = _reflected(dr, image, dr.cross(k_in, normal), *coefficients)
+    # What a field E that travels along d leaves at the receiver: E . (n x (e x k) + (n x e) x d) / 2.
+    electric = [dr.cross(normal, dr.cross(e, k_out)) for e in e_out]
+    current = [dr.cross(normal, e) for e in e_out]
+
+    def received(field: _Field, direction: Any) -> ComplexPair:
+        return field.dot(dr, _Field(*(e + dr.cross(j, direction) for e, j in zip(electric, current, strict=True))))
+
+    return (received(e_in, k_in) + received(returned, k_reflected)).scaled(0.5)
