@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
@@ -49,6 +51,44 @@ def obliquity(normal, k_in, e_in, k_out, e_out, permittivity, permeability):
     return 0.5 * dot(e_out, np.cross(k_out, current_m) + np.cross(k_out, np.cross(k_out, current_j)))
 
 
+def slab(r: ComplexArray, permittivity: complex, cos_in: FloatArray, turns: float) -> ComplexArray:
+    """Reflection of a slab whose front reflects `r`, `turns` vacuum wavelengths thick (ITU-R P.2040, eq. 43)."""
+    root = np.sqrt(permittivity - (1 - cos_in**2) + 0j)
+    trip = np.exp(-4j * np.pi * turns * np.where(root.imag > 0, -root, root))
+    return r * (1 - trip) / (1 - r**2 * trip)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A plane through `point` with unit vector `normal`, of a half-space or of a slab."""
+
+    point: FloatArray
+    normal: FloatArray
+    permittivity: complex
+    thickness: float = np.inf
+
+    def image(self, place: FloatArray) -> FloatArray:
+        return place - 2 * dot(place - self.point, self.normal) * self.normal
+
+    def reflected(self, element: FloatArray, field: FloatArray, points: FloatArray, frequency: float) -> ComplexArray:
+        """Field direction at `points` of an element's unit field that came by way of the wall."""
+        image = self.image(element)
+        heights = dot(points - self.point, self.normal) / dot(image - self.point, self.normal)
+        place = (points - heights * image) / (1 - heights)  # where the line from the image crosses the plane
+        k = (place - element) / np.linalg.norm(place - element, axis=-1, keepdims=True)
+        k_after = (points - place) / np.linalg.norm(points - place, axis=-1, keepdims=True)
+        e = field - dot(field, k) * k
+        e = e / np.linalg.norm(e, axis=-1, keepdims=True)
+        s = np.cross(k, self.normal)
+        s = s / np.linalg.norm(s, axis=-1, keepdims=True)
+        cos = np.abs(dot(k, self.normal))
+        r_s, r_p = fresnel(self.permittivity, 1.0, cos)
+        if np.isfinite(self.thickness):
+            turns = self.thickness * frequency / SPEED_OF_LIGHT
+            r_s, r_p = (slab(r, self.permittivity, cos, turns) for r in (r_s, r_p))
+        return r_s * dot(e, s) * s + r_p * dot(e, np.cross(s, k)) * np.cross(s, k_after)
+
+
 def po_gain(
     corners: FloatArray,
     tx: FloatArray,
@@ -59,11 +99,14 @@ def po_gain(
     permittivity: complex = complex(np.inf),
     permeability: complex = 1.0,
     n: int = 64,
+    tx_wall: Wall | None = None,
+    rx_wall: Wall | None = None,
 ) -> complex:
     """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), n^2 points a facet.
 
     Every factor is evaluated at every sample: no linear phase, no constant obliquity. F is the mean of the obliquities
-    from Tx to Rx and back.
+    from Tx to Rx and back. By way of a wall the distances are those to the image, and the field is the wall's
+    reflection of the element's.
     """
     k = 2 * np.pi * frequency / SPEED_OF_LIGHT
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -71,6 +114,8 @@ def po_gain(
     points, weights = triangle_points(corners, n)
     normal = np.broadcast_to((cross / twice_area[:, None])[:, None], points.shape)
 
+    true_tx, true_rx = tx, rx
+    tx, rx = (each if wall is None else wall.image(each) for each, wall in ((tx, tx_wall), (rx, rx_wall)))
     to_point, to_rx = points - tx, rx - points
     r_t, r_r = np.linalg.norm(to_point, axis=-1, keepdims=True), np.linalg.norm(to_rx, axis=-1, keepdims=True)
     k_in, k_out = to_point / r_t, to_rx / r_r
@@ -81,6 +126,10 @@ def po_gain(
         return across / np.linalg.norm(across, axis=-1, keepdims=True)
 
     e_tx, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
+    if tx_wall is not None:
+        e_tx = tx_wall.reflected(true_tx, tx_field, points, frequency)
+    if rx_wall is not None:
+        e_rx = rx_wall.reflected(true_rx, rx_field, points, frequency)
     there = obliquity(normal, k_in, e_tx, k_out, e_rx, permittivity, permeability)
     back = obliquity(normal, -k_out, e_rx, -k_in, e_tx, permittivity, permeability)
     f = 0.5 * (there + back)
