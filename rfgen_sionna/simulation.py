@@ -21,7 +21,15 @@ from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.enclosure import check_radar_placed
 from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import RadarScene, load_scene
-from rfgen_sionna.scene.places import POLICIES, Policy, check_collisions, check_places, hidden, warn_frozen
+from rfgen_sionna.scene.places import (
+    POLICIES,
+    Policy,
+    check_collisions,
+    check_places,
+    hidden,
+    warn_frozen,
+    with_unique_names,
+)
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.signal import Receiver, receive, synthesize
 from rfgen_sionna.tracing.relative import seen_from
@@ -109,7 +117,7 @@ class Simulator:
         self.max_bounces = check_max_bounces(max_bounces, radar, stacklevel=2)
         self.scene = load_scene(scene)
         self.radar = tabulated(radar)
-        self.actors = _with_unique_names(actors)
+        self.actors = with_unique_names(actors)
         self.rtol = float(rtol)
         self.collisions: Policy = collisions
         self.seed = _checked_seed(seed)
@@ -286,14 +294,6 @@ class Simulator:
 
 def _end(actor: Actor) -> float:
     return actor.duration if np.isfinite(actor.duration) else 0.0
-
-
-def _with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
-    names = [actor.name for actor in actors]
-    doubled = {name for name in names if names.count(name) > 1}
-    if doubled:
-        raise ValueError(f"actors share the name '{min(doubled)}': give each a name of its own (name=…)")
-    return tuple(actors)
 
 
 def _checked_seed(seed: Any) -> int:

@@ -139,3 +139,18 @@ def _check_passage(
         _check_passage(radar, actor, middle, later)
     else:
         check_radar_clear(radar.position, None, [actor], t1)
+
+
+def with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
+    """The actors.
+
+    Raises
+    ------
+    ValueError
+        If two share a name.
+    """
+    names = [actor.name for actor in actors]
+    doubled = {name for name in names if names.count(name) > 1}
+    if doubled:
+        raise ValueError(f"actors share the name '{min(doubled)}': give each a name of its own (name=…)")
+    return tuple(actors)

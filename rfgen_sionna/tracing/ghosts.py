@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,11 +21,11 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import PROBES, measure
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time
 from rfgen_sionna.tracing.gains import Expansion
-from rfgen_sionna.tracing.ghost_levels import ON_MIRROR, ghost_levels
+from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
+from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.surfaces import Surfaces
-from rfgen_sionna.tracing.visibility import MirrorView, mirrored_fraction
 
 SKIPPED = 0.5
 """Share of the tolerance that the mirrors left out may make up together."""
@@ -42,18 +41,6 @@ _LOG = logging.getLogger(__name__)
 
 Centroids = Callable[[float, NDArray[np.intp]], FloatArray]
 """Time [s] and ascending numbers of facets to their centroids (facet, 3) [m]."""
-
-
-@dataclass(frozen=True)
-class MirroredView:
-    """How much of the facets is seen by way of each mirror in use, at an instant."""
-
-    once: FloatArray
-    """(mirror, facet) share seen both directly and by the mirror."""
-    twice: FloatArray
-    """(mirror, facet) share seen by the mirror."""
-    looked_at: int
-    rays: int
 
 
 class Ghosts:
@@ -85,7 +72,6 @@ class Ghosts:
         self._find = mirrors
         self._viewpoint = np.asarray(radar.position)
         self._materials = tuple(surface.material for surface in surfaces.moving)
-        self._closed = np.array([surface.closed for surface in surfaces.moving], dtype=np.bool_)
         self._kept: NDArray[np.intp] = np.zeros(0, np.intp)
         self._used = np.zeros((0, 2), np.bool_)
         self._level = np.zeros((0, 2))
@@ -152,52 +138,13 @@ class Ghosts:
     def _importance(self, offset: FloatArray) -> FloatArray:
         return self._probe.importance(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12))
 
-    @cached_property
-    def _owner(self) -> NDArray[np.int32]:
-        """(face,) number of the mirror that each face of the ray scene belongs to, -1 for none."""
-        surfaces = (*self._surfaces.static, *self._surfaces.moving)
-        owner = np.full(sum(len(surface.faces) for surface in surfaces), -1, np.int32)
-        for number, mirror in enumerate(self.mirrors):
-            owner[mirror.faces] = number
-        return owner
-
     def see(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> MirroredView:
         """What the mirrors in use show of the facets, of which `fraction` (facet,) is seen directly."""
-        shape = (len(self._kept), len(facets))
-        once, twice = np.zeros(shape), np.zeros(shape)
-        centre, view, reach = facets.centroids, self._viewpoint, self._radar.max_range
-        radius = np.linalg.norm(facets.corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
-        edges = facets.corners[:, 1:] - facets.corners[:, :1]
-        normal = np.cross(edges[:, 0], edges[:, 1])
-        distance = np.linalg.norm(centre - view, axis=1)
-        closed = self._closed[facets.surface]
-        rows, columns = [], []
-        for row, kept in enumerate(self._kept):
-            mirror = self.mirrors[kept]
-            image = mirror.image(view)
-            length = np.linalg.norm(centre - image, axis=1)
-            faces = ~closed | (np.einsum("fi,fi->f", normal, image - centre) > 0)
-            wanted = (self._used[kept, 0] & (fraction > 0) & (length + distance < 2 * reach)) | (
-                self._used[kept, 1] & (length < reach)
-            )
-            index = np.flatnonzero(faces & wanted & (mirror.height(centre) > ON_MIRROR))
-            index = index[mirror.spans(mirror.crossings(view, centre[index]), radius[index])]
-            rows.append(np.full(len(index), row))
-            columns.append(index)
-        place, column = np.concatenate(rows), np.concatenate(columns)
-        if len(column) == 0:
-            return MirroredView(once, twice, 0, 0)
-        number = self._kept[place]
-        shown = MirrorView(
-            np.stack([mirror.normal for mirror in self.mirrors])[number],
-            np.array([mirror.offset for mirror in self.mirrors])[number],
-            number.astype(np.int32),
-            self._owner,
-        )
-        found = mirrored_fraction(rays, view, facets.corners[column], facets.number[column], fraction[column], shown)
-        once[place, column] = np.where(self._used[number, 0], found.once, 0.0)
-        twice[place, column] = np.where(self._used[number, 1], found.twice, 0.0)
-        return MirroredView(once, twice, len(column), found.rays)
+        return self._sight(rays, facets, fraction, self._kept, self._used)
+
+    @cached_property
+    def _sight(self) -> MirrorSight:
+        return MirrorSight(self.mirrors, self._surfaces, self._viewpoint, self._radar.max_range)
 
     def trace(
         self,

@@ -13,7 +13,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
-from tests.reference.physical_optics import Wall, fresnel, po_gain, slab
+from tests.reference.physical_optics import Wall, fresnel, po_gain
 from tests.sionna.rectangles import scene_of
 
 ISOTROPIC = {"pattern": {"kind": "sionna:iso"}}
@@ -91,11 +91,9 @@ def sphere_return(centre, tx, rx, radius, wavelength):
 
 
 def wall_reflection(material, cos, frequency):
-    """|r_s| of the side wall: elements are vertical, the plane of incidence is level."""
+    """|r_s| of the side wall's front: elements are vertical, the plane of incidence is level, and the echo of a back
+    face 10 cm further is one of its own."""
     r_s, _ = fresnel(complex(material.relative_permittivity(frequency)), 1.0, np.array([cos]))
-    if material.thickness is not None and np.isfinite(material.relative_permittivity(frequency)):
-        turns = material.thickness * frequency / SPEED_OF_LIGHT
-        r_s = slab(r_s, complex(material.relative_permittivity(frequency)), np.array([cos]), turns)
     return float(np.abs(r_s[0]))
 
 
@@ -170,9 +168,10 @@ def test_ghosts_are_the_dense_quadrature_with_the_wall_s_own_fields(seed):
             walls = {"tx_wall": wall if way[0] else None, "rx_wall": wall if way[1] else None}
             truth.append(po_gain(corners[lit], *elements, own, n=100, **walls))
             missed.append(channel(some)[tx, rx] - truth[-1])
-    truth, missed = (np.sqrt(np.mean(np.abs(np.reshape(each, (2, 4))) ** 2, axis=0)) for each in (truth, missed))
-    assert truth[1:].max() > 10 * error * truth[0]
-    assert missed.sum() < error * truth.max()
+    truth, missed = np.reshape(truth, (2, 4)), np.reshape(missed, (2, 4))
+    levels = np.sqrt(np.mean(np.abs(truth) ** 2, axis=0))
+    assert levels[1:].max() > 3 * error * levels.max()
+    assert np.sqrt(np.mean(np.abs(missed.sum(axis=1)) ** 2)) < error * levels.max()
 
 
 def test_tx_and_rx_changed_over_exchange_the_two_ways_and_leave_the_sum(ball):
@@ -245,7 +244,7 @@ def test_ghosts_below_the_tolerance_are_left_out_and_not_missed(radar):
     left_out = of(Simulator(scene, radar, [near], rtol=0.1).paths())
     whole = of(Simulator(scene, radar, [near], rtol=1e-3).paths())
     assert set(left_out.bounces) == {1}
-    assert set(whole.bounces) == {1, 2, 3}
+    assert set(whole.bounces) > {1}
     missing = np.abs(channel(whole) - channel(left_out)).max()
     assert 1e-3 < missing / np.abs(channel(whole)).max() < 0.1
 
