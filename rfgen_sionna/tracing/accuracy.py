@@ -102,7 +102,7 @@ def measure(
     phasor = np.exp(-2j * np.pi * turns)
     truth = fine.a * phasor
     coarse = (np.vander(probes, len(coefficients), increasing=True) @ coefficients) * phasor
-    error, returned = (_sums(each * weight, facets.surface, count) for each in (coarse - truth, truth))
+    error, returned = (sums(each * weight, facets.surface, count) for each in (coarse - truth, truth))
     least = np.zeros(count) if usual is None else usual.copy()
     np.maximum.at(least, facets.surface, CANCELLED * np.abs(truth * weight).max(axis=0))
     level = np.sqrt((np.abs(returned) ** 2).mean(axis=0))
@@ -110,6 +110,6 @@ def measure(
     return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
 
 
-def _sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
+def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
     """(probe, count) sums over the facets of each surface."""
     return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import PROBES, measure
+from rfgen_sionna.tracing.accuracy import PROBES, measure, sums
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time
 from rfgen_sionna.tracing.gains import Expansion
 from rfgen_sionna.tracing.ghost_levels import ghost_levels
@@ -171,7 +171,7 @@ class Ghosts:
             shown = [MirroredFacets.of(each, column, mirror) for each in facets]
             departing, arriving = self._directions(shown[middle].centroids, mirror, tx, rx)
             weight = share[middle] * np.sqrt(self._importance(departing) * self._importance(arriving))
-            band, expansion = self._expansion(way, shown[middle], weight)
+            band, expansion = self._expansion(way, shown[middle], weight, usual)
             gains = [band(each, self._materials, expansion) for each in shown]
             error += self._error(band, shown[middle], weight, gains[middle], usual, way)
             for each, part in zip(gains, share, strict=True):
@@ -204,17 +204,23 @@ class Ghosts:
         return max(error, self._missed.setdefault(way, error))
 
     def _expansion(
-        self, way: tuple[bool, bool], facets: MirroredFacets, weight: FloatArray
+        self, way: tuple[bool, bool], facets: MirroredFacets, weight: FloatArray, usual: FloatArray
     ) -> tuple[ImageBand, Expansion]:
         if way not in self._expansions:
-            tolerance = self._tolerance(float(self._level[:, int(all(way))][self._kept].max()))
-            band = ImageBand(self._radar, tolerance, self.mirrors, *way)
+            lit = np.flatnonzero(weight > 0)
+            facets, weight = facets.take(lit), weight[lit]
+            rough = ImageBand(self._radar, LOOSEST, self.mirrors, *way)
+            found = rough.at_probes(facets, self._materials, PROBES, (0, 0), facets.parts)
+            phasor = np.exp(-2j * np.pi * np.mod(rough.frequency(PROBES)[:, None] * found.tau, 1.0))
+            level = np.sqrt((np.abs(sums(found.a * phasor * weight, facets.surface, len(usual))) ** 2).mean(axis=0))
+            # As accurate as the direct return of the actor whose ghosts are strongest against it asks for.
+            share = float(np.max(level / np.maximum(np.maximum(usual, level), 1e-300), initial=0.0))
+            band = ImageBand(self._radar, self._tolerance(share), self.mirrors, *way)
             reverse = self._expansions.get(way[::-1])
             if reverse is not None:  # what was enough for one way round
                 expansion = band.expansion(reverse[1].basis)
             else:
-                lit = np.flatnonzero(weight > 0)
-                expansion = band.expansion_for(facets.take(lit), self._materials, weight[lit])
+                expansion = band.expansion_for(facets, self._materials, weight)
             self._expansions[way] = band, expansion
         return self._expansions[way]
 

@@ -16,6 +16,7 @@ from rfgen_sionna.simulation import Simulator
 from tests.reference.physical_optics import Wall, fresnel, po_gain
 from tests.sionna.rectangles import scene_of
 
+SLOW = pytest.mark.slow
 ISOTROPIC = {"pattern": {"kind": "sionna:iso"}}
 SIDE = 1.5  # the wall's y
 BALL = np.array([2.0, 0.2, 1.0])
@@ -101,7 +102,7 @@ def wall_reflection(material, cos, frequency):
 def test_a_ghost_behind_a_wall_appears_at_its_image_and_is_as_strong_as_the_wall_reflects(radar, ball, name):
     """A tenth of a range cell, half a decibel: by the wall once, bistatic, and twice, the sphere where its image is."""
     scene = side_wall(name)
-    simulator = Simulator(scene, radar, [ball])
+    simulator = Simulator(scene, radar, [ball], rtol=2e-3)
     found = ways(of(simulator.paths()))
     wall = scene.objects[0].properties
     view = np.array(radar.position)
@@ -132,7 +133,7 @@ def test_a_ghost_behind_a_wall_appears_at_its_image_and_is_as_strong_as_the_wall
         assert (paths.arrival[:, 0] @ away).min() > np.cos(1.1 * RADIUS / np.linalg.norm(seen - view))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW), 3])
 def test_ghosts_are_the_dense_quadrature_with_the_wall_s_own_fields(seed):
     """A tilted box, slabs, elements at 45 degrees: to what the report states, of the strongest way's return."""
     rng = np.random.default_rng(seed)
@@ -211,7 +212,8 @@ def crossing(y=SIDE):
         (np.array([3.0, -0.5, 1.0]), {(False, False), (True, False), (False, True), (True, True)}),
     ],
 )
-def test_what_stands_in_a_leg_removes_the_ghosts_that_use_it(radar, ball, place, remains):
+def test_what_stands_in_a_leg_removes_the_ghosts_that_use_it(radar, place, remains):
+    ball = Actor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
     board = Actor.from_mesh(trimesh.creation.box((0.2, 0.2, 0.3)), material="wood", position=place, name="board")
     found = ways(of(Simulator(side_wall("metal"), radar, [ball, board], rtol=1e-2).paths()))
     free = ways(of(Simulator(side_wall("metal"), radar, [ball], rtol=1e-2).paths()))
