@@ -76,10 +76,10 @@ class Tracer:
     """Traces one radar in one scene with its actors.
 
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
-    and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab, and
-    where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a second
-    time, coherently (:mod:`rfgen_sionna.tracing.ghosts`); other further bounces, among the static surfaces, from body
-    to body or by two walls, and what goes through are not traced.
+    and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab,
+    and where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a
+    second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`). What goes through surfaces is not traced, nor are
+    other further bounces: among the static surfaces, from body to body, by two walls.
 
     Parameters
     ----------
