@@ -98,7 +98,7 @@ class Simulator:
         rtol: float = 1e-3,
         collisions: Policy = "error",
         seed: int = 0,
-        max_bounces: int | None = None,
+        max_bounces: int | None = 1,
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")

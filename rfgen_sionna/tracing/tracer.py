@@ -110,7 +110,7 @@ class Tracer:
         actors: Sequence[Actor],
         rtol: float = 1e-3,
         seed: int = 0,
-        max_bounces: int = MOST_BOUNCES,
+        max_bounces: int = 1,
     ) -> None:
         self.radar = radar
         self.actors: tuple[Actor | Seen, ...] = tuple(actors)
