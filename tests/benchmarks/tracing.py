@@ -68,11 +68,12 @@ def traced(radar: Radar, subdivisions: int, rtol: float, distances: FloatArray) 
     speed = STEP  # a step a second
     ball = Actor.from_mesh(mesh, material="pec", position=(RANGE, 0, 0), velocity=(speed, 0, 0), name="ball")
     tracer = Tracer(None, radar, [ball], rtol)
-    tracer.instant(0.0)
+    run = tracer.follow()
+    tracer.trace(0.0, 0.0, run)
     seconds, sums = [], []
     for step in range(len(distances)):
         begin = time.perf_counter()
-        paths = tracer.instant(float(step))
+        paths = tracer.trace(float(step), float(step), run).moving
         seconds.append(time.perf_counter() - begin)
         phase = 2 * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0)
         sums.append((paths.a[0, 0, :, 0] * np.exp(-1j * phase)).sum())
