@@ -83,7 +83,7 @@ def generate(
     duration
         Length [s]; as many whole frames as fit.
     seed
-        Seed of body, motion and noise.
+        Seed of body, motion, noise and the speckle of rough surfaces.
     output
         HDF5 file to write (see :mod:`rfgen_sionna.dataset.schema`); None is the action's name, here.
     overwrite

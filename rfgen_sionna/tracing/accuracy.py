@@ -10,10 +10,8 @@ import numpy as np
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
-from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.gains import PROBES, BandTracer
 
-PROBES = np.array([-1.0, 0.0, 1.0])
-"""Places in the band at which returns are compared."""
 SAFETY = 2.0
 """What is measured at one pair and a few frequencies counts this much, for all the others."""
 

@@ -30,7 +30,7 @@ from rfgen_sionna.tracing.obliquity import Media
 MAX_ORDER = 8
 MAX_DEGREE = 6
 PROBES = np.array([-1.0, 0.0, 1.0])
-"""Places in the band at which an expansion is tried."""
+"""Places in the band at which gains are tried and returns compared."""
 SHARE = 0.3
 """Share of the tolerance that an expansion may use up; the rest is left to the facets."""
 ENOUGH = 20_000
@@ -77,11 +77,6 @@ class BandTracer:
         self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         self._powers = 2 if np.allclose(*self._fields) else 1
-
-    @property
-    def num_pairs(self) -> tuple[int, int]:
-        """Numbers of Tx and of Rx elements."""
-        return len(self._tx), len(self._rx)
 
     def importance(self, direction: FloatArray) -> FloatArray:
         """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import PROBES, measure, sums
+from rfgen_sionna.tracing.accuracy import measure, sums
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time
-from rfgen_sionna.tracing.gains import Expansion
+from rfgen_sionna.tracing.gains import PROBES, Expansion
 from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import PROBES, Accuracy, finer, measure
+from rfgen_sionna.tracing.accuracy import Accuracy, finer, measure
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
-from rfgen_sionna.tracing.gains import BandTracer, Expansion
+from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.surfaces import Surfaces

@@ -17,6 +17,7 @@ import pytest
 from rfgen_sionna import cli
 from rfgen_sionna.dataset import Run, RunInfo, RunWriter, open_run
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.show import NoPictureError
 from rfgen_sionna.signal.formats import read_capture
 
 
@@ -113,6 +114,23 @@ def test_generate_draws_what_it_made_and_names_it_after_the_action(rfgen: Rfgen,
     for suffix in ("h5", "png", "gif"):
         assert f"wrote jumping_jacks.{suffix}" in out
         assert (tmp_path / f"jumping_jacks.{suffix}").stat().st_size > 1000
+
+
+def test_a_run_that_has_no_picture_is_a_warning(
+    rfgen: Rfgen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A constant frequency tells no ranges: the data are there all the same."""
+
+    def none(*_: object, **__: object) -> Path:
+        raise NoPictureError("it tells no ranges")
+
+    monkeypatch.setattr("rfgen_sionna.show.sheet", none)
+    write_run(tmp_path / "run.h5", "a person walking")
+    code, out, err = rfgen("show", "run.h5")
+    assert code == 0
+    assert "a person walking" in out
+    assert "warning: it tells no ranges" in err
+    assert list(tmp_path.glob("run.*")) == [tmp_path / "run.h5"]
 
 
 def test_show_says_what_a_file_holds_and_draws_it_once(rfgen: Rfgen, tmp_path: Path) -> None:
