@@ -1,9 +1,13 @@
 """A MATLAB file: version 5 through SciPy; version 7.3, which is HDF5, where `adc` would exceed version 5's 2 GB.
 
-Variables: `adc` (frame, chirp, tx, rx, sample) complex single; `dims`, its axes; `units`, a struct with the unit of
+Variables: `adc` (chirp, tx, rx, sample, frame) complex single; `dims`, its axes; `units`, a struct with the unit of
 each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample), or (tx, sample) where kinds
 of chirps differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx; `tx_position`, `rx_position`
 (element, 3); `scale`; `description`, JSON with the radar in full.
+
+MATLAB counts from the first axis, so that a frame, `adc(:, :, :, :, n)`, lies in one piece; `adc` comes last. A file
+that was cut off gives its first frames: in version 7.3 those before the cut, in version 5, which has all real parts
+before the first imaginary one, those whose imaginary parts are there, too.
 """
 
 from __future__ import annotations
@@ -21,12 +25,13 @@ from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.files import complain, data_file, need_file, staged
 from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
-from rfgen_sionna.signal.formats.sidecar import describe, from_record, with_radar
+from rfgen_sionna.signal.formats.matlab_parts import cut_version_5, cut_version_7_3
+from rfgen_sionna.signal.formats.sidecar import Description, describe, from_record, with_radar
 
 NAME = "matlab"
 STANDARD = "adc_data.mat"
 MAX_VERSION_5 = (1 << 31) - 1
-_DIMS = ("frame", "chirp", "tx", "rx", "sample")
+_DIMS = ("chirp", "tx", "rx", "sample", "frame")
 _UNITS = {
     "adc": "sqrt(W)",
     "frame_time": "s",
@@ -81,7 +86,7 @@ def write(
             if divisor != 1.0:
                 data /= np.float32(divisor)
             with part.open("wb") as stream:
-                savemat(stream, {"adc": data} | variables, format="5", oned_as="column")
+                savemat(stream, variables | {"adc": np.moveaxis(data, 0, -1)}, format="5", oned_as="column")
     return CaptureReport(NAME, (target,), cube.data.shape[0], declared, None, 0, 2 * cube.data.size)
 
 
@@ -110,14 +115,6 @@ def _write_hdf5(path: Path, cube: AdcCube, divisor: float, variables: dict[str, 
 
     frames, shape = cube.data.shape[0], frame_shape(cube.radar)
     with h5py.File(path, "w", userblock_size=_USERBLOCK, libver="earliest") as file:
-        # MATLAB counts axes from the fastest: stored back to front, they come out in the order of `dims`.
-        adc = file.create_dataset(
-            "adc", shape=(*shape[::-1], frames), dtype=_COMPLEX, chunks=(*shape[::-1], 1), compression=None
-        )
-        adc.attrs["MATLAB_class"] = np.bytes_("single")
-        for number, frame in enumerate(frames_of(cube)):
-            values = np.ascontiguousarray((frame / np.float32(divisor)).transpose(3, 2, 1, 0), dtype=np.complex64)
-            adc[..., number] = values.view(_COMPLEX)
         for name, value in variables.items():
             if isinstance(value, dict):
                 group = file.create_group(name)
@@ -126,6 +123,12 @@ def _write_hdf5(path: Path, cube: AdcCube, divisor: float, variables: dict[str, 
                     _put(group, key, entry)
             else:
                 _put(file, name, value)
+        # MATLAB counts axes from the fastest: stored back to front, they come out in the order of `dims`.
+        adc = file.create_dataset("adc", shape=(frames, *shape[::-1]), dtype=_COMPLEX)
+        adc.attrs["MATLAB_class"] = np.bytes_("single")
+        for number, frame in enumerate(frames_of(cube)):
+            values = np.ascontiguousarray((frame / np.float32(divisor)).transpose(3, 2, 1, 0), dtype=np.complex64)
+            adc[number] = values.view(_COMPLEX)
     with path.open("r+b") as stream:
         stream.write(_HEADER)
 
@@ -141,32 +144,50 @@ def _put(group: Any, name: str, value: str | NDArray[Any]) -> None:
 
 
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
-    """Open a MATLAB file that :func:`write` made; see `open_capture`. One of version 5 is read into memory."""
+    """Open a MATLAB file that :func:`write` made; see `open_capture`. One of version 5 is read into memory.
+
+    Of a file that was cut off `partial` reads the frames that are whole.
+    """
     data = need_file(data_file(path, STANDARD))
     with data.open("rb") as stream:
-        start = stream.read(len(_HEADER))
-    description, stored = _open_hdf5(data) if start.startswith(b"MATLAB 7.3") else _open_version_5(data)
-    try:
-        record = json.loads(description)
-    except ValueError as error:
-        raise CaptureFormatError(f"'{data}': 'description' is not JSON: {error}") from error
-    known = with_radar(from_record(record, f"'{data}', 'description'"), radar, data)
+        recent = stream.read(len(_HEADER)).startswith(b"MATLAB 7.3")
+    cut = cut_version_7_3(data) if recent else cut_version_5(data)
+    stored: Any = None
+    if cut is None:
+        description, stored = _open_hdf5(data) if recent else _open_version_5(data)
+        found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
+        found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
+    else:
+        if not cut.frames or cut.description is None:
+            raise CaptureFormatError(f"{cut.message}; no frame is whole")
+        complain(cut.message, partial)
+        description, found = cut.description, (*cut.parts[0].shape[:0:-1], cut.frames)
+    known = with_radar(_described(description, data), radar, data)
     shape = frame_shape(known.radar)
-    found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
-    found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
-    if len(found) != 5 or found[1:] != shape:
-        raise CaptureFormatError(f"'{data}': adc has {found}; (frame, chirp, tx, rx, sample) = (…, {shape}) is needed")
-    frames = found[0]
+    if len(found) != 5 or found[:4] != shape:
+        raise CaptureFormatError(f"'{data}': adc has {found}; {', '.join(_DIMS)} = {shape} and the frames are needed")
+    frames = found[4]
     if frames != known.frames:
-        complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
+        if cut is None:
+            complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
         frames = min(frames, len(known.times(frames)))
 
     def frame(number: int) -> NDArray[Any]:
+        if cut is not None:
+            return cut.frame(number).transpose(3, 2, 1, 0)
         if isinstance(stored, np.ndarray):
-            return stored[number].reshape(shape)
-        return np.ascontiguousarray(stored[..., number]).view(np.complex64).transpose(3, 2, 1, 0)
+            return stored.reshape(found)[..., number]
+        return np.ascontiguousarray(stored[number]).view(np.complex64).transpose(3, 2, 1, 0)
 
     return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
+
+
+def _described(description: str, path: Path) -> Description:
+    try:
+        record = json.loads(description)
+    except ValueError as error:
+        raise CaptureFormatError(f"'{path}': 'description' is not JSON: {error}") from error
+    return from_record(record, f"'{path}', 'description'")
 
 
 def _open_version_5(path: Path) -> tuple[str, Any]:

@@ -156,8 +156,8 @@ def test_matlab_names_axes_and_units(tmp_path: Path) -> None:
     write_capture(cube, tmp_path / "run.mat", "matlab")
     content = scipy.io.loadmat(tmp_path / "run.mat", simplify_cells=True)
     assert content["adc"].dtype == np.complex64
-    np.testing.assert_array_equal(content["adc"], cube.data)
-    assert content["dims"] == "frame, chirp, tx, rx, sample"
+    np.testing.assert_array_equal(content["adc"], np.moveaxis(cube.data, 0, -1))
+    assert content["dims"] == "chirp, tx, rx, sample, frame"
     assert (content["units"]["adc"], content["units"]["tx_position"]) == ("sqrt(W)", "m")
     np.testing.assert_array_equal(content["frame_time"], cube.frame_times)
     np.testing.assert_array_equal(content["chirp_time"], cube.radar.waveform.chirp_times)
@@ -177,8 +177,8 @@ def test_matlab_7_3_shows_the_same_axes(tmp_path: Path) -> None:
         assert file.userblock_size == 512
         adc = file["adc"][:]
         assert file["adc"].attrs["MATLAB_class"] == b"single"
-        np.testing.assert_array_equal((adc["real"] + 1j * adc["imag"]).T, cube.data)
-        assert "".join(map(chr, file["dims"][:].T.ravel())) == "frame, chirp, tx, rx, sample"
+        np.testing.assert_array_equal((adc["real"] + 1j * adc["imag"]).T, np.moveaxis(cube.data, 0, -1))
+        assert "".join(map(chr, file["dims"][:].T.ravel())) == "chirp, tx, rx, sample, frame"
         assert file["units"].attrs["MATLAB_class"] == b"struct"
         np.testing.assert_array_equal(file["rx_position"][:].T, cube.radar.rx_positions)
     np.testing.assert_array_equal(read_capture(tmp_path / "run.mat").data, cube.data)
