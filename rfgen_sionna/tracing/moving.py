@@ -40,6 +40,9 @@ class MovingTrace:
     facets: int
     """Facets looked at."""
     rays: int
+    places: Callable[[float], FloatArray]
+    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, come from. It holds
+    until the next stretch is traced."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,7 @@ class MovingParts:
             error,
             sum(each.looked_at for each in seen) + sum(each.looked_at for each in mirrored),
             sum(each.rays for each in seen) + sum(each.rays for each in mirrored),
+            lambda t: self._centroids(positions(t), kept),
         )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:

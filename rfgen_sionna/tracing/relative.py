@@ -40,15 +40,9 @@ class Seen:
 
 def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[Actor]) -> tuple[Seen, ...]:
     """The static objects, then the actors, as the radar sees them while it follows its trajectory."""
-    origin, turn = np.asarray(radar.position), radar.rotation
 
     def carried(vertices: Callable[[float], FloatArray]) -> Callable[[float], FloatArray]:
-        def at(t: float) -> FloatArray:
-            there = radar.at(t)
-            # Rows times matrices: into the device, then from where the device was at t = 0 into the world.
-            return np.asarray((vertices(t) - np.asarray(there.position)) @ (there.rotation @ turn.T) + origin)
-
-        return at
+        return lambda t: from_world(vertices(t), radar, t)
 
     def still(points: FloatArray) -> Callable[[float], FloatArray]:
         return lambda _: points
@@ -78,6 +72,14 @@ def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[Actor]) -
         for actor in actors
     ]
     return tuple(found)
+
+
+def from_world(points: FloatArray, radar: Radar, t: float) -> FloatArray:
+    """Points (..., 3) of the world at `t` [m], as the moving radar sees them: in the world frame of t = 0."""
+    there = radar.at(t)
+    # Rows times matrices: into the device, then from where the device was at t = 0 into the world.
+    turn = there.rotation @ radar.rotation.T
+    return np.asarray((points - np.asarray(there.position)) @ turn + np.asarray(radar.position))
 
 
 def to_world(directions: FloatArray, radar: Radar, t: float) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -70,6 +70,9 @@ class Traced:
     moving: RadarPaths
     """The actors."""
     report: TraceReport
+    places: Callable[[float], FloatArray]
+    """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, come
+    from. It holds until the next stretch is traced."""
 
 
 class Tracer:
@@ -173,9 +176,18 @@ class Tracer:
         return MovingParts(self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol, ghosts)
 
     @one_blas_thread()
-    def trace(self, start: float, stop: float, moving: MovingParts | None = None) -> Traced:
-        """Paths from `start` to `stop` [s], with as many knots as the motion asks for; `moving` is the run's, None is a
-        new one."""
+    def trace(
+        self,
+        start: float,
+        stop: float,
+        moving: MovingParts | None = None,
+        watch: Callable[[float, RayScene], None] | None = None,
+    ) -> Traced:
+        """Paths from `start` to `stop` [s], with as many knots as the motion asks for.
+
+        `moving` is the run's, None is a new one. `watch` is called with each instant at which visibility is traced and
+        the ray scene as it stands then.
+        """
         self._positions.clear()
         moving = moving or self.follow()
         knots = instants = np.array([start])
@@ -185,7 +197,7 @@ class Tracer:
             followed = moving.consider(self._vertices, (start, stop))
             knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
             instants = gain_knots(self._vertices, faces, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING)
-        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving)
+        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, watch)
 
     @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:
@@ -213,13 +225,19 @@ class Tracer:
         """The ray scene as it stands at `t` [s], each object's vertices [m], and their velocities [m/s] or None."""
         self._positions.clear()
         moving = self._vertices(t)
-        rays = self._rays_at(t)
+        rays = self.rays_at(t)
         before, after = self._vertices(t - RATE_STEP), self._vertices(t + RATE_STEP)
         velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
         static = list(self.surfaces.static_vertices)
         return rays, [*static, *moving], [*([None] * len(static)), *velocities]
 
-    def _traced(self, knots: FloatArray, instants: FloatArray, parts: MovingParts) -> Traced:
+    def _traced(
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        parts: MovingParts,
+        watch: Callable[[float, RayScene], None] | None = None,
+    ) -> Traced:
         """Delays at `knots`, visibility and gains at `instants` [s]."""
         static = self.static
         shares: dict[float, FloatArray] = {}
@@ -227,15 +245,17 @@ class Tracer:
 
         def look(t: float) -> RayScene:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
-            rays = self._rays_at(t)
+            rays = self.rays_at(t)
             if t not in shares and self.actors:
                 shares[t], count = static.visible(rays, self._vertices(t))
                 sent.append(count)
+                if watch is not None:
+                    watch(t, rays)
             return rays
 
         moving = parts.trace(knots, instants, self._vertices, look)
         for t in instants.tolist():
-            if t not in shares and self.actors and len(static.facets):
+            if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)
         shadow, shaded = static.shadow(
             instants, np.stack([shares.get(t, static.fraction) for t in instants.tolist()], axis=1)
@@ -247,10 +267,10 @@ class Tracer:
             knots=len(knots),
             error=max(static.error, moving.error),
         )
-        return Traced(static.paths, shadow, shaded, moving.paths, report)
+        return Traced(static.paths, shadow, shaded, moving.paths, report, moving.places)
 
-    def _rays_at(self, t: float) -> RayScene:
-        """Static and moving meshes as they are at `t` [s]."""
+    def rays_at(self, t: float) -> RayScene:
+        """Static and moving meshes as they are at `t` [s], until it is asked for another time."""
         if self.actors and self._rays_time != t:
             self._rays.update(self._vertices(t))
             self._rays_time = t
