@@ -25,7 +25,7 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.arrays import drjit_types, upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, media_of_lanes, transverse
-from rfgen_sionna.tracing.reflected import Strength, Via, Wall, wall_of_lanes
+from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments
 
@@ -50,9 +50,9 @@ class FacetGains:
     """Gains and delays of facets at every node."""
 
     a: ComplexArray
-    """(node, facet) complex gain without the propagation phase of the centroid."""
+    """(node, facet) complex gain without the propagation phase of the centroid, or of another point of reference."""
     tau: FloatArray
-    """(node, facet) delay by way of the facet's centroid [s]."""
+    """(node, facet) delay by way of that point [s]."""
 
 
 def _integral(
@@ -84,6 +84,7 @@ def facet_gains(
     parts: IntArray | None = None,
     monostatic: bool = False,
     via: Via | None = None,
+    reference: FloatArray | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -109,6 +110,9 @@ def facet_gains(
     via
         The plane mirrors by way of which Tx or Rx or both see the facets; delays are those by way of them. None is the
         straight way.
+    reference
+        (facet, 3) points [m] that delays go by, and whose propagation phase the gains are without. None is the
+        facets' centroids.
 
     Notes
     -----
@@ -138,22 +142,26 @@ def facet_gains(
     wavenumber = dr.gather(Float, upload(dr, Float, wavenumbers), node)
     medium = media_of_lanes(dr, types, media, node, whole(material, facet), wavenumber)
     field_of_tx, field_of_rx = (Array3(*(dr.opaque(Float, float(x)) for x in f)) for f in (tx_field, rx_field))
-    wall = None
+    walls = None
     if via is not None:
-        wall = wall_of_lanes(dr, types, via, facet, node, wavenumber)
-        if wall.tx:
-            t, field_of_tx = wall.image(dr, t), wall.turned(dr, field_of_tx)
-        if wall.rx:
-            r, field_of_rx = wall.image(dr, r), wall.turned(dr, field_of_rx)
+        walls = first, last = walls_of_lanes(dr, types, via, facet, node, wavenumber)
+        if first is not None:
+            t, field_of_tx = first.image(dr, t), first.turned(dr, field_of_tx)
+        if last is not None:
+            r, field_of_rx = last.image(dr, r), last.turned(dr, field_of_rx)
     centre = (p[0] + p[1] + p[2]) / 3.0
+    origin = centre if reference is None else vector(np.reshape(reference, (-1, 3)), facet)
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     twice_area = dr.norm(cross)
     normal = cross / dr.select(twice_area > 0, twice_area, 1.0)
     normal = dr.select(dr.dot(normal, centre - t) > 0, -normal, normal)
-    surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic, wall)
+    surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic, walls)
 
     if parts is None or int(np.max(parts)) == 1:
-        gain, _ = _triangle(dr, Array3, Complex, surface, p, wavenumber, centre)
+        gain, excess = _triangle(dr, Array3, Complex, surface, p, wavenumber, origin)
+        if reference is not None:
+            sin, cos = dr.sincos(-wavenumber * excess)
+            gain = gain.times(ComplexPair(cos, sin))
         real, imaginary = gain.re, gain.im
     else:
         count = Float(whole(parts, facet))
@@ -173,7 +181,7 @@ def facet_gains(
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            gain, excess = _triangle(dr, Array3, Complex, surface, part, wavenumber, centre)
+            gain, excess = _triangle(dr, Array3, Complex, surface, part, wavenumber, origin)
             sin, cos = dr.sincos(-wavenumber * excess)
             gain = gain.times(ComplexPair(cos, sin)).scaled(1.0 / (count * count))
             return index + 1, re + gain.re, im + gain.im
@@ -181,7 +189,7 @@ def facet_gains(
         total = whole(np.asarray(parts) ** 2, facet)
         start = (dr.zeros(UInt32, len(lane)), dr.zeros(Float, len(lane)), dr.zeros(Float, len(lane)))
         _, real, imaginary = dr.while_loop(start, lambda index, re, im: index < total, step)
-    length = dr.norm(centre - t) + dr.norm(r - centre)
+    length = dr.norm(origin - t) + dr.norm(r - origin)
     dr.eval(real, imaginary, length)
     a = np.empty(shape, dtype=np.complex128)
     a.real, a.imag = real.numpy().reshape(shape), imaginary.numpy().reshape(shape)
@@ -200,8 +208,8 @@ class _Surface(NamedTuple):
     tx_field: Any
     rx_field: Any
     monostatic: bool
-    wall: Wall | None
-    """By way of which elements look at it: `tx` and `rx` with their fields are images then."""
+    walls: tuple[Wall | None, Wall | None] | None
+    """By way of which Tx and Rx look at it: `tx` and `rx` with their fields are images then."""
 
 
 def _triangle(
@@ -245,8 +253,8 @@ def _triangle(
         fields = surface.tx_field, surface.rx_field
         return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
 
-    if surface.wall is not None:  # the images may lie in very different directions
-        by_wall = Strength(dr, vector, complex_type, surface, surface.wall, centre)
+    if surface.walls is not None:  # the images may lie in very different directions
+        by_wall = Strength(dr, vector, complex_type, surface, centre)
         of_centre = by_wall.at(centre)
         changes = [by_wall.at(corner) - of_centre for corner in p[:2]]
         changes.append((changes[0] + changes[1]).scaled(-1.0))  # linear: nothing on the average

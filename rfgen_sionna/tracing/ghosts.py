@@ -168,7 +168,7 @@ class Ghosts:
                 continue
             mirror: NDArray[np.int32] = self._kept[row].astype(np.int32)
             share = shares[:, row, column]
-            shown = [MirroredFacets.of(each, column, mirror) for each in facets]
+            shown = [MirroredFacets.of(each, column, mirror, mirror) for each in facets]
             departing, arriving = self._directions(shown[middle].centroids, mirror, tx, rx)
             weight = share[middle] * np.sqrt(self._importance(departing) * self._importance(arriving))
             band, expansion = self._expansion(way, shown[middle], weight, usual)
@@ -250,7 +250,7 @@ class Ghosts:
         def places(t: float) -> FloatArray:
             return centroids(t, needed)[back]
 
-        curves = over_time(knots, instants, gains, lambda t: band.lengths(places(t), mirror))
+        curves = over_time(knots, instants, gains, lambda t: band.lengths(places(t), mirror, mirror))
         directions = [self._directions(places(float(t)), mirror, band.tx, band.rx) for t in knots]
         departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))
         return facet_paths(

@@ -23,18 +23,20 @@ from rfgen_sionna.tracing.reflected import Via
 class MirroredFacets(Facets):
     """Facets, each as one mirror shows it: a facet that several show is there several times."""
 
-    mirror: IntArray
-    """(facet,) index of the mirror."""
+    first: IntArray
+    """(facet,) index of the mirror on the way from Tx."""
+    last: IntArray
+    """(facet,) index of that on the way to Rx."""
 
     @classmethod
-    def of(cls, facets: Facets, index: NDArray[np.intp], mirror: IntArray) -> MirroredFacets:
-        """The facets that `index` counts out, each by its `mirror`."""
+    def of(cls, facets: Facets, index: NDArray[np.intp], first: IntArray, last: IntArray) -> MirroredFacets:
+        """The facets that `index` counts out, each by its mirrors."""
         chosen = facets.take(index)
-        return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, mirror=mirror)
+        return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, first=first, last=last)
 
     def take(self, index: NDArray[np.intp]) -> MirroredFacets:
         """The facets that `index` counts out."""
-        return MirroredFacets.of(super().take(index), np.arange(len(index)), self.mirror[index])
+        return MirroredFacets.of(super().take(index), np.arange(len(index)), self.first[index], self.last[index])
 
 
 class ImageBand(BandTracer):
@@ -45,9 +47,9 @@ class ImageBand(BandTracer):
     radar, rtol
         As there.
     mirrors
-        What `MirroredFacets.mirror` counts out of.
+        What `MirroredFacets.first` and `last` count out of.
     tx, rx
-        Whether the way from Tx, and that to Rx, goes by the mirror.
+        Whether the way from Tx, and that to Rx, goes by a mirror.
     """
 
     enough = 4000
@@ -61,13 +63,16 @@ class ImageBand(BandTracer):
         if tx != rx:  # Tx and Rx changed over make another path
             self._powers = 1
 
-    def lengths(self, centroids: FloatArray, mirror: IntArray) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world], each by its mirror."""
+    def lengths(self, centroids: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of each."""
         place = centroids - self._origin
-        height = np.einsum("fi,fi->f", place, self._normals[mirror]) + self._offsets[mirror]
-        mirrored = place - 2.0 * height[:, None] * self._normals[mirror]
-        to_tx = np.linalg.norm((mirrored if self.tx else place) - self._tx[:, None], axis=2)
-        to_rx = np.linalg.norm((mirrored if self.rx else place) - self._rx[:, None], axis=2)
+
+        def seen(mirror: IntArray) -> FloatArray:
+            height = np.einsum("fi,fi->f", place, self._normals[mirror]) + self._offsets[mirror]
+            return np.asarray(place - 2.0 * height[:, None] * self._normals[mirror])
+
+        to_tx = np.linalg.norm((seen(first) if self.tx else place) - self._tx[:, None], axis=2)
+        to_rx = np.linalg.norm((seen(last) if self.rx else place) - self._rx[:, None], axis=2)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def _gains(
@@ -75,8 +80,6 @@ class ImageBand(BandTracer):
     ) -> FacetGains:
         if not isinstance(facets, MirroredFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
-        walls = Media.at([mirror.material for mirror in self._mirrors], nodes.frequency, self.half_band)
-        via = Via(facets.mirror, self._normals, -self._offsets, walls, self.tx, self.rx)
         return facet_gains(
             facets.corners - self._origin,
             facets.surface,
@@ -84,5 +87,9 @@ class ImageBand(BandTracer):
             nodes,
             *self._fields,
             facets.parts if parts is None else parts,
-            via=via,
+            via=self._via(nodes, facets.first, facets.last),
         )
+
+    def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> Via:
+        walls = Media.at([mirror.material for mirror in self._mirrors], nodes.frequency, self.half_band)
+        return Via(self._normals, -self._offsets, walls, first if self.tx else None, last if self.rx else None)

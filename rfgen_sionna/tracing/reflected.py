@@ -25,20 +25,18 @@ from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 
 @dataclass(frozen=True)
 class Via:
-    """By which mirror facets are lit and looked at."""
+    """By which mirrors facets are lit and looked at."""
 
-    mirror: IntArray
-    """(facet,) index of the facet's mirror."""
     normal: FloatArray
     """(mirror, 3) unit vectors."""
     offset: FloatArray
     """(mirror,) normal . x of the mirror's points [m], in the frame of the facets' corners."""
     media: Media
     """What the mirrors are made of, one material to a mirror."""
-    tx: bool
-    """Whether the way from Tx goes by the mirror."""
-    rx: bool
-    """Whether the way to Rx does."""
+    tx: IntArray | None
+    """(facet,) index of the mirror by which the way from Tx goes; None is straight."""
+    rx: IntArray | None
+    """(facet,) that of the way to Rx."""
 
 
 class Wall(NamedTuple):
@@ -47,8 +45,6 @@ class Wall(NamedTuple):
     normal: Any
     offset: Any
     medium: Medium
-    tx: bool
-    rx: bool
 
     def image(self, dr: Any, point: Any) -> Any:
         """The mirror image of a point."""
@@ -71,13 +67,24 @@ class _Field(NamedTuple):
         )
 
 
-def wall_of_lanes(dr: Any, types: Any, via: Via, facet: Any, node: Any, wavenumber: Any) -> Wall:
+def walls_of_lanes(
+    dr: Any, types: Any, via: Via, facet: Any, node: Any, wavenumber: Any
+) -> tuple[Wall | None, Wall | None]:
+    """The mirrors of Tx and Rx."""
+    first, last = (
+        None if chosen is None else _wall(dr, types, via, chosen, facet, node, wavenumber)
+        for chosen in (via.tx, via.rx)
+    )
+    return first, last
+
+
+def _wall(dr: Any, types: Any, via: Via, chosen: IntArray, facet: Any, node: Any, wavenumber: Any) -> Wall:
     Float, UInt32 = types.Float64, types.UInt32
-    mirror = dr.gather(UInt32, upload(dr, UInt32, np.asarray(via.mirror, np.uint32)), facet)
+    mirror = dr.gather(UInt32, upload(dr, UInt32, np.asarray(chosen, np.uint32)), facet)
     flat = upload(dr, Float, via.normal)
     normal = types.Array3f64(*(dr.gather(Float, flat, mirror * 3 + axis) for axis in range(3)))
     offset = dr.gather(Float, upload(dr, Float, via.offset), mirror)
-    return Wall(normal, offset, media_of_lanes(dr, types, via.media, node, mirror, wavenumber), via.tx, via.rx)
+    return Wall(normal, offset, media_of_lanes(dr, types, via.media, node, mirror, wavenumber))
 
 
 class Strength:
@@ -87,8 +94,9 @@ class Strength:
     directions and distances do, and weaker by the wall's reflection.
     """
 
-    def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, wall: Wall, centre: Any) -> None:
-        self._dr, self._vector, self._surface, self._wall = dr, vector, surface, wall
+    def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any) -> None:
+        self._dr, self._vector, self._surface = dr, vector, surface
+        first, last = surface.walls
         normal = surface.normal
 
         def coefficients(medium: Medium, k: Any, n: Any) -> tuple[Any, Any]:
@@ -97,8 +105,8 @@ class Strength:
             return reflection(dr, complex_type, medium, dr.sqrt(1.0 - sin2), sin2)
 
         k_in, k_out, _ = self._ways(centre)
-        self._wall_in = coefficients(wall.medium, k_in, wall.normal) if wall.tx else None
-        self._wall_out = coefficients(wall.medium, k_out, wall.normal) if wall.rx else None
+        self._wall_in = None if first is None else (first, *coefficients(first.medium, k_in, first.normal))
+        self._wall_out = None if last is None else (last, *coefficients(last.medium, k_out, last.normal))
         self._there = coefficients(surface.medium, k_in, normal)
         self._back = coefficients(surface.medium, k_out, normal)
 
@@ -112,9 +120,9 @@ class Strength:
         dr, surface = self._dr, self._surface
         k_in, k_out, spread = self._ways(point)
 
-        def field(of_element: Any, k: Any, wall: tuple[Any, Any] | None) -> _Field:
+        def field(of_element: Any, k: Any, by: tuple[Wall, Any, Any] | None) -> _Field:
             own = _Field(transverse(dr, of_element, k), self._vector(0, 0, 0))
-            return own if wall is None else _reflected(dr, own, dr.cross(k, self._wall.normal), *wall)
+            return own if by is None else _reflected(dr, own, dr.cross(k, by[0].normal), *by[1:])
 
         e_tx, e_rx = field(surface.tx_field, k_in, self._wall_in), field(surface.rx_field, k_out, self._wall_out)
         there = _obliquity(dr, surface.normal, k_in, e_tx, k_out, e_rx, self._there)
