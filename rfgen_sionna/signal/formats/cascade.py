@@ -4,16 +4,19 @@
 `<device>_NNNN_idx.bin`: a header of 24 bytes, `<IIIIQ` = tag, version, flags, frames, bytes of data; then 48 bytes a
 frame, `<HHIHH4IIQQ` = tag, version, flags, width (samples), height (chirps), pitch[4] (bytes of a chirp first), bytes,
 time stamp, offset. The host begins a new pair of files before one exceeds 2047 MiB, and allocates files in advance:
-the index, not the size, says how much is data. Time stamps are in microseconds in the captures that published readers
-process; other units are recognised on reading by the frame period.
+the index, not the size, says how much is data.
+
+Time stamps are microseconds of the host's clock since it was switched on: readers of real captures found 717,218,416
+twelve minutes after that (github.com/samxu29/mmwave-cli, check_ir_timestamps.py) and subtract the stamps from Unix
+times times 1e6. TI documents no unit, and nanoseconds, as some descriptions of the file have it, are what no capture
+was seen to hold. On reading the unit is that of 1 us, 1 ns and 1 ms in which frames are closest to a period apart.
 """
 
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,17 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, FloatArray
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.cascade_files import (
+    DATA_NAME,
+    DEVICES,
+    ENTRY,
+    FILE_TAG,
+    FRAME_TAG,
+    HEADER,
+    Frames,
+    Place,
+    find_frames,
+)
 from rfgen_sionna.signal.formats.files import complain, staged, write_json
 from rfgen_sionna.signal.formats.frames import (
     Scale,
@@ -36,32 +50,14 @@ from rfgen_sionna.signal.formats.frames import (
     quantize,
     resolve_scale,
 )
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, even_times, write_sidecar
 from rfgen_sionna.signal.formats.studio import read_studio, studio_config
 from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
 
 NAME = "cascade"
-DEVICES = ("master", "slave1", "slave2", "slave3")
 FULL_SCALE = 1 << 15
 MAX_FILE_SIZE = 2047 << 20
 SIDECAR = "capture" + SUFFIX
-DATA_NAME = re.compile(r"(master|slave[123])_(\d{4})_(data|idx)\.bin")
-
-_HEADER = np.dtype([("tag", "<u4"), ("version", "<u4"), ("flags", "<u4"), ("frames", "<u4"), ("size", "<u8")])
-_ENTRY = np.dtype(
-    [
-        ("tag", "<u2"),
-        ("version", "<u2"),
-        ("flags", "<u4"),
-        ("width", "<u2"),
-        ("height", "<u2"),
-        ("pitch", "<u4", 4),
-        ("size", "<u4"),
-        ("time", "<u8"),
-        ("offset", "<u8"),
-    ]
-)
-_FILE_TAG, _FRAME_TAG = 0x746B6362, 0x6964
 _TIME_UNITS = (1e-6, 1e-9, 1e-3)
 
 
@@ -112,7 +108,7 @@ def write(
                         channels = slice(RX_PER_DEVICE * place, RX_PER_DEVICE * (place + 1))
                         stream.write(np.ascontiguousarray(ordered[..., channels, :], dtype="<i2").data)
             entries = _index(radar, cube.frame_times, group, frame_size)
-            header = np.array((_FILE_TAG, 1, 0, len(group), len(group) * frame_size), dtype=_HEADER)
+            header = np.array((FILE_TAG, 1, 0, len(group), len(group) * frame_size), dtype=HEADER)
             for part in parts[len(data) :][own]:
                 part.write_bytes(header.tobytes() + entries.tobytes())
         write_json(parts[-2], config)
@@ -126,8 +122,8 @@ def _index(radar: Radar, times: FloatArray, group: range, frame_size: int) -> ND
         raise CaptureFormatError(
             f"{loops * slots} chirps of {samples} samples a frame do not fit the index: at most 65535 of each"
         )
-    entries = np.zeros(len(group), dtype=_ENTRY)
-    entries["tag"], entries["version"], entries["flags"] = _FRAME_TAG, 1, 1
+    entries = np.zeros(len(group), dtype=ENTRY)
+    entries["tag"], entries["version"], entries["flags"] = FRAME_TAG, 1, 1
     entries["width"], entries["height"], entries["size"] = samples, loops * slots, frame_size
     entries["pitch"][:, 0] = 4 * samples * RX_PER_DEVICE
     # The host's clock never was negative.
@@ -139,6 +135,11 @@ def _index(radar: Radar, times: FloatArray, group: range, frame_size: int) -> ND
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open the capture in a folder; see `open_capture`. Without a sidecar, `radar` gives the hardware and the
     folder's only `.mmwave.json`, where there is one, the waveform and the Tx elements that fire.
+
+    With `partial`, a device without files or without any whole frame is left out, and the capture's radar has the
+    receivers of the others alone; what is read are the frames that all of these hold, at their own times. An index that
+    is missing or damaged is made up for by those of the other devices, and without any of them frames are taken one
+    after the other.
     """
     folder = Path(path)
     if DATA_NAME.fullmatch(folder.name):
@@ -147,91 +148,39 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     receivers = _receivers(known.radar)
     loops, slots, _, samples = frame_shape(known.radar)
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
-    devices = [list(_frames_of_device(folder, name, known.radar, frame_size, partial)) for name in DEVICES]
-    counts = [len(found) for found in devices]
-    wanted = max(counts) if known.frames is None else known.frames
-    frames = min([*counts, wanted])
-    if any(count != wanted for count in counts):
-        held = ", ".join(f"{name} {count}" for name, count in zip(DEVICES, counts, strict=True))
-        message = f"'{folder}' holds frames of: {held}; {wanted} of each are expected"
-        if frames == 0:
-            raise CaptureFormatError(message)
+    found, count = find_frames(folder, Frames(samples, loops * slots, frame_size), partial)
+    wanted = count if known.frames is None else known.frames
+    held = {name: {n: place for n, place in own.items() if n < wanted} for name, own in found.items()}
+    left = [name for name in DEVICES if held[name]]
+    numbers = sorted(set.intersection(*(set(held[name]) for name in left))) if left else []
+    if count > wanted or any(len(own) != wanted for own in held.values()):
+        counts = ", ".join(f"{name} {len(own)}" for name, own in found.items())
+        message = f"'{folder}' holds frames of: {counts}; {wanted} of each are expected"
+        if not numbers:
+            raise CaptureFormatError(f"{message}: no frame is whole in all of {', '.join(left) or 'them'}")
         complain(message, partial)
-    times = known.times(frames)
-    if known.frame_times is None:
-        times = _seconds([entry[2] for entry in devices[0][:frames]], known.radar.waveform.frame_period)
+    taken = known.radar
+    if len(left) < len(DEVICES):
+        kept = [n for n, rx in enumerate(receivers) if DEVICES[(rx - 1) // RX_PER_DEVICE] in left]
+        taken = replace(taken, rx_names=tuple(taken.rx_names[n] for n in kept), rx_positions=taken.rx_positions[kept])
+        receivers = [receivers[n] for n in kept]
+    places = [[held[name][number] for name in left] for number in numbers]
 
     def frame(number: int) -> NDArray[Any]:
-        stored = np.empty((loops, slots, samples, len(DEVICES), RX_PER_DEVICE, 2), dtype=np.int16)
-        for place, found in enumerate(devices):
-            file, offset, _ = found[number]
-            shape = (loops, slots, samples, RX_PER_DEVICE, 2)
-            stored[:, :, :, place] = np.memmap(file, dtype="<i2", mode="r", offset=offset, shape=shape)
+        stored = np.empty((loops, slots, samples, len(left), RX_PER_DEVICE, 2), dtype=np.int16)
+        shape = (loops, slots, samples, RX_PER_DEVICE, 2)
+        for device, place in enumerate(places[number]):
+            stored[:, :, :, device] = np.memmap(place.file, dtype="<i2", mode="r", offset=place.offset, shape=shape)
         if known.iq_swap:
             stored = stored[..., ::-1]
         levels = stored.reshape(loops, slots, samples, -1, 2).swapaxes(2, 3)
-        return element_order(complex_lsb(levels), known.radar, receivers)
+        return element_order(complex_lsb(levels), taken, receivers)
 
-    files = tuple(sorted({entry[0] for found in devices for entry in found}))
-    return Capture(NAME, files, known.radar, times, known.scale, known.seed, frame)
-
-
-def _frames_of_device(
-    folder: Path, name: str, radar: Radar, frame_size: int, partial: bool
-) -> Iterator[tuple[Path, int, int]]:
-    """File, offset and time stamp of each frame that one device recorded."""
-    files = sorted(path for path in folder.glob(f"{name}_*_data.bin") if DATA_NAME.fullmatch(path.name))
-    if not files:
-        raise FileNotFoundError(f"capture file '{folder / f'{name}_0000_data.bin'}' does not exist")
-    loops, slots, _, samples = frame_shape(radar)
-    for data in files:
-        index = data.with_name(data.name.replace("_data", "_idx"))
-        if not index.is_file():  # the devices run in step, and often only the master's index is kept
-            index = data.with_name(re.sub(r"^slave\d", "master", index.name))
-        entries = _read_index(index, partial)
-        size = data.stat().st_size
-        for number, entry in enumerate(entries):
-            if (entry["width"], entry["height"], entry["size"]) != (samples, loops * slots, frame_size):
-                raise CaptureFormatError(
-                    f"'{index}', frame {number}: {entry['width']} samples × {entry['height']} chirps, "
-                    f"{entry['size']} bytes; the radar's frames have {samples} × {loops * slots}, {frame_size} bytes"
-                )
-            offset = int(entry["offset"])
-            if offset + frame_size > size:
-                complain(
-                    f"'{data}' has {size:,} bytes; frame {number} lies at {offset:,} … {offset + frame_size:,}: "
-                    f"{offset + frame_size - max(size, offset):,} of its {frame_size:,} bytes are missing, "
-                    f"and {len(entries) - number - 1} frames after it",
-                    partial,
-                )
-                return
-            yield data, offset, int(entry["time"])
-
-
-def _read_index(path: Path, partial: bool) -> NDArray[Any]:
-    if not path.is_file():
-        raise FileNotFoundError(f"capture file '{path}' does not exist")
-    content = path.read_bytes()
-    if len(content) < _HEADER.itemsize:
-        raise CaptureFormatError(f"'{path}' has {len(content)} bytes; its header alone has {_HEADER.itemsize}")
-    header = np.frombuffer(content, dtype=_HEADER, count=1)[0]
-    if header["tag"] != _FILE_TAG:
-        raise CaptureFormatError(f"'{path}' begins with 0x{header['tag']:08x}; an index begins with 0x{_FILE_TAG:08x}")
-    present = (len(content) - _HEADER.itemsize) // _ENTRY.itemsize
-    declared = int(header["frames"])
-    wanted = _HEADER.itemsize + declared * _ENTRY.itemsize
-    if len(content) != wanted:
-        complain(
-            f"'{path}' has {len(content):,} bytes; a header and {declared} entries are {wanted:,}: "
-            f"{abs(wanted - len(content)):,} bytes are {'missing' if len(content) < wanted else 'too many'}",
-            partial,
-        )
-    entries = np.frombuffer(content, dtype=_ENTRY, count=min(present, declared), offset=_HEADER.itemsize)
-    if bad := np.flatnonzero(entries["tag"] != _FRAME_TAG).tolist():
-        raise CaptureFormatError(
-            f"'{path}', frame {bad[0]}: tag 0x{entries['tag'][bad[0]]:04x}; 0x{_FRAME_TAG:04x} is needed"
-        )
-    return entries
+    files = tuple(sorted({place.file for row in places for place in row}))
+    times = _times([row[0] for row in places], numbers, taken) if known.frame_times is None else known.times(wanted)
+    if known.frame_times is not None:
+        times = times[numbers]
+    return Capture(NAME, files, taken, times, known.scale, known.seed, frame)
 
 
 def _configured(folder: Path, hardware: Radar) -> Description:
@@ -253,10 +202,15 @@ def _receivers(radar: Radar) -> list[int]:
     return channel_numbers(radar.rx_names, "RX", count, f"a cascade of {len(DEVICES)} devices")
 
 
-def _seconds(stamps: list[int], period: float) -> FloatArray:
-    """Times from the first frame on; the unit is the one in which frames are closest to `period` apart."""
-    steps = np.diff(np.asarray(stamps, dtype=np.float64))
+def _times(places: list[Place], numbers: list[int], radar: Radar) -> FloatArray:
+    """Times from the first frame on; the unit is the one in which frames are closest to a frame period apart."""
+    period = radar.waveform.frame_period
+    stamps = [place.stamp for place in places if place.stamp is not None]
+    if len(stamps) < len(places):
+        return even_times(numbers[-1] + 1, radar)[numbers] - numbers[0] * period
+    since = np.asarray(stamps, dtype=np.float64) - stamps[0]
+    steps = np.diff(since) / np.diff(numbers)
     unit = _TIME_UNITS[0]
     if len(steps) and np.median(steps) > 0:
         unit = min(_TIME_UNITS, key=lambda unit: abs(np.log(np.median(steps) * unit / period)))
-    return np.asarray((np.asarray(stamps, dtype=np.float64) - stamps[0]) * unit)
+    return np.asarray(since * unit)

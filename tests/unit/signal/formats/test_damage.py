@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats import (
     CaptureFormatError,
     CaptureWarning,
@@ -54,6 +56,9 @@ def test_a_truncated_file_says_how_much_is_missing_and_gives_what_is_whole(
     if frames == 0:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", CaptureWarning)
+            if name == "cascade":  # the other three devices are whole
+                assert read_capture(folder, partial=True).data.shape == (3, *cube.data.shape[1:3], 12, 4)
+                return
             with pytest.raises(CaptureFormatError):
                 read_capture(folder, partial=True)
         return
@@ -140,6 +145,82 @@ def test_devices_that_recorded_different_numbers_of_frames(tmp_path: Path) -> No
         np.testing.assert_array_equal(read_capture(tmp_path, partial=True).data, cube.data[:2])
 
 
+def read_in_part(folder: Path, message: str) -> AdcCube:
+    """What is whole; one of the warnings says so."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", CaptureWarning)
+        part = read_capture(folder, partial=True)
+    assert any(re.search(message, str(warning.message)) for warning in caught)
+    return part
+
+
+@pytest.mark.parametrize("lost", ["data", "all of it", "most of the data"])
+def test_a_device_that_is_missing_leaves_the_receivers_of_the_others(tmp_path: Path, lost: str) -> None:
+    """Slave 1 has RX5 to RX8."""
+    cube = lsb_cube(cascade(), 3, 1000)
+    write_capture(cube, tmp_path, "cascade")
+    data = tmp_path / "slave1_0000_data.bin"
+    if lost == "most of the data":
+        data.write_bytes(data.read_bytes()[:100])
+    else:
+        data.unlink()
+    if lost == "all of it":
+        (tmp_path / "slave1_0000_idx.bin").unlink()
+    with pytest.raises((CaptureFormatError, FileNotFoundError), match=r"slave1_0000_data\.bin"):
+        read_capture(tmp_path)
+    part = read_in_part(tmp_path, "slave1")
+    kept = [index for index, name in enumerate(cube.radar.rx_names) if name not in ("RX5", "RX6", "RX7", "RX8")]
+    assert part.radar.rx_names == tuple(cube.radar.rx_names[index] for index in kept)
+    np.testing.assert_array_equal(part.radar.rx_positions, cube.radar.rx_positions[kept])
+    np.testing.assert_array_equal(part.data, cube.data[:, :, :, kept])
+    np.testing.assert_array_equal(part.frame_times, cube.frame_times)
+
+
+@pytest.mark.parametrize("names", [("slave1",), ("master",), ("master", "slave1", "slave2", "slave3")])
+@pytest.mark.parametrize("kept", [None, 0, 10, 24, 24 + 48, 24 + 48 + 5])
+def test_an_index_that_was_cut_or_lost_leaves_the_data_readable(
+    tmp_path: Path, names: tuple[str, ...], kept: int | None
+) -> None:
+    cube = lsb_cube(cascade(), 3, 1000)
+    write_capture(cube, tmp_path, "cascade")
+    for name in names:
+        index = tmp_path / f"{name}_0000_idx.bin"
+        if kept is None:
+            index.unlink()
+        else:
+            index.write_bytes(index.read_bytes()[:kept])
+    if kept is not None or "master" in names:
+        with pytest.raises((CaptureFormatError, FileNotFoundError), match=r"0000_idx\.bin"):
+            read_capture(tmp_path)
+        part = read_in_part(tmp_path, "0000_idx.bin")
+    else:
+        part = read_capture(tmp_path)  # the master's says the same
+    # What all four have lost nobody can tell; without any index frames follow each other.
+    frames = 1 if len(names) == 4 and kept is not None and kept >= 24 + 48 else 3
+    np.testing.assert_array_equal(part.data, cube.data[:frames])
+    np.testing.assert_array_equal(part.frame_times, cube.frame_times[:frames])
+
+
+def test_frames_after_a_damaged_one_keep_their_times(tmp_path: Path) -> None:
+    """Three files of two frames each; of the second pair slave 3 has lost the second frame."""
+    cube = lsb_cube(cascade(), 6, 1000)
+    size = 4 * 2 * 12 * 4 * 4
+    write_capture(cube, tmp_path, "cascade", max_file_size=2 * size)
+    data = tmp_path / "slave3_0001_data.bin"
+    data.write_bytes(data.read_bytes()[:-1])
+    with pytest.raises(CaptureFormatError, match=r"slave3_0001.*1 of its 1,536 bytes are missing"):
+        read_capture(tmp_path)
+    part = read_in_part(tmp_path, "slave3 5")
+    whole = [0, 1, 2, 4, 5]
+    np.testing.assert_array_equal(part.data, cube.data[whole])
+    np.testing.assert_array_equal(part.frame_times, cube.frame_times[whole])
+    for path in tmp_path.glob("*_0001_*"):
+        path.unlink()
+    part = read_in_part(tmp_path, "0001")
+    np.testing.assert_array_equal(part.data, cube.data[[0, 1, 4, 5]])
+    np.testing.assert_array_equal(part.frame_times, cube.frame_times[[0, 1, 4, 5]])
+
+
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
@@ -157,6 +238,18 @@ def test_an_index_that_contradicts_itself(tmp_path: Path, place: int, value: byt
     index.write_bytes(content)
     with pytest.raises(CaptureFormatError, match=message):
         read_capture(tmp_path)
+    part = read_in_part(tmp_path, message)
+    np.testing.assert_array_equal(part.data[0], lsb_cube(cascade(), 3, 1000).data[0])
+
+
+def test_an_index_of_other_frames_is_no_damage(tmp_path: Path) -> None:
+    write_capture(lsb_cube(cascade(), 3, 1000), tmp_path, "cascade")
+    (tmp_path / "capture.rfgen.json").unlink()
+    (tmp_path / f"{tmp_path.name}.mmwave.json").unlink()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CaptureWarning)
+        with pytest.raises(CaptureFormatError, match="4 samples × 24 chirps"):
+            read_capture(tmp_path, radar=cascade(loops=4), partial=True)
 
 
 @pytest.mark.parametrize(

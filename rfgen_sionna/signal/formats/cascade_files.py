@@ -1,0 +1,189 @@
+"""Where the frames of a cascade capture lie: indices and data of its devices, as far as they are whole."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.signal.formats.capture import CaptureFormatError
+from rfgen_sionna.signal.formats.files import complain
+
+DEVICES = ("master", "slave1", "slave2", "slave3")
+DATA_NAME = re.compile(r"(master|slave[123])_(\d{4})_(data|idx)\.bin")
+
+HEADER = np.dtype([("tag", "<u4"), ("version", "<u4"), ("flags", "<u4"), ("frames", "<u4"), ("size", "<u8")])
+ENTRY = np.dtype(
+    [
+        ("tag", "<u2"),
+        ("version", "<u2"),
+        ("flags", "<u4"),
+        ("width", "<u2"),
+        ("height", "<u2"),
+        ("pitch", "<u4", 4),
+        ("size", "<u4"),
+        ("time", "<u8"),
+        ("offset", "<u8"),
+    ]
+)
+FILE_TAG, FRAME_TAG = 0x746B6362, 0x6964
+
+
+@dataclass(frozen=True)
+class Place:
+    """One frame of one device."""
+
+    file: Path
+    offset: int
+    stamp: int | None
+    """Time stamp of the index; None where no index is left."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The shape of a frame as the index writes it."""
+
+    width: int
+    """Samples of a chirp."""
+    height: int
+    """Chirps of a frame, all slots."""
+    size: int
+    """[bytes] of one device."""
+
+    def fits(self, entry: Any) -> bool:
+        """Whether an entry of an index is one of such a frame."""
+        found = (int(entry["width"]), int(entry["height"]), int(entry["size"]))
+        return int(entry["tag"]) == FRAME_TAG and found == (self.width, self.height, self.size)
+
+
+@dataclass(frozen=True)
+class _Index:
+    """What one index says of a file."""
+
+    entries: tuple[Any, ...] = ()
+    """None for those that are damaged."""
+    damaged: bool = True
+    """Whether something is missing or wrong in it, so that the other devices' indices count as well."""
+
+
+def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, dict[int, Place]], int]:
+    """The frames that each device recorded, by their number in the capture, and how many there are in all.
+
+    An index that is missing or damaged is made up for by those of the other devices, which run in step.
+
+    Raises
+    ------
+    CaptureFormatError, FileNotFoundError
+        Something is missing or contradicts itself; with `partial` only where it leaves no frame.
+    """
+    files: dict[str, dict[int, Path]] = {name: {} for name in DEVICES}
+    for path in sorted(folder.glob("*_data.bin")):
+        if match := DATA_NAME.fullmatch(path.name):
+            files[match[1]][int(match[2])] = path
+    for name in DEVICES:
+        if not files[name]:
+            message = f"capture file '{folder / f'{name}_0000_data.bin'}' does not exist"
+            if not partial or not any(files.values()):
+                raise FileNotFoundError(message)
+            complain(f"{message}: the receivers of {name} are left out", partial)
+    groups = sorted({number for own in files.values() for number in own})
+    if absent := sorted(set(range(groups[-1])) - set(groups)):
+        complain(f"capture files '{folder / f'*_{absent[0]:04d}_data.bin'}' do not exist", partial)
+    contents = []
+    for group in groups:
+        present = {name: own[group] for name, own in files.items() if group in own}
+        indices = {name: _index(folder, name, group, shape, partial, name in present) for name in DEVICES}
+        count = max(len(index.entries) for index in indices.values())
+        if not count:
+            count = max(path.stat().st_size // shape.size for path in present.values())
+            if count:
+                complain(f"'{folder}': no index says how much of file {group} is data", partial)
+        contents.append((group, present, indices, count))
+    full = max(count for *_, count in contents)
+    found: dict[str, dict[int, Place]] = {name: {} for name in DEVICES}
+    total = 0
+    for (group, present, indices, count), before in zip(contents, [-1, *groups], strict=False):
+        total += full * (group - before - 1)  # the host fills a file before it begins the next
+        for name, path in present.items():
+            own = indices[name]
+            known = [own.entries]
+            if own.damaged:
+                known += [index.entries for other, index in indices.items() if other != name]
+            for number, place in _whole(path, known, count, shape, partial):
+                found[name][total + number] = place
+        total += count
+    return found, total
+
+
+def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, needed: bool) -> _Index:
+    """One index, as far as it can be read."""
+    path = folder / f"{name}_{group:04d}_idx.bin"
+    if not path.is_file():
+        master = path.with_name(f"master_{group:04d}_idx.bin")
+        if needed and not master.is_file():  # often only the master's index is kept
+            if not partial:
+                raise FileNotFoundError(f"capture file '{path}' does not exist")
+            complain(f"capture file '{path}' does not exist", partial)
+        return _Index()
+    content = path.read_bytes()
+    if len(content) < HEADER.itemsize:
+        complain(f"'{path}' has {len(content)} bytes; its header alone has {HEADER.itemsize}", partial)
+        return _Index()
+    header = np.frombuffer(content, dtype=HEADER, count=1)[0]
+    if header["tag"] != FILE_TAG:
+        complain(f"'{path}' begins with 0x{header['tag']:08x}; an index begins with 0x{FILE_TAG:08x}", partial)
+    present = (len(content) - HEADER.itemsize) // ENTRY.itemsize
+    declared = int(header["frames"])
+    wanted = HEADER.itemsize + declared * ENTRY.itemsize
+    if len(content) != wanted:
+        complain(
+            f"'{path}' has {len(content):,} bytes; a header and {declared} entries are {wanted:,}: "
+            f"{abs(wanted - len(content)):,} bytes are {'missing' if len(content) < wanted else 'too many'}",
+            partial,
+        )
+    entries = np.frombuffer(content, dtype=ENTRY, count=present, offset=HEADER.itemsize)
+    if header["tag"] == FILE_TAG:
+        entries = entries[:declared]
+    usable: list[Any] = []
+    for number, entry in enumerate(entries):
+        usable.append(entry if shape.fits(entry) else None)
+        if usable[-1] is None:
+            complain(_damage(path, number, entry, shape), partial)
+    if len(usable) and not any(entry is not None for entry in usable) and np.all(entries["tag"] == FRAME_TAG):
+        # Not damage: the frames are others.
+        raise CaptureFormatError(_damage(path, 0, entries[0], shape))
+    return _Index(tuple(usable), damaged=len(content) != wanted or any(entry is None for entry in usable))
+
+
+def _damage(path: Path, number: int, entry: Any, shape: Frames) -> str:
+    if entry["tag"] != FRAME_TAG:
+        return f"'{path}', frame {number}: tag 0x{entry['tag']:04x}; 0x{FRAME_TAG:04x} is needed"
+    return (
+        f"'{path}', frame {number}: {entry['width']} samples × {entry['height']} chirps, "
+        f"{entry['size']} bytes; the radar's frames have {shape.width} × {shape.height}, {shape.size} bytes"
+    )
+
+
+def _whole(
+    data: Path, indices: list[tuple[Any, ...]], count: int, shape: Frames, partial: bool
+) -> Iterator[tuple[int, Place]]:
+    """Number and place of the frames of one data file that are whole; the first index that knows a frame counts."""
+    size, unknown = data.stat().st_size, not any(indices)
+    for number in range(count):
+        entry = next((known[number] for known in indices if number < len(known) and known[number] is not None), None)
+        if entry is None and not unknown:
+            continue
+        offset = number * shape.size if entry is None else int(entry["offset"])
+        if offset + shape.size > size:
+            complain(
+                f"'{data}' has {size:,} bytes; frame {number} lies at {offset:,} … {offset + shape.size:,}: "
+                f"{offset + shape.size - max(size, offset):,} of its {shape.size:,} bytes are missing, "
+                f"and {count - number - 1} frames after it",
+                partial,
+            )
+            return
+        yield number, Place(data, offset, None if entry is None else int(entry["time"]))
