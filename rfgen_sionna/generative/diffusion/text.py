@@ -71,26 +71,17 @@ class Reading:
     """(text, WIDTH)."""
 
 
-class TextEncoder(nn.Module):
-    """Sentences to token states and one pooled state.
+class SentenceEncoder(nn.Module):
+    """Sentences to token states and one pooled state, whatever they are about."""
 
-    Args:
-        actions: names of the actions that it tells apart.
-    """
-
-    def __init__(self, actions: tuple[str, ...]) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.actions = actions
         self.pieces = nn.Embedding(BUCKETS, WIDTH, padding_idx=0)
         self.place = nn.Parameter(0.02 * torch.randn(MAX_WORDS, WIDTH))
         layer = nn.TransformerEncoderLayer(WIDTH, 4, 2 * WIDTH, 0.1, "gelu", batch_first=True, norm_first=True)
         self.layers = nn.TransformerEncoder(layer, 2, enable_nested_tensor=False)
         self.weight = nn.Linear(WIDTH, 1)
         self.norm = nn.LayerNorm(WIDTH)
-        self.action = nn.Linear(WIDTH, len(actions))
-        self.arms = nn.Linear(WIDTH, len(actions) + 1)
-        self.hand = nn.Linear(WIDTH, len(HANDS))
-        self.pace = nn.Linear(WIDTH, len(PACES))
 
     def forward(self, ids: Tensor) -> Reading:
         """`ids` (text, word, piece) as :func:`tokenise` gives them."""
@@ -104,6 +95,22 @@ class TextEncoder(nn.Module):
         share = self.weight(x).squeeze(-1).masked_fill(~mask, -1e4).softmax(dim=-1)
         pooled = self.norm((share[..., None] * x).sum(dim=1))
         return Reading(x * mask[..., None], mask, pooled)
+
+
+class TextEncoder(SentenceEncoder):
+    """The encoder of sentences about motion.
+
+    Args:
+        actions: names of the actions that it tells apart.
+    """
+
+    def __init__(self, actions: tuple[str, ...]) -> None:
+        super().__init__()
+        self.actions = actions
+        self.action = nn.Linear(WIDTH, len(actions))
+        self.arms = nn.Linear(WIDTH, len(actions) + 1)
+        self.hand = nn.Linear(WIDTH, len(HANDS))
+        self.pace = nn.Linear(WIDTH, len(PACES))
 
     @torch.no_grad()
     def likely_actions(self, texts: list[str]) -> np.ndarray:
