@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.pir import render_pir
+from rfgen_sionna.pir.fused import Fusion, Refiner
+from rfgen_sionna.pir.fusion import image, together
 from rfgen_sionna.pir.render import check_view
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
@@ -81,6 +84,12 @@ class Simulator:
         Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
         make of actors on the way there or back, 3 those on both. None is 3, but 1 for a radar that moves, which
         has no ghosts yet. Ghosts weaker than `rtol` are left out.
+    environment
+        Image of surroundings, such as a diffusion model's, for which there is no `scene`: diffuse paths, which hide the
+        actors and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
+    refiner
+        What repairs images of actors and `environment` together, such as path diffusion. Paths take energies from
+        its images, never phases or delays.
 
     Raises
     ------
@@ -99,6 +108,8 @@ class Simulator:
         collisions: Policy = "error",
         seed: int = 0,
         max_bounces: int | None = 1,
+        environment: Pir | None = None,
+        refiner: Refiner | None = None,
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
@@ -131,6 +142,9 @@ class Simulator:
         )
         for actor in self.actors:
             warn_coarse(actor, radar.center_frequency, stacklevel=2)
+        if environment is None and refiner is not None:
+            raise ValueError("refiner: there is no environment; an image of the surroundings is needed to be refined")
+        self._fusion = None if environment is None else Fusion(self.tracer, environment, self.seed, refiner)
 
     @cached_property
     def tracer(self) -> Tracer:
@@ -147,6 +161,8 @@ class Simulator:
         """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot."""
         self._check_places(_time("t", t), t)
         self._warn_silent()
+        if self._fusion is not None:
+            return together(self._fusion.instant(float(t)))
         return self.tracer.instant(float(t))
 
     def pir(
@@ -157,10 +173,21 @@ class Simulator:
         position: Vector | None = None,
         orientation: Vector | None = None,
     ) -> Pir:
-        """Energy, time of arrival and velocity per pixel at instant `t` [s]: :func:`~rfgen_sionna.pir.render_pir`."""
-        check_view(resolution, fov_deg)
+        """Energy, time of arrival and velocity per pixel at instant `t` [s].
+
+        It is rendered by :func:`~rfgen_sionna.pir.render_pir`; surroundings that are known from an image are rasterised
+        together with the actors' paths, for which their own resolution and field of view suit best.
+        """
+        rows, columns, angles = check_view(resolution, fov_deg)
         instant = _time("t", t)
         view = self.radar.placed(position=position, orientation=orientation)
+        if self._fusion is not None:
+            if position is not None or self.radar.trajectory is not None:
+                raise ValueError(
+                    "position: surroundings from an image are seen from where the radar stands; None is needed"
+                )
+            own = View((rows, columns), angles, view.position, view.orientation)
+            return image(self._fusion.instant(instant), own, instant)
         pir = render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation)
         if self.radar.trajectory is None:
             return pir
@@ -235,21 +262,38 @@ class Simulator:
         return self._frames(times, receiver, seed)
 
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int) -> Iterator[Frame]:
-        eps = max(0.3 * self.rtol, 1e-9)
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
-        moving = self.tracer.follow()
-        for index, begin in enumerate(times):
-            traced = self.tracer.trace(float(begin), float(begin) + self.radar.waveform.frame_length, moving)
+        for index, (samples, report) in enumerate(self._echoes(times, gains)):
+            capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
+            full_scale = capture.full_scale
+            yield Frame(index, float(times[index]), capture.samples, report, full_scale, capture.clipped)
+
+    def _echoes(
+        self, times: NDArray[np.float64], gains: NDArray[np.complex128] | None
+    ) -> Iterator[tuple[NDArray[np.complex128], TraceReport]]:
+        """(chirp, tx, rx, sample) of each frame before the receiver, and what they cost."""
+        eps = max(0.3 * self.rtol, 1e-9)
+        moving, length = self.tracer.follow(), self.radar.waveform.frame_length
+
+        def echo(paths: RadarPaths, start: float) -> NDArray[np.complex128]:
+            return synthesize(self.radar, paths, start, eps=eps, tx_gains=gains)
+
+        if self._fusion is not None:
+            refinement = self._fusion.refinement(float(times[0]), float(times[-1]) + length)
+            for begin in times.tolist():
+                fused = self._fusion.trace(begin, begin + length, moving, refinement)
+                yield np.sum([echo(part, begin) for part in fused.parts], axis=0), fused.report
+            return
+        for index, begin in enumerate(times.tolist()):
+            traced = self.tracer.trace(begin, begin + length, moving)
             if index == 0:
                 self._warn_silent()
                 # Nothing in it changes: one synthesis serves every frame.
-                still = synthesize(self.radar, traced.static, 0.0, eps=eps, tx_gains=gains)
-            samples = still + synthesize(self.radar, traced.moving, float(begin), eps=eps, tx_gains=gains)
+                still = echo(traced.static, 0.0)
+            samples = still + echo(traced.moving, begin)
             if traced.shadow.num_paths:
-                samples += synthesize(self.radar, traced.shadow, float(begin), eps=eps, tx_gains=gains)
-            capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
-            full_scale = capture.full_scale
-            yield Frame(index, float(begin), capture.samples, traced.report, full_scale, capture.clipped)
+                samples += echo(traced.shadow, begin)
+            yield samples, traced.report
 
     def hidden(self, actor: Actor, start: float, stop: float) -> bool:
         """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""

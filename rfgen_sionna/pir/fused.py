@@ -1,0 +1,153 @@
+"""Traced actors in surroundings from an image, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from rfgen_sionna.pir.fusion import MOST_GAIN_DB, Refinement, image, mix
+from rfgen_sionna.pir.surroundings import Surroundings
+from rfgen_sionna.records import FloatArray, Pir, RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.knots import choose_knots
+from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, VISIBILITY_SPACING, Traced, Tracer, TraceReport
+
+if TYPE_CHECKING:
+    from rfgen_sionna.tracing.moving import MovingParts
+
+KEY_SPACING = 0.5
+"""Time between the images that are refined [s]."""
+
+
+class Refiner(Protocol):
+    """What repairs images, such as a path diffusion model."""
+
+    def refine_sequence(self, frames: Sequence[Pir]) -> Sequence[Pir]:
+        """The images as they should be; of the same view and instants, alike from one to the next."""
+        ...
+
+
+@dataclass(frozen=True)
+class FusedFrame:
+    """Paths over a stretch of time; the channel is the sum of all parts, which don't share knots."""
+
+    parts: tuple[RadarPaths, ...]
+    report: TraceReport
+
+
+class Fusion:
+    """Traces actors, and puts them into surroundings that an image shows.
+
+    Parameters
+    ----------
+    tracer
+        The actors in free space.
+    environment
+        Image of the surroundings, of energies for isotropic elements.
+    seed
+        Seed of the random phases.
+    refiner
+        What repairs images of both together; None leaves them.
+    most_gain_db
+        Largest change of traced energy by the refiner.
+
+    Raises
+    ------
+    ValueError
+        If the tracer has static surfaces as well, the radar of a refined run moves, or the image holds what no radar
+        receives.
+    """
+
+    def __init__(
+        self,
+        tracer: Tracer,
+        environment: Pir,
+        seed: int,
+        refiner: Refiner | None = None,
+        most_gain_db: float = MOST_GAIN_DB,
+    ) -> None:
+        if tracer.surfaces.static:
+            names = ", ".join(repr(surface.name) for surface in tracer.surfaces.static[:3])
+            raise ValueError(
+                f"environment: the scene has surfaces of its own ({names} …); scene=None goes with an image"
+            )
+        if refiner is not None and tracer.radar.trajectory is not None:
+            raise ValueError("refiner: the radar moves, and images are refined for one that stands; None is allowed")
+        self._tracer, self._refiner, self._seed, self._most_gain_db = tracer, refiner, seed, most_gain_db
+        self.surroundings = Surroundings(environment, tracer.radar, seed)
+        self._viewpoint = np.asarray(tracer.radar.position)
+
+    def images(self, times: Sequence[float]) -> list[Pir]:
+        """Actors and surroundings together at instants [s], before they are refined."""
+        return [image(self._mixed(float(t)), self.surroundings.view, float(t)) for t in times]
+
+    def refinement(self, start: float, stop: float) -> Refinement | None:
+        """What the refiner makes of `start` … `stop` [s]; None where there is none."""
+        if self._refiner is None:
+            return None
+        count = 1 + int(np.ceil((stop - start) / KEY_SPACING - 1e-9)) if stop > start else 1
+        mixed = self.images(np.linspace(start, stop, count).tolist())
+        refined = list(self._refiner.refine_sequence(mixed))
+        return Refinement(mixed, refined, self._tracer.radar, self._seed, self._most_gain_db)
+
+    def instant(self, t: float) -> list[RadarPaths]:
+        """All paths at `t` [s]: traced ones, those of the surroundings, and those that the refiner adds."""
+        parts = self._mixed(t)
+        refinement = self.refinement(t, t)
+        if refinement is None:
+            return parts
+        changed = [refinement(part, self._where(part)) for part in parts]
+        return [*changed, *refinement.added(np.array([t]))]
+
+    def trace(self, start: float, stop: float, moving: MovingParts, refinement: Refinement | None) -> FusedFrame:
+        """Paths from `start` to `stop` [s]; `moving` is the run's (:meth:`Tracer.follow`)."""
+        shown: dict[float, FloatArray] = {}
+
+        def watch(t: float, rays: RayScene) -> None:
+            shown[t] = self.surroundings.shown(rays, t)
+
+        traced = self._tracer.trace(start, stop, moving, watch)
+        instants = np.array(sorted(shown) or [start])
+        share = np.stack([shown.get(t, self._open) for t in instants.tolist()], axis=1)
+        times = self._knots(start, stop) if self.surroundings.moves else instants
+        if self.surroundings.moves:
+            share = np.stack([np.interp(times, instants, row) for row in share]) if len(share) else share[:, :0]
+        seen, *around = mix(traced.moving, self.surroundings, times, share)
+        if refinement is not None:
+            seen = refinement(seen, self._places(traced))
+            around = [refinement(part, self._where(part)) for part in around]
+            around += refinement.added(np.linspace(start, stop, 4) if stop > start else np.array([start]))
+        return FusedFrame((seen, *around), traced.report)
+
+    @property
+    def _open(self) -> FloatArray:
+        """(path,) shares of surroundings that nothing hides."""
+        return np.ones(len(self.surroundings.pixel))
+
+    def _mixed(self, t: float) -> list[RadarPaths]:
+        """Traced paths and those of the surroundings at `t` [s]."""
+        paths = self._tracer.instant(t)
+        shown = self.surroundings.shown(self._tracer.rays_at(t), t) if self._tracer.actors else self._open
+        return mix(paths, self.surroundings, np.array([t]), shown[:, None])
+
+    def _knots(self, start: float, stop: float) -> FloatArray:
+        """Times between which splines follow the delays of surroundings that move against the radar [s]."""
+        highest = self._tracer.radar.center_frequency + 0.5 * self._tracer.radar.waveform.bandwidth
+        phase = PHASE_PER_RTOL * self._tracer.rtol
+        return choose_knots(
+            lambda t: [self.surroundings.points(t)], self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING
+        )
+
+    def _where(self, paths: RadarPaths) -> Callable[[float], FloatArray]:
+        """Paths whose places stay: those of the surroundings, or any at one instant."""
+        points = self._viewpoint + paths.range[:, :1] * paths.arrival[:, 0]
+        return lambda _: points
+
+    def _places(self, traced: Traced) -> Callable[[float], FloatArray]:
+        """Middles of the facets of direct returns; paths by way of several surfaces stay where they are."""
+        count = len(traced.places(traced.moving.times[0]))
+        others = self._where(traced.moving.select(np.arange(count, traced.moving.num_paths)))
+        return lambda t: np.concatenate([traced.places(t), others(t)])
