@@ -15,6 +15,7 @@ was seen to hold. On reading the unit is that of 1 us, 1 ns and 1 ms in which fr
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +38,7 @@ from rfgen_sionna.signal.formats.cascade_files import (
     Place,
     find_frames,
 )
+from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import complain, staged, write_json
 from rfgen_sionna.signal.formats.frames import (
     Scale,
@@ -51,7 +53,7 @@ from rfgen_sionna.signal.formats.frames import (
     resolve_scale,
 )
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, even_times, write_sidecar
-from rfgen_sionna.signal.formats.studio import read_studio, studio_config
+from rfgen_sionna.signal.formats.studio import MEANT, read_studio, studio_config
 from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
 
 NAME = "cascade"
@@ -144,7 +146,13 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     folder = Path(path)
     if DATA_NAME.fullmatch(folder.name):
         folder = folder.parent
-    known = described(folder, folder / SIDECAR, radar, lambda hardware: _configured(folder, hardware))
+    sidecar, configs = folder / SIDECAR, sorted(folder.glob("*.mmwave.json"))
+
+    def same(found: Description) -> None:
+        for config in configs if len(configs) == 1 else ():
+            check_json(config, studio_config(found.radar, found.frames or 0, len(DEVICES)), MEANT, sidecar, partial)
+
+    known = described(folder, sidecar, radar, lambda hardware: _configured(configs, hardware), same)
     receivers = _receivers(known.radar)
     loops, slots, _, samples = frame_shape(known.radar)
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
@@ -183,8 +191,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     return Capture(NAME, files, taken, times, known.scale, known.seed, frame)
 
 
-def _configured(folder: Path, hardware: Radar) -> Description:
-    configs = sorted(folder.glob("*.mmwave.json"))
+def _configured(configs: Sequence[Path], hardware: Radar) -> Description:
     if len(configs) != 1:
         return Description(hardware, None, None, None)
     found = read_studio(configs[0], hardware, len(DEVICES))

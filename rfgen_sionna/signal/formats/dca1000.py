@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import beside, data_file, need_file, staged, whole_frames, write_json
 from rfgen_sionna.signal.formats.frames import (
     Scale,
@@ -37,7 +38,7 @@ from rfgen_sionna.signal.formats.sidecar import (
     even_times,
     write_sidecar,
 )
-from rfgen_sionna.signal.formats.studio import read_studio, setup_config, studio_config
+from rfgen_sionna.signal.formats.studio import MEANT, read_studio, setup_config, studio_config
 from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
 
 NAME = "dca1000"
@@ -89,10 +90,17 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     is there, the waveform and the Tx elements that fire.
     """
     data = need_file(data_file(path, STANDARD))
-    known = described(data, beside(data, SUFFIX), radar, lambda hardware: _configured(data, hardware))
+    sidecar, config = beside(data, SUFFIX), beside(data, ".mmwave.json")
+
+    def same(found: Description) -> None:
+        check_json(config, studio_config(found.radar, found.frames or 0), MEANT, sidecar, partial)
+
+    known = described(data, sidecar, radar, lambda hardware: _configured(data, hardware), same)
     _even_samples(known.radar)
     shape = frame_shape(known.radar)
     frame_size = 4 * int(np.prod(shape))
+    if radar is not None and not sidecar.is_file() and config.is_file():
+        _check_size(data, config, known, radar)
     frames = whole_frames(data, data.stat().st_size, frame_size, known.frames, partial)
     receivers = channel_numbers(known.radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     loops, slots, channels, samples = shape
@@ -106,6 +114,40 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
         return element_order(complex_lsb(levels), known.radar, receivers)
 
     return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
+
+
+def _check_size(data: Path, config: Path, known: Description, hardware: Radar) -> None:
+    """Refuse sizes that a capture of this configuration cannot have, cut off or not: its frames would be scrambled.
+
+    Raises
+    ------
+    CaptureFormatError
+        Naming the fields of which one is wrong.
+    """
+    loops, slots, channels, samples = frame_shape(known.radar)
+    each, size = 4 * loops * slots * channels, data.stat().st_size
+    said = (
+        f"'{data}' has {size:,} bytes; by '{config.name}' a frame has {each * samples:,}: numLoops x chirps {loops} x "
+        f"{slots}, receivers {channels}, numAdcSamples {samples}, 4 bytes a sample"
+    )
+    # What was cut off ends anywhere; a file that is just right for frames of another size was not cut off.
+    broken = size % (each * samples) != 0
+    own, rest = divmod(size, 4 * int(np.prod(frame_shape(hardware))))
+    exact = known.frames not in (None, size // (each * samples)) and own == known.frames
+    if not rest and (broken or exact) and frame_shape(hardware) != frame_shape(known.radar):
+        raise CaptureFormatError(
+            f"{said}; the size is that of whole frames (chirp, tx, rx, sample) of {frame_shape(hardware)}, those of "
+            f"radar '{hardware.name}', preset '{hardware.preset}'"
+        )
+    if known.frames is None:
+        return
+    said += f", numFrames {known.frames}"
+    if size > known.frames * each * samples:
+        over = size - known.frames * each * samples
+        raise CaptureFormatError(f"{said}; {over:,} bytes are too many: one of these is not the capture's")
+    other, rest = divmod(size, known.frames * each)
+    if broken and not rest:
+        raise CaptureFormatError(f"{said}; the size is that of numAdcSamples {other}")
 
 
 def _configured(data: Path, hardware: Radar) -> Description:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.consistency import check_xml
 from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, whole_frames
 from rfgen_sionna.signal.formats.frames import (
     Scale,
@@ -54,6 +55,8 @@ _TRAILER = (
 )
 _MOST_RECEIVERS = 32
 _CALIBRATION_VALUES = 16
+_NO_MATTER = ("description", "callibrationData")
+"""Elements that do not say what the capture holds."""
 
 
 def write(
@@ -104,40 +107,56 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     files = sorted(target.glob("*.raw")) if target.is_dir() else [need_file(data_file(target, STANDARD))]
     if not files:
         raise FileNotFoundError(f"'{target}' holds no .raw file")
-    known = described(files[0], beside(files[0], SUFFIX), radar, lambda hardware: _configured(files[0], hardware))
+    sidecar, config = beside(files[0], SUFFIX), beside(files[0], ".xml")
+
+    def same(found: Description) -> None:
+        check_xml(config, _xml(found.radar, _receivers(found.radar)), _NO_MATTER, sidecar, partial)
+
+    known = described(files[0], sidecar, radar, lambda hardware: _configured(files[0], hardware), same)
     receivers = _receivers(known.radar)
     loops, slots, channels, samples = frame_shape(known.radar)
     record = np.dtype([("levels", ">f4", (loops, slots, channels, 2, samples)), ("trailer", ">u4", len(_TRAILER))])
     expected = known.frames if len(files) == 1 else None
     stored: list[NDArray[Any]] = []
     places: list[tuple[int, int]] = []
+    kept: list[int] = []
+    before = 0
     for number, file in enumerate(files):
         count = whole_frames(file, file.stat().st_size, record.itemsize, expected, partial)
         frames = np.memmap(file, dtype=record, mode="r", shape=(count,))
-        _check_trailers(file, frames["trailer"], (loops, channels, samples, _mask(receivers)))
+        whole = _check_trailers(file, frames["trailer"], (loops, channels, samples, _mask(receivers)), partial)
         stored.append(frames)
-        places += [(number, place) for place in range(count)]
-    if known.frames is not None and len(places) != known.frames and len(files) > 1:
-        complain(f"'{target}' holds {len(places)} frames; {known.frames} are expected", partial)
-        places = places[: known.frames]
+        places += [(number, int(place)) for place in whole]
+        kept += [before + int(place) for place in whole]
+        before += count
+    if known.frames is not None and before != known.frames and len(files) > 1:
+        complain(f"'{target}' holds {before} frames; {known.frames} are expected", partial)
+        kept = [number for number in kept if number < known.frames]
 
     def frame(number: int) -> NDArray[Any]:
         file, place = places[number]
         levels = np.rint(stored[file]["levels"][place].astype(np.float32) * np.float32(_TOP)) - FULL_SCALE
         return element_order(complex_lsb(levels.swapaxes(-1, -2)), known.radar, receivers)
 
-    return Capture(NAME, tuple(files), known.radar, known.times(len(places)), known.scale, known.seed, frame)
+    return Capture(NAME, tuple(files), known.radar, known.times(before)[kept], known.scale, known.seed, frame)
 
 
-def _check_trailers(path: Path, trailers: NDArray[Any], wanted: tuple[int, int, int, int]) -> None:
+def _check_trailers(
+    path: Path, trailers: NDArray[Any], wanted: tuple[int, int, int, int], partial: bool
+) -> NDArray[np.intp]:
+    """The frames whose trailers are right: all of them, or with `partial` those that are left."""
     expected = np.array([*wanted, ADC_BITS, 0, 1], dtype=np.uint32)
     wrong = np.argwhere(trailers[:, 1:] != expected)
     if len(wrong):
         frame, field = (int(value) for value in wrong[0])
-        raise CaptureFormatError(
+        message = (
             f"'{path}', frame {frame}: {_TRAILER[field + 1]} is {int(trailers[frame, field + 1])}; "
             f"{int(expected[field])} is expected of this radar and format"
         )
+        if len(set(wrong[:, 0].tolist())) == len(trailers):  # not a damaged frame: frames of another kind
+            raise CaptureFormatError(message)
+        complain(message, partial)
+    return np.flatnonzero(np.all(trailers[:, 1:] == expected, axis=1))
 
 
 def _configured(data: Path, hardware: Radar) -> Description:

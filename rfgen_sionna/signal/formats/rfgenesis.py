@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, write_json
 from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
@@ -24,6 +25,24 @@ from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, d
 NAME = "rfgenesis"
 STANDARD = "radar_frames.npy"
 _ANGLE_BINS = 64
+_MEANT = frozenset(
+    (
+        "num_tx",
+        "num_rx",
+        "fc",
+        "slope",
+        "adc_samples",
+        "adc_start_time",
+        "sample_rate",
+        "idle_time",
+        "ramp_end_time",
+        "chirp_per_frame",
+        "frame_per_second",
+        "tx_loc",
+        "rx_loc",
+    )
+)
+"""Fields of the configuration that say what the capture holds."""
 
 
 def write(
@@ -94,7 +113,12 @@ def _config(radar: Radar) -> dict[str, Any]:
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the one it was made with."""
     data = need_file(data_file(path, STANDARD))
-    known = described(data, beside(data, SUFFIX), radar, lambda hardware: Description(hardware, None, None, None))
+    sidecar, config = beside(data, SUFFIX), beside(data, "_config.json")
+
+    def same(found: Description) -> None:
+        check_json(config, _config(found.radar), _MEANT, sidecar, partial)
+
+    known = described(data, sidecar, radar, lambda hardware: Description(hardware, None, None, None), same)
     loops, slots, channels, samples = frame_shape(known.radar)
     stored = _open(data, (slots, channels, loops, samples), partial)
     frames = len(stored)

@@ -48,9 +48,15 @@ class Description:
 
 
 def described(
-    data: Path, sidecar: Path, radar: Radar | None, read_config: Callable[[Radar], Description]
+    data: Path,
+    sidecar: Path,
+    radar: Radar | None,
+    read_config: Callable[[Radar], Description],
+    check_config: Callable[[Description], None] | None = None,
 ) -> Description:
     """What is known of the capture in `data`: by its sidecar, else by `radar` and the tool's own configuration.
+
+    `check_config` compares the tool's configuration with the sidecar where there are both.
 
     Raises
     ------
@@ -58,7 +64,10 @@ def described(
         There is no sidecar, and no `radar` either; or `radar` is not the one that took it.
     """
     if sidecar.is_file():
-        return with_radar(read_sidecar(sidecar), radar, data)
+        known = read_sidecar(sidecar)
+        if check_config is not None:
+            check_config(known)
+        return with_radar(known, radar, data)
     if radar is None:
         raise CaptureFormatError(
             f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
