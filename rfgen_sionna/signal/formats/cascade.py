@@ -53,8 +53,8 @@ from rfgen_sionna.signal.formats.frames import (
     resolve_scale,
 )
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, even_times, write_sidecar
-from rfgen_sionna.signal.formats.studio import MEANT, read_studio, studio_config
-from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
+from rfgen_sionna.signal.formats.studio import read_studio, studio_config
+from rfgen_sionna.signal.formats.studio_chirps import MEANT, RX_PER_DEVICE
 
 NAME = "cascade"
 FULL_SCALE = 1 << 15

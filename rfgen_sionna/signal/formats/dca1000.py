@@ -38,8 +38,8 @@ from rfgen_sionna.signal.formats.sidecar import (
     even_times,
     write_sidecar,
 )
-from rfgen_sionna.signal.formats.studio import MEANT, read_studio, setup_config, studio_config
-from rfgen_sionna.signal.formats.studio_chirps import RX_PER_DEVICE
+from rfgen_sionna.signal.formats.studio import read_studio, setup_config, studio_config
+from rfgen_sionna.signal.formats.studio_chirps import MEANT, RX_PER_DEVICE
 
 NAME = "dca1000"
 STANDARD = "adc_data.bin"

@@ -29,41 +29,6 @@ from rfgen_sionna.signal.formats.studio_chirps import (
 )
 
 _FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
-MEANT = frozenset(
-    (
-        "mmWaveDeviceId",
-        "waveformType",
-        "rxChannelEn",
-        "b2AdcBits",
-        "b2AdcOutFmt",
-        "profileId",
-        "startFreqConst_GHz",
-        "idleTimeConst_usec",
-        "adcStartTimeConst_usec",
-        "rampEndTime_usec",
-        "freqSlopeConst_MHz_usec",
-        "numAdcSamples",
-        "digOutSampleRate",
-        "chirpStartIdx",
-        "chirpEndIdx",
-        "startFreqVar_MHz",
-        "freqSlopeVar_KHz_usec",
-        "idleTimeVar_usec",
-        "adcStartTimeVar_usec",
-        "txEnable",
-        "constBpmVal",
-        "tx0PhaseShift",
-        "tx1PhaseShift",
-        "tx2PhaseShift",
-        "numLoops",
-        "numFrames",
-        "framePeriodicity_msec",
-        "iqSwapSel",
-        "chInterleave",
-        "laneEn",
-    )
-)
-"""Fields that say what a capture holds; gains, filters and the like may be another's without harm."""
 
 
 def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]:

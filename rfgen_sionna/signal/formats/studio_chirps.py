@@ -20,6 +20,41 @@ TX_PER_DEVICE, RX_PER_DEVICE = 3, 4
 PHASE_STEP = 5.625
 MOST_CHIRPS = 512
 MOST_PROFILES = 4
+MEANT = frozenset(
+    (
+        "mmWaveDeviceId",
+        "waveformType",
+        "rxChannelEn",
+        "b2AdcBits",
+        "b2AdcOutFmt",
+        "profileId",
+        "startFreqConst_GHz",
+        "idleTimeConst_usec",
+        "adcStartTimeConst_usec",
+        "rampEndTime_usec",
+        "freqSlopeConst_MHz_usec",
+        "numAdcSamples",
+        "digOutSampleRate",
+        "chirpStartIdx",
+        "chirpEndIdx",
+        "startFreqVar_MHz",
+        "freqSlopeVar_KHz_usec",
+        "idleTimeVar_usec",
+        "adcStartTimeVar_usec",
+        "txEnable",
+        "constBpmVal",
+        "tx0PhaseShift",
+        "tx1PhaseShift",
+        "tx2PhaseShift",
+        "numLoops",
+        "numFrames",
+        "framePeriodicity_msec",
+        "iqSwapSel",
+        "chInterleave",
+        "laneEn",
+    )
+)
+"""Fields that say what a capture holds; gains, filters and the like may be another's without harm."""
 
 
 @dataclass(frozen=True)
