@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.signal.streams import frame_stream
 
 BOLTZMANN = 1.380649e-23
 """[J/K] (exact, SI)."""
@@ -29,9 +30,10 @@ def add_thermal_noise(samples: NDArray[np.complex128], radar: Radar, seed: int, 
 
     Any shape; (..., tx, rx, sample) where profiles sample at different rates.
 
-    The same `seed` and `frame` give the same noise whatever else was simulated.
+    The same `seed`, `frame` and radar (its name and pose) give the same noise whatever else was simulated; another
+    radar of the scene gets other noise.
     """
-    rng = np.random.default_rng(np.random.SeedSequence([seed, frame]))
+    rng = frame_stream(seed, "thermal_noise", frame, radar)
     wave = radar.waveform
     if len({profile.sample_rate for profile in wave.profiles}) == 1:
         sigma = np.asarray(np.sqrt(0.5 * noise_power(radar)))

@@ -11,7 +11,7 @@ import numpy as np
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.signal.receiver.fields import check_number, number_or_numbers, per_element
-from rfgen_sionna.signal.receiver.streams import device_stream
+from rfgen_sionna.signal.streams import device_stream
 
 Matrix = tuple[tuple[complex, ...], ...]
 
@@ -95,7 +95,7 @@ class Mismatch:
 
     def factors(self, radar: Radar, seed: int) -> tuple[ComplexArray, ComplexArray]:
         """(tx,) and (rx,) voltage gains."""
-        rng = device_stream(seed, "mismatch")
+        rng = device_stream(seed, "mismatch", radar)
         factors: list[Any] = []
         for side in ("tx", "rx"):
             names = getattr(radar, f"{side}_names")

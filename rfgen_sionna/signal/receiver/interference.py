@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.fields import check_number, check_numbers
-from rfgen_sionna.signal.receiver.streams import device_stream, frame_stream
+from rfgen_sionna.signal.streams import device_stream, frame_stream
 
 OVERSAMPLING = 8
 IF_SHARE = 0.9
@@ -105,8 +105,8 @@ class Interferer:
         name = f"interference.{index}"
         start = self.start
         if start is None:
-            start = float(device_stream(seed, name).uniform(0, self.radar.waveform.frame_period))
-        rng = frame_stream(seed, name + (f".{profile}" if profile else ""), frame)
+            start = float(device_stream(seed, name, radar).uniform(0, self.radar.waveform.frame_period))
+        rng = frame_stream(seed, name + (f".{profile}" if profile else ""), frame, radar)
         waveform = radar.waveform
         bursts = np.zeros((*waveform.chirp_times.shape, waveform.num_samples), dtype=np.complex128)
         for number in range(len(self.radar.waveform.profiles)):

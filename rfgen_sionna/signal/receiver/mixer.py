@@ -10,7 +10,7 @@ import numpy as np
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.fields import number_or_numbers, per_element
-from rfgen_sionna.signal.receiver.streams import device_stream
+from rfgen_sionna.signal.streams import device_stream
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class DcOffset:
         """(rx,) [sqrt(W)]"""
         level = per_element("dc_offset.level_dbm", self.level_dbm, radar.rx_names)
         if self.phase_deg is None:
-            phase = device_stream(seed, "dc_offset").uniform(0, 2 * math.pi, len(radar.rx_names))
+            phase = device_stream(seed, "dc_offset", radar).uniform(0, 2 * math.pi, len(radar.rx_names))
         else:
             phase = np.radians(per_element("dc_offset.phase_deg", self.phase_deg, radar.rx_names))
         return np.asarray(10.0 ** ((level - 30) / 20) * np.exp(1j * phase))

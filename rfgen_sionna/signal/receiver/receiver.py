@@ -18,7 +18,7 @@ from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias, static_paths, tone
-from rfgen_sionna.signal.receiver.streams import frame_stream
+from rfgen_sionna.signal.streams import frame_stream
 
 
 @dataclass(frozen=True)
@@ -149,9 +149,9 @@ def receive(
         (chirp, tx, rx, sample) of :func:`~rfgen_sionna.signal.synthesize`, in square roots of watts; left as they are.
         Where several Tx elements radiate at once they hold `receiver.tx_gains` already.
     seed, frame
-        Draws depend on these and on the name of the impairment alone, so that switching one on leaves the others'
-        as they were. What belongs to the device (mismatch, phase of the DC offset, the interferers' clocks) depends on
-        `seed` alone.
+        Draws depend on these, on the radar's name and pose (at t = 0) and on the name of the impairment alone: radars
+        of one scene draw independently, and switching an impairment on leaves the others' as they were. What belongs to
+        the device (mismatch, phase of the DC offset, the interferers' clocks) depends on `seed` and the radar alone.
     full_scale
         Range of an automatic ADC [sqrt(W)], for instance that of the run's first frame; None sets it from this frame.
 
@@ -230,7 +230,7 @@ def _generator(
     statics = static_paths(radar, receiver.leakage, receiver.chassis, receiver.range_bias)
     error = None
     if receiver.ramp_error is not None or receiver.phase_noise is not None:
-        rng = frame_stream(seed, name, frame)
+        rng = frame_stream(seed, name, frame, radar)
         error = generator_error(samples, statics, radar, receiver.ramp_error, receiver.phase_noise, rng, weights)
     for path in statics:
         signal = path.amplitude * tone(radar, radar.waveform.sample_times, path.delay)

@@ -8,7 +8,7 @@ import pytest
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.signal import Leakage, PhaseNoise, RampError, Receiver, receive
 from rfgen_sionna.signal.receiver.extension import gap_length
-from rfgen_sionna.signal.receiver.streams import frame_stream
+from rfgen_sionna.signal.streams import frame_stream
 
 IDEAL = Receiver.ideal()
 BENT = RampError(polynomial_hz=(5e4, 2e5, -3e5), sine_hz=2e5, sine_frequency_hz=1e5, sine_phase_deg=40)
@@ -165,7 +165,7 @@ def test_the_same_noise_acts_on_every_path_by_its_delay(small, changes):
 
     span = 256 + gap_length(256)
     period = 2 * span / wave.sample_rate
-    drawn = noise.draw(frame_stream(7, "phase_noise", 3), 6, period, 4 * span).reshape(2, 3, -1)
+    drawn = noise.draw(frame_stream(7, "phase_noise", 3, radar), 6, period, 4 * span).reshape(2, 3, -1)
     # The grid begins half a gap before the window.
     begin = wave.adc_start_time - gap_length(256) / 2 / wave.sample_rate
     t = wave.sample_times - begin

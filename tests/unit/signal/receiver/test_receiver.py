@@ -1,5 +1,6 @@
 """The receiver as a whole: noise floor, radar equation, draws that leave each other alone, what it refuses."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 
 import numpy as np
@@ -163,6 +164,49 @@ def test_the_same_seed_and_frame_give_the_same_samples(small, echoes, impairment
     np.testing.assert_array_equal(one.samples, receive(samples, radar, full, seed=8, frame=1).samples)
     for seed, frame in ((9, 1), (8, 2)):
         assert np.abs(one.samples - receive(samples, radar, full, seed=seed, frame=frame).samples).max() > 1e-6
+
+
+@pytest.mark.parametrize("drawn", ["thermal_noise", "interferers", "mismatch", "dc_offset", "phase_noise"])
+def test_radars_of_one_scene_draw_independently(small, echoes, impairments, drawn):
+    """Under the same seed and frame: by name or by pose."""
+    radar = small(loops=2)
+    samples = echoes(radar, [2.0, 5.0])
+    receiver = replace(IDEAL, **{drawn: impairments[drawn]})
+    one = receive(samples, radar, receiver, seed=8).samples - samples
+    for other in (
+        replace(radar, name="mine"),
+        radar.placed(position=(0.0, 0.0, 1e-5)),
+        radar.placed(orientation=(0.0, 1e-5, 0.0)),
+    ):
+        two = receive(samples, other, receiver, seed=8).samples - samples
+        changed = np.abs(one - two) > 1e-3 * np.abs(one).max()
+        # Of an interferer's chirp the ADC sees a part.
+        assert changed.mean() > (0.05 if drawn == "interferers" else 0.5)
+        if drawn == "thermal_noise":
+            assert abs(np.vdot(one, two)) < 0.03 * np.vdot(one, one).real
+    again = radar.placed(position=(0.0, 0.0, 1e-9))  # the last digits of a pose do not matter
+    if drawn != "interferers":
+        np.testing.assert_array_equal(receive(samples, again, receiver, seed=8).samples - samples, one)
+
+
+def test_order_and_threads_change_no_sample(small, echoes, impairments):
+    """Random interleavings of two radars, seeds and frames on four threads, each to the bit as alone."""
+    base = small(loops=2)
+    radars = [base, base.placed(position=(1.0, 0.0, 0.5)), replace(base, name="third")]
+    samples = echoes(base, [2.0, 5.0])
+    full = Receiver(**(impairments | {"interferers": ()}))
+    jobs = [(radar, seed, frame) for radar in range(3) for seed in (0, 5) for frame in range(3)]
+
+    def run(job):
+        radar, seed, frame = job
+        return receive(samples, radars[radar], full, seed=seed, frame=frame).samples
+
+    alone = {job: run(job) for job in jobs}
+    shuffled = [jobs[index] for index in np.random.default_rng(2).permutation(len(jobs))]
+    with ThreadPoolExecutor(4) as pool:
+        for job, result in zip(shuffled, pool.map(run, shuffled), strict=True):
+            np.testing.assert_array_equal(result, alone[job])
+    assert len({result.tobytes() for result in alone.values()}) == len(jobs)
 
 
 def test_noise_passes_the_rx_chain_and_leakage_the_antennas(small):
