@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 
+_GUARD, _TRAIN = 2, 8
+"""Resolution cells on either side that CFAR leaves out and trains on, where the map has room for them."""
+
+
 @dataclass(frozen=True)
 class PointCloud:
     """Detections of one frame, strongest first."""
@@ -58,8 +62,8 @@ def point_cloud(
     static: bool = False,
     method: str = "ca",
     false_alarm: float = 1e-6,
-    guard: tuple[int, int] = (2, 2),
-    train: tuple[int, int] = (8, 8),
+    guard: tuple[int, int] | None = None,
+    train: tuple[int, int] | None = None,
     range_limits: tuple[float, float] | None = None,
     max_points: int = 512,
     dynamic_range_db: float = 60.0,
@@ -76,7 +80,8 @@ def point_cloud(
     static
         Whether what stands still within the frame is kept; otherwise the mean over the chirps is taken out.
     method, false_alarm, guard, train
-        See :func:`rfgen_sionna.processing.detection.cfar`.
+        See :func:`rfgen_sionna.processing.detection.cfar`. None takes 2 guard and 8 training cells on either side of an
+        axis, or as many as it has room for: of the 16 chirps of a Position2Go's frame 2 and 5.
     range_limits
         Nearest and farthest range [m] that count; by default all but the first two resolution cells.
     max_points
@@ -114,6 +119,7 @@ def point_cloud(
         static=static,
     )
     power = maps.power
+    guard, train = _window(power.shape, padding, guard, train)
     # Neighbouring virtual elements share their noise-free signal, not their noise: every channel is a look.
     detected, noise = cfar(
         power,
@@ -150,6 +156,19 @@ def point_cloud(
         position=device @ radar.rotation.T + np.asarray(radar.position),
         time=observation_time(radar),
     )
+
+
+def _window(
+    shape: tuple[int, ...], padding: int, guard: tuple[int, int] | None, train: tuple[int, int] | None
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Guard and training cells that a map of this shape has room for, where they are not given."""
+    pairs = []
+    for axis, bins in enumerate(shape):
+        room = max(0, (bins - 1) // (2 * padding))
+        own = guard[axis] if guard is not None else min(_GUARD, room // 3)
+        pairs.append((own, train[axis] if train is not None else max(0, min(_TRAIN, room - own))))
+    (up, above), (side, beside) = pairs
+    return (up, side), (above, beside)
 
 
 def _distance(seen: FloatArray, direction: FloatArray, radar: Radar) -> FloatArray:

@@ -7,6 +7,7 @@ import pytest
 
 from rfgen_sionna.processing.pointcloud import point_cloud
 from rfgen_sionna.processing.spectrum import observation_time
+from rfgen_sionna.radar import Radar
 
 
 def direction(azimuth, elevation):
@@ -112,3 +113,20 @@ def test_shorter_frames_of_measured_data_work(synthesise, mmmesh):
     where = direction(-0.4, 0.0) * 3
     cloud = point_cloud(synthesise(short, [(where, (0, 0, 0), 1.0)])[0], short, static=True)
     np.testing.assert_allclose(cloud.device[0], where, atol=0.02)
+
+
+@pytest.mark.parametrize(("loops", "samples"), [(16, 64), (32, 32), (8, 16), (4, 64), (128, 8)])
+def test_small_frames_have_room_for_the_default_window(synthesise, loops, samples):
+    """A Position2Go's map has 16 Doppler and 64 range cells; its own preset and smaller ones."""
+    radar = Radar.load("position2go")
+    radar = replace(radar, waveform=replace(radar.waveform, num_loops=loops, num_samples=samples))
+    where = direction(0.2, 0.0) * 0.45 * radar.max_range
+    speed = 0.5 * radar.max_velocity
+    start = where * (1 - speed * observation_time(radar) / np.linalg.norm(where))
+    cube = synthesise(radar, [(start, speed * direction(0.2, 0.0), 1.0)], noise=0.05, seed=1)[0]
+    cloud = point_cloud(cube, radar, static=True, max_points=1, false_alarm=1e-3)
+    assert len(cloud) == 1
+    assert abs(cloud.range[0] - np.linalg.norm(where)) < 0.15 * radar.range_resolution
+    assert abs(cloud.velocity[0] - speed) < 0.15 * radar.velocity_resolution
+    with pytest.raises(ValueError, match="span"):
+        point_cloud(cube, radar, train=(64, 64))
