@@ -9,6 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rfgen_sionna.radar.errors import RadarConfigError
+from rfgen_sionna.radar.plausible import check_units
+
 _NUMBER = (int, float)
 
 CHIRP: dict[str, tuple[type, ...]] = {
@@ -88,10 +91,6 @@ _OPTIONAL: dict[str, set[str]] = {
     "slot": {"profile", "phase_deg", "advance_deg"},
 }
 """Keys that a section may leave out; which of them it must have is checked section by section."""
-
-
-class RadarConfigError(ValueError):
-    """A radar file says something that no radar can do, or in words the format does not know."""
 
 
 _ITEMS: dict[str, tuple[type, ...]] = {
@@ -177,6 +176,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
             f"{where}: 'transmitter.frequency_range_hz' is {band!r}; two positive frequencies, the "
             "lower one first, are needed"
         )
+    check_units(table, where)
     # A number without a source is a number nobody can check.
     sourced = set(table["source"])
     for key, text in table["source"].items():

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config import RadarConfigError
+from rfgen_sionna.radar.errors import RadarConfigError
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
+from rfgen_sionna.radar.plausible import check_cut, check_plausible
 from rfgen_sionna.radar.preset import preset_waveform
 from rfgen_sionna.radar.table import read_table
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
@@ -110,7 +111,13 @@ def _pattern(pattern: dict[str, Any], folder: Path, frequency: float) -> Pattern
     kind = pattern.get("kind", "cuts")
     if kind == "table":
         peak = pattern.get("peak_gain_dbi")
-        return read_table(folder / pattern["file"], frequency, None if peak is None else float(peak))
+        file = folder / pattern["file"]
+        table = read_table(file, frequency, None if peak is None else float(peak))
+        for cut, axis in (("azimuth", table.azimuth_deg), ("elevation", table.elevation_deg)):
+            check_cut(f"pattern file {file}:", cut, axis, ())
+        if table.peak_gain_dbi != 0:
+            check_plausible(f"pattern file {file}:", "gain_dbi", table.peak_gain_dbi, 0.1, 60.0, "as peak 0 or ")
+        return table
     if kind != "cuts":
         return NamedPattern(kind)
     cuts = {

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
-from rfgen_sionna.radar.config import RadarConfigError
+from rfgen_sionna.radar.errors import RadarConfigError
+from rfgen_sionna.radar.plausible import check_plausible
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot, coded_slots, doppler_slot, hadamard_code, single
 from rfgen_sionna.radar.waveform import Waveform
@@ -27,8 +28,8 @@ _PLAUSIBLE = {
     "ramp_end_time_s": (1e-6, 1.0),
 }
 """Ranges that every FMCW radar keeps to; a prefix forgotten falls out of them. Idle and start time may also be 0."""
-_FRAME_PERIOD = (1e-5, 10.0)
-_RANGE_LIMIT = (0.5, 2000.0)
+_FRAME_PERIOD = (1e-5, 2.0)
+_RANGE_LIMIT = (1.0, 800.0)
 _LEAST_SHARE = {"ADC window of the ramp": 0.01, "sampled bandwidth of the start frequency": 1e-4}
 """Shares that no radar falls below by choice, but any does with a unit prefix too many."""
 
@@ -50,7 +51,7 @@ def preset_waveform(
         )
     for key, (low, high) in (("frame_period_s", _FRAME_PERIOD), ("max_range_m", _RANGE_LIMIT)):
         if key in preset:
-            _check_plausible(where, key, preset[key], low, high)
+            check_plausible(where, key, preset[key], low, high)
     profiles = [
         Profile(**{field.name: float(chirp[f"{field.name}_{_UNITS[field.name]}"]) for field in fields(Profile)})
         for chirp in chirps
@@ -121,17 +122,8 @@ def _slot(slot: Mapping[str, Any], fired: Sequence[str], profiles: int, where: s
         if len(values) != len(slot["tx"]):
             raise RadarConfigError(f"{where}.{key} is {values}: one angle for each of {slot['tx']} is needed")
         for tx, value in zip(slot["tx"], values, strict=True):
-            if abs(value) > 360:
-                raise RadarConfigError(f"{where}.{key} has {value:g}; -360 … 360 degrees is allowed")
             target[fired.index(tx)] = float(value)
     return Slot(tuple(phases), slot.get("profile", 0), tuple(advance))
-
-
-def _check_plausible(where: str, key: str, value: float, low: float, high: float, also: str = "") -> None:
-    if not low <= abs(value) <= high:
-        raise RadarConfigError(
-            f"{where}.{key} is {value:g}; {also}{low:g} … {high:g} is allowed (is it off by a prefix?)"
-        )
 
 
 def _check_chirp(chirp: Mapping[str, Any], num_samples: int, transmitter: Mapping[str, Any], where: str) -> None:
@@ -145,7 +137,7 @@ def _check_chirp(chirp: Mapping[str, Any], num_samples: int, transmitter: Mappin
         if not (value == 0 and also):
             if value < 0 and key != "slope_hz_per_s":
                 raise RadarConfigError(f"{where}.{key} is {value:g}; {also}{low:g} … {high:g} is allowed")
-            _check_plausible(where, key, value, low, high, also)
+            check_plausible(where, key, value, low, high, also)
     low, high = transmitter["frequency_range_hz"]
     start = chirp["start_frequency_hz"]
     end = start + chirp["slope_hz_per_s"] * chirp["ramp_end_time_s"]

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
+from rfgen_sionna.radar.config import overridden, read_config
 from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.elements import checked_elements
+from rfgen_sionna.radar.errors import RadarConfigError
 from rfgen_sionna.radar.pattern import Pattern
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
 from rfgen_sionna.radar.record import fields_from_record, radar_record

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -122,36 +123,81 @@ def test_positions_are_in_one_unit(radar_file: Any, refuses: Any, changes: dict[
     refuses(*said)
 
 
-def every_length_and_time() -> list[tuple[str, str, str]]:
-    """(radar, section, key) of all numbers with a unit that a prefix could be missing from."""
+def every_number() -> list[tuple[str, str, str]]:
+    """(radar, section, key) of all numbers with a unit, lists of them as one."""
     found = []
     for name in available("radars"):
         table = read_config(resolve("radars", name))
         for preset, values in table["preset"].items():
-            found += [
-                (name, f"preset.{preset}", key)
-                for key, value in values.items()
-                if key.endswith(("_hz", "_s")) and value
-            ]
-        found += [
-            (name, "array", key) for key in table["array"] if "_positions_" in key and len(table["array"][key]) > 1
-        ]
+            found += [(name, f"preset.{preset}", key) for key, value in values.items() if _scales(value)]
+        for section in ("array", "pattern", "transmitter", "receiver", "adc"):
+            found += [(name, section, key) for key, value in table[section].items() if _scales(value)]
     return found
 
 
+def _scales(value: Any) -> bool:
+    """Whether a prefix would change a number: not a text, and not zeros alone."""
+    numbers = value if isinstance(value, list) else [value]
+    if not all(isinstance(number, (int, float, list)) for number in numbers):
+        return False
+    return bool(np.any(numbers)) and numbers != [[1, 1], [1, -1]]
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    if isinstance(value, list):
+        return [_scaled(entry, factor) for entry in value]
+    scaled = value * factor
+    return int(scaled) if isinstance(value, int) and factor > 1 else scaled
+
+
 @pytest.mark.parametrize("factor", [1e3, 1e-3])
-@pytest.mark.parametrize(("name", "section", "key"), every_length_and_time())
+@pytest.mark.parametrize(("name", "section", "key"), every_number())
 def test_a_forgotten_prefix_is_noticed(name: str, section: str, key: str, factor: float) -> None:
     """Whatever is a thousand times too large or too small is refused, and the message names the preset or the key."""
     table = read_config(resolve("radars", name))
     value: Any = table
     for part in (*section.split("."), key):
         value = value[part]
-    changed = (np.array(value) * factor).tolist()
+    changed = _scaled(value, factor)
     preset = section.partition(".")[2] or None
-    with pytest.raises(ValueError, match=preset or key) as caught:
+    with pytest.raises(ValueError, match=preset or key.removesuffix("_range_hz")) as caught:
         Radar.load(name, preset, overrides={f"{section}.{key}": changed})
-    assert any(word in str(caught.value) for word in ("allowed", "reaches", "needed", "fit", "at most"))
+    assert any(word in str(caught.value) for word in ("allowed", "reaches", "needed", "fit", "at most", "within"))
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("adc.full_scale_dbm", -10.0), ("transmitter.power_dbm", -3.0), ("receiver.noise_figure_db", 1.5)],
+)
+def test_a_forgotten_prefix_in_decibels_is_noticed(key: str, value: float, factor: float) -> None:
+    assert Radar.load("awr1843", overrides={key: value, "adc.bits": 16}).name == "awr1843"
+    with pytest.raises(ValueError, match=rf"{key.partition('.')[2]} is {value * factor:g}; 0 or.*… .* is allowed"):
+        Radar.load("awr1843", overrides={key: value * factor})
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_forgotten_prefix_in_the_phases_of_slots_is_noticed(factor: float) -> None:
+    slots = [dict(slot) for slot in read_config(resolve("radars", "mmwcas"))["preset"]["steered_left"]["slot"]]
+    slots[0]["phase_deg"] = [angle * factor for angle in slots[0]["phase_deg"]]
+    with pytest.raises(ValueError, match=r"phase_deg .*allowed"):
+        Radar.load("mmwcas", "steered_left", overrides={"preset.steered_left.slot": slots})
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_a_forgotten_prefix_in_a_pattern_file_is_noticed(tmp_path: Path, column: int, factor: float) -> None:
+    rows = np.array([(a, e, 7.0 - (a / 30) ** 2 / 3) for a in (-90.0, 0.0, 90.0) for e in (-45.0, 45.0)])
+    changes = {"pattern": {"kind": "table", "file": str(tmp_path / "mine.csv")}}
+
+    def load() -> None:
+        np.savetxt(tmp_path / "mine.csv", rows, delimiter=",", header="azimuth_deg,elevation_deg,gain_dbi", comments="")
+        Radar.load("awr1843", overrides=changes)
+
+    load()
+    rows[:, column] *= factor
+    with pytest.raises(ValueError, match=r"mine\.csv.*(allowed|within|needed)"):
+        load()
 
 
 def every_profile_value() -> list[tuple[str, str, int, str]]:

@@ -203,7 +203,7 @@ def test_overrides_stand_for_the_files_values() -> None:
         ({"name.first": "x"}, "there is no table 'name'"),
         ({"receiver.noise_figure_db": "low"}, "'low'; int or float"),
         ({"receiver.noise_figure_db": None}, r"'receiver\.noise_figure_db' is missing"),
-        ({"transmitter.power_dbm": 300}, "tx_power_dbm is 300"),
+        ({"transmitter.power_dbm": 300}, "transmitter.power_dbm is 300"),
         ({"preset.default.num_loops": 2000}, "2000 loops"),
     ],
 )
