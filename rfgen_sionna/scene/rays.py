@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, upload
 
 SELF_GAP = 1e-5
@@ -116,7 +117,7 @@ class RayScene:
         """
         d = _check_points(directions, "directions")
         o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), d.shape)
-        length = np.linalg.norm(d, axis=1, keepdims=True)
+        length = lengths(d)[:, None]
         if (length == 0.0).any():
             raise ValueError(f"directions: ray {int(np.argmin(length))} has length zero")
         return self._trace(o, d / length)
@@ -125,7 +126,7 @@ class RayScene:
         """(ray,) the facet that each ray hits first, -1 where there is none; the arguments of :meth:`first_hit`."""
         d = _check_points(directions, "directions")
         o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), d.shape)
-        return self._trace_raw(o, d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300))[0]
+        return self._trace_raw(o, d / np.maximum(lengths(d), 1e-300)[:, None])[0]
 
     def occluded(
         self,
@@ -152,7 +153,7 @@ class RayScene:
         own = _check_facets(facets, len(p), self.num_facets, "facets")
         left = _check_facets(source_facets, len(p), self.num_facets, "source_facets")
         span = p - o
-        reach = np.linalg.norm(span, axis=1)
+        reach = lengths(span)
         if (reach == 0.0).any():
             raise ValueError(f"targets: target {int(np.argmin(reach))} lies at its origin")
         direction = span / reach[:, None]
@@ -180,9 +181,9 @@ class RayScene:
         weights = np.stack([1.0 - u - v, u, v], axis=1)
         weights[~hit] = np.nan
         distance = np.full(len(facet), np.inf)
-        corners = self._corners(facet[hit])
+        corners = self.corners(facet[hit])
         points = np.einsum("rc,rci->ri", weights[hit], corners)
-        distance[hit] = np.linalg.norm(points - origins[hit], axis=1)
+        distance[hit] = lengths(points - origins[hit])
         index = np.searchsorted(self.facet_offsets, facet, side="right") - 1
         face = facet - self.facet_offsets[np.maximum(index, 0)]
         return Hits(
@@ -199,8 +200,8 @@ class RayScene:
             return np.empty(0, np.int64), np.empty(0)
         return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
-    def _corners(self, facets: NDArray[np.int64]) -> FloatArray:
-        """(facet, corner, 3) world positions [m]."""
+    def corners(self, facets: NDArray[np.int64]) -> FloatArray:
+        """(facet, corner, 3) positions [m] of the corners of facets, as the objects stand now."""
         out = np.empty((len(facets), 3, 3))
         moving = facets >= self._num_static
         for layer, chosen, offset in ((self._static, ~moving, 0), (self._moving, moving, self._num_static)):

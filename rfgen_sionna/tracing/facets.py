@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
+from rfgen_sionna.scene.mesh import lengths, middles
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
@@ -56,12 +57,12 @@ class Facets:
     @property
     def centroids(self) -> FloatArray:
         """(facet, 3) [m]"""
-        return np.asarray(self.corners.mean(axis=1), dtype=np.float64)
+        return middles(self.corners)
 
     def directions(self, viewpoint: FloatArray) -> FloatArray:
         """(facet, 3) unit vectors from the viewpoint to the centroids."""
         offset = self.centroids - viewpoint
-        return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12), dtype=np.float64)
+        return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
 
 
 def stack_facets(
@@ -74,7 +75,7 @@ def stack_facets(
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c = piece.corners(points, surface.faces)
         normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-        towards = np.einsum("fi,fi->f", normal, viewpoint - c.mean(axis=1)) > 0
+        towards = np.einsum("fi,fi->f", normal, viewpoint - middles(c)) > 0
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)

@@ -22,6 +22,7 @@ from scipy.linalg import qr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
@@ -91,9 +92,9 @@ class BandTracer:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
         place = centroids - self._origin
         if pair is not None:
-            to_tx, to_rx = (np.linalg.norm(place - each, axis=1) for each in (self._tx[pair[0]], self._rx[pair[1]]))
+            to_tx, to_rx = (lengths(place - each) for each in (self._tx[pair[0]], self._rx[pair[1]]))
             return np.asarray((to_tx + to_rx) / SPEED_OF_LIGHT)
-        to_tx, to_rx = (np.linalg.norm(place - each[:, None], axis=2) for each in (self._tx, self._rx))
+        to_tx, to_rx = (lengths(place - each[:, None]) for each in (self._tx, self._rx))
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def __call__(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:

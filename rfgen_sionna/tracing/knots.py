@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, knot_weights
+from rfgen_sionna.scene.mesh import lengths
 
 MIN_SPACING = 0.25e-3
 """Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 400 Hz still gets its knots."""
@@ -63,7 +64,7 @@ def choose_knots(
     borders = np.cumsum(sizes)[:-1]
 
     def phases(times: FloatArray) -> FloatArray:
-        rows = [np.linalg.norm(np.concatenate(positions(float(t))) - viewpoint, axis=1) for t in times]
+        rows = [lengths(np.concatenate(positions(float(t))) - viewpoint) for t in times]
         return wavenumber * np.stack(rows)
 
     count = FIRST_COUNT
@@ -152,12 +153,12 @@ def gain_knots(
 
 def _corner_distances(vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> FloatArray:
     """(face, 3) distances of the corners less their mean [m]."""
-    corners = np.linalg.norm(vertices - viewpoint, axis=1)[faces]
-    return np.asarray(corners - corners.mean(axis=1, keepdims=True))
+    corners = lengths(vertices - viewpoint)[faces]
+    return np.asarray(corners - np.einsum("fc->f", corners)[:, None] / 3.0)
 
 
 def _solid_angles(vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> FloatArray:
     """(face,) what each face takes of the view, if it is small [sr]."""
     a, b, c = (vertices[faces[:, i]] - viewpoint for i in range(3))
     volume = np.abs(np.einsum("fi,fi->f", a, np.cross(b - a, c - a)))
-    return np.asarray(0.5 * volume / np.maximum(np.linalg.norm(a, axis=1), 1e-9) ** 3)
+    return np.asarray(0.5 * volume / np.maximum(lengths(a), 1e-9) ** 3)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import finer, measure
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
@@ -47,8 +48,8 @@ class StaticTrace:
     def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Direction, distance and radius [m] of a sphere around each facet, from the viewpoint."""
         centroids = self.facets.centroids
-        distance = np.linalg.norm(centroids - self.viewpoint, axis=1)
-        radius = np.linalg.norm(self.facets.corners - centroids[:, None], axis=2).max(axis=1, initial=0.0)
+        distance = lengths(centroids - self.viewpoint)
+        radius = lengths(self.facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
         return self.facets.directions(self.viewpoint), distance, radius
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
@@ -71,7 +72,7 @@ class StaticTrace:
         behind = np.zeros(len(distance), dtype=np.bool_)
         for points in actors:
             offset = points - self.viewpoint
-            reach = np.linalg.norm(offset, axis=1)
+            reach = lengths(offset)
             unit = offset / np.maximum(reach, 1e-12)[:, None]
             axis = unit.mean(axis=0)
             length = float(np.linalg.norm(axis))
@@ -178,7 +179,7 @@ def _seen_facets(
         for points, surface, tolerance in zip(surfaces.static_vertices, surfaces.static, rtol.tolist(), strict=True)
     ]
     facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
-    near = np.linalg.norm(facets.centroids - viewpoint, axis=1) < max_range
+    near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
     if rays is None:
         return facets, Visibility(np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_), 0)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths, middles
 
 _MAX_SPLITS = 64
 MAX_BULGE = 1.0
@@ -54,7 +55,7 @@ class Tessellation:
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
         """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
-        weights = self.weights[chosen].mean(axis=1)
+        weights = middles(self.weights[chosen])
         corners = faces[self.face[chosen]]
         return np.asarray(sum(weights[:, [i]] * vertices[corners[:, i]] for i in range(3)), dtype=np.float64)
 
@@ -65,12 +66,14 @@ def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) ->
     It measures the quadratic phase on a facet: about k L^2 / (4 R) for an edge L at range R.
     """
     from_view = corners - viewpoint
-    offset = corners - corners.mean(axis=1, keepdims=True)
-    centre = from_view.mean(axis=1, keepdims=True)
+    offset = corners - middles(corners)[:, None]
+    centre = middles(from_view)[:, None]
     # |x| - |y| = (x - y) . (x + y) / (|x| + |y|), exact where a difference of norms cancels.
-    sizes = np.linalg.norm(from_view, axis=2) + np.linalg.norm(centre, axis=2)
+    sizes = lengths(from_view) + lengths(centre)
     excess = np.einsum("fci,fci->fc", offset, from_view + centre) / np.maximum(sizes, 1e-12)
-    return np.asarray(np.abs(4 * np.pi * frequency / SPEED_OF_LIGHT * excess.mean(axis=1)), dtype=np.float64)
+    return np.asarray(
+        np.abs(4 * np.pi * frequency / SPEED_OF_LIGHT * np.einsum("fc->f", excess) / 3.0), dtype=np.float64
+    )
 
 
 def allowed_bulge(rtol: float) -> float:
@@ -85,7 +88,7 @@ def allowed_bulge(rtol: float) -> float:
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
+    return np.asarray(vectors / np.maximum(lengths(vectors), 1e-12)[..., None])
 
 
 def _demand(
@@ -101,12 +104,12 @@ def _demand(
     if importance is not None:
         # A facet counts as much as its most important corner: large ones reach into the beam.
         weight = importance(_unit(corners - viewpoint)).max(axis=1)
-        weight = np.maximum(weight, importance(_unit(corners.mean(axis=1) - viewpoint)))
+        weight = np.maximum(weight, importance(_unit(middles(corners) - viewpoint)))
         allowed = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
     bulge = phase_bulge(corners, viewpoint, frequency)
     coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
     if half_band > 0:
-        depth = np.ptp(np.linalg.norm(corners - viewpoint, axis=2), axis=1)  # half the spread of the paths
+        depth = np.ptp(lengths(corners - viewpoint), axis=1)  # half the spread of the paths
         coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
     return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32)
 
@@ -164,9 +167,9 @@ def tessellate(
     for _ in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
         if np.isfinite(max_range):
-            centre = corners.mean(axis=1)
-            radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
-            near = np.linalg.norm(centre - viewpoint, axis=1) - radius < max_range
+            centre = middles(corners)
+            radius = lengths(corners - centre[:, None]).max(axis=1, initial=0.0)
+            near = lengths(centre - viewpoint) - radius < max_range
             face, weights, corners = face[near], weights[near], corners[near]
         coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band)
         for mirrored, tolerance in images:
@@ -185,7 +188,7 @@ def tessellate(
                 f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
                 "near surfaces that the radar does not need to see"
             )
-        edge = np.linalg.norm(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]], axis=2).argmax(axis=1)  # opposite corner
+        edge = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]]).argmax(axis=1)  # opposite corner
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
         middle = 0.5 * (left + right)
