@@ -97,6 +97,9 @@ def generate(
     collisions: Annotated[
         str, typer.Option(help='Where the person meets walls or furniture: "error", "warn" or "ignore".')
     ] = "error",
+    device: Annotated[
+        str, typer.Option(help='What sums the paths: "cpu", "cuda" or "auto", CUDA where there is one.')
+    ] = "auto",
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
@@ -134,6 +137,7 @@ def generate(
             pir_resolution=resolution,
             motion=motion,
             collisions=cast("Policy", collisions),  # checked there
+            device=device,
             progress=progress,
             report=_decided,
         ).close()

@@ -28,6 +28,7 @@ from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.load import load_scene
 from rfgen_sionna.scene.places import Policy
 from rfgen_sionna.signal import Receiver, read_receiver, receiver_record
+from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def generate(
     fov_deg: float | tuple[float, float] = 60.0,
     motion: str = "kinematic",
     collisions: Policy = "error",
+    device: str = "auto",
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
@@ -108,6 +110,8 @@ def generate(
     collisions
         What to do where the person goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
         "warn" says so and goes on, "ignore" doesn't look.
+    device
+        What sums the paths: "cpu", "cuda", or "auto", CUDA where there is one.
     progress
         Called with the frames done and in all.
     report
@@ -127,6 +131,7 @@ def generate(
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     check_view(pir_resolution, fov_deg)
+    device = chosen_device(device)
     source = motion_source(motion)
     said, surroundings = _read(prompt, negative, environment, seed, distance)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
@@ -172,7 +177,7 @@ def generate(
         receiver=receiver_record(impairments),
     )
     middle = 0.5 * radar.waveform.frame_length
-    frames = simulator.frames(duration, seed=seed, receiver=impairments)
+    frames = simulator.frames(duration, seed=seed, receiver=impairments, device=device)
     with RunWriter(target, info, overwrite=overwrite) as writer:
         for frame in frames:
             t = frame.time + middle

@@ -35,6 +35,7 @@ from rfgen_sionna.scene.places import (
 )
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.signal import Receiver, receive, synthesize
+from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport, check_max_bounces
 
@@ -202,6 +203,7 @@ class Simulator:
         noise: bool = True,
         seed: int = 0,
         receiver: Receiver | None = None,
+        device: str = "auto",
         progress: Progress | None = None,
     ) -> AdcCube:
         """Samples of all frames that fit into `duration` [s].
@@ -220,12 +222,15 @@ class Simulator:
         receiver
             The receiver's impairments; None is `Receiver()`: thermal noise and the radar's ADC. An automatic full scale
             is set from the first frame and kept.
+        device
+            What sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA where there is one. Both are
+            within the tolerance, and each gives the same bits again.
         progress
             Called after each frame.
         """
         times = self.frame_times(duration, start)
         data = np.empty((len(times), *self.radar.frame_shape), dtype=np.complex64)
-        for frame in self.frames(duration, start=start, noise=noise, seed=seed, receiver=receiver):
+        for frame in self.frames(duration, start=start, noise=noise, seed=seed, receiver=receiver, device=device):
             data[frame.index] = frame.samples
             if progress is not None:
                 progress(frame.index + 1, len(times))
@@ -239,6 +244,7 @@ class Simulator:
         noise: bool = True,
         seed: int = 0,
         receiver: Receiver | None = None,
+        device: str = "auto",
     ) -> Iterator[Frame]:
         """The frames of :meth:`adc` one by one; memory does not grow with their number."""
         seed = _checked_seed(seed)
@@ -249,6 +255,7 @@ class Simulator:
         elif not noise:
             receiver = receiver.without_noise()
         receiver.check(self.radar)
+        device = chosen_device(device)
         times = self.frame_times(duration, start)
         begin, end = float(times[0]), float(times[-1]) + self.radar.waveform.frame_length
         self._check_places(begin, end)
@@ -259,24 +266,24 @@ class Simulator:
                     f"actor '{actor.name}' is behind the scene's surfaces all along: the radar receives nothing of it",
                     stacklevel=2,
                 )
-        return self._frames(times, receiver, seed)
+        return self._frames(times, receiver, seed, device)
 
-    def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int) -> Iterator[Frame]:
+    def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str) -> Iterator[Frame]:
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
-        for index, (samples, report) in enumerate(self._echoes(times, gains)):
+        for index, (samples, report) in enumerate(self._echoes(times, gains, device)):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale = capture.full_scale
             yield Frame(index, float(times[index]), capture.samples, report, full_scale, capture.clipped)
 
     def _echoes(
-        self, times: NDArray[np.float64], gains: NDArray[np.complex128] | None
+        self, times: NDArray[np.float64], gains: NDArray[np.complex128] | None, device: str
     ) -> Iterator[tuple[NDArray[np.complex128], TraceReport]]:
         """(chirp, tx, rx, sample) of each frame before the receiver, and what they cost."""
         eps = max(0.3 * self.rtol, 1e-9)
         moving, length = self.tracer.follow(), self.radar.waveform.frame_length
 
         def echo(paths: RadarPaths, start: float) -> NDArray[np.complex128]:
-            return synthesize(self.radar, paths, start, eps=eps, tx_gains=gains)
+            return synthesize(self.radar, paths, start, eps=eps, tx_gains=gains, device=device)
 
         if self._fusion is not None:
             refinement = self._fusion.refinement(float(times[0]), float(times[-1]) + length)

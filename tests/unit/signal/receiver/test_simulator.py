@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna.pipeline import generate
 from rfgen_sionna.radar import Adc, Radar
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.signal import DcOffset, Leakage, Mismatch, Receiver
+from rfgen_sionna.scene.backend import has_cuda
+from rfgen_sionna.signal import DcOffset, Leakage, Mismatch, Receiver, synthesize
 from rfgen_sionna.simulation import Simulator
 
 
@@ -57,3 +59,45 @@ def test_what_does_not_fit_is_refused_before_the_work(simulator):
         simulator.frames(0.05, receiver="noisy")
     with pytest.raises(ValueError, match=r"mismatch.rx_gain_db has 3 values"):
         simulator.frames(0.05, receiver=replace(Receiver(), mismatch=Mismatch(rx_gain_db=(0, 1, 2))))
+
+
+@pytest.fixture
+def devices(monkeypatch):
+    """The devices that runs hand to the synthesiser, which computes on the CPU all the same."""
+    found = []
+
+    def here(*arguments, device, **options):
+        found.append(device)
+        return synthesize(*arguments, device="cpu", **options)
+
+    monkeypatch.setattr("rfgen_sionna.simulation.synthesize", here)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("cuda", "device", "used"), [(True, "auto", "cuda"), (True, "cpu", "cpu"), (False, "auto", "cpu")]
+)
+def test_the_device_goes_through_to_the_synthesiser(simulator, devices, monkeypatch, cuda, device, used):
+    monkeypatch.setattr("rfgen_sionna.signal.synthesis.has_cuda", lambda: cuda)
+    simulator.adc(0.05, device=device)
+    assert set(devices) == {used}
+
+
+def test_a_device_that_is_not_there_is_refused_before_the_work(simulator, devices, monkeypatch):
+    monkeypatch.setattr("rfgen_sionna.signal.synthesis.has_cuda", lambda: False)
+    with pytest.raises(ValueError, match="device is 'gpu'; allowed"):
+        simulator.frames(0.05, device="gpu")
+    with pytest.raises(ValueError, match="device is 'cuda', but no CUDA driver"):
+        simulator.adc(0.05, device="cuda")
+    with pytest.raises(ValueError, match="device is 'cuda', but no CUDA driver"):
+        generate("a person waving at 3 m", device="cuda")
+    assert not devices
+
+
+@pytest.mark.gpu
+def test_a_run_on_a_gpu_is_the_run_on_the_cpu(simulator):
+    if not has_cuda():
+        pytest.fail("this test was asked for by -m gpu, but there is no CUDA device")
+    here, there = (simulator.adc(0.05, noise=False, device=device).data for device in ("cpu", "cuda"))
+    assert np.abs(there - here).max() < 0.01 * np.abs(here).max()  # the simulator's tolerance
+    np.testing.assert_array_equal(there, simulator.adc(0.05, noise=False, device="cuda").data)
