@@ -10,8 +10,8 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, knot_weights
 from rfgen_sionna.scene.mesh import lengths
 
-MIN_SPACING = 0.25e-3
-"""Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 400 Hz still gets its knots."""
+MIN_SPACING = 0.125e-3
+"""Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 700 Hz still gets its knots."""
 FIRST_COUNT = 4
 """Knots to begin with: a cubic's."""
 RIM_ERROR, INNER_ERROR = 0.02, 0.005
@@ -33,8 +33,9 @@ def choose_knots(
     """Knots between which a spline follows the delay of every vertex.
 
     They are doubled until the spline through them foretells the two-way phase between them to `tolerance` in each
-    mesh's root mean square, which is the relative error of its sum, and no vertex's to more than ten times that. The
-    phase is tried once between each two knots, at places that no vibration keeps step with.
+    mesh's root mean square, which is the relative error of its sum, at any instant to three times that, as a spline
+    errs most at its ends, and any vertex's to ten times that. The phase is tried once between each two knots, at places
+    that no vibration keeps step with.
 
     Parameters
     ----------
@@ -77,9 +78,11 @@ def choose_knots(
         if count == FIRST_COUNT and (values == values[0]).all() and (truth == values[0]).all():
             return np.array([start])
         error = knot_weights(times, between) @ values - truth
-        typical = max(float(np.sqrt(np.mean(part**2))) for part in np.split(error, borders, axis=1))
+        rms = np.sqrt(np.stack([np.mean(part**2, axis=1) for part in np.split(error, borders, axis=1)]))
+        typical = float(np.sqrt(np.mean(rms**2, axis=1)).max())
         spacing = times[1] - times[0]
-        if typical <= tolerance and np.abs(error).max() <= 10 * tolerance and spacing <= max_spacing:
+        fine = typical <= tolerance and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
+        if fine and spacing <= max_spacing:
             return times
         if spacing < 2 * MIN_SPACING:
             _LOG.warning(

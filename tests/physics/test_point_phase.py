@@ -66,7 +66,7 @@ def test_a_targets_phase_over_frames_and_their_borders(motion, preset):
     assert np.abs(error - error.mean()).max() < 0.1
 
 
-@pytest.mark.parametrize("frequency", [30.0, 60.0, 120.0, 200.0, 300.0])
+@pytest.mark.parametrize("frequency", [30.0, 60.0, 120.0, 200.0, 300.0, 390.0, 500.0, 700.0])
 def test_a_vibration_of_a_tenth_of_a_millimetre_over_a_whole_frame(frequency):
     """At the default tolerance, at every instant of the 27.6 ms: within 0.1 degrees of -2 pi f tau."""
     radar = Radar.load("awr1843", "mmmesh")
