@@ -76,7 +76,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
         *("--no-noise", "--rtol", "0.01", "--distance", "2", "--pir-resolution", "32x64", "--no-pictures"),
         *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml"),
-        *("--motion", "diffusion", "--collisions", "warn"),
+        *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -101,6 +101,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "pir_resolution": (32, 64),
         "motion": "diffusion",
         "collisions": "warn",
+        "device": "cpu",
     }
     assert "action left_arm_raised or right_arm_raised" in out
     assert "wrote arm.h5" in out
@@ -116,9 +117,7 @@ def test_generate_draws_what_it_made_and_names_it_after_the_action(rfgen: Rfgen,
         assert (tmp_path / f"jumping_jacks.{suffix}").stat().st_size > 1000
 
 
-def test_a_run_that_has_no_picture_is_a_warning(
-    rfgen: Rfgen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_has_no_picture_is_a_warning(rfgen: Rfgen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A constant frequency tells no ranges: the data are there all the same."""
 
     def none(*_: object, **__: object) -> Path:
