@@ -59,7 +59,7 @@ def diffuse_gains(
         normal *= -np.sign((normal * k).sum(axis=1))[:, None]
         cos = np.clip(-(normal * k).sum(axis=1), 0.0, 1.0)
         material = materials[number]
-        energy = rough[number] ** 2 * _reflectance(material, frequency, cos) * cos * 0.5 * size
+        energy = rough[number] ** 2 * reflectance(material, frequency, cos) * cos * 0.5 * size
         energy *= material.scattering_pattern(k, -k, normal) / distance**4
         phases = 2 * np.pi * _draws(facets.face[index], facets.place[index], number, seed)
         e, f = (_across(field, k) for field in fields)
@@ -77,7 +77,7 @@ def _across(field: FloatArray, k: FloatArray) -> FloatArray:
     return np.asarray(part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-9))
 
 
-def _reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatArray:
+def reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatArray:
     """Share of the energy that a smooth surface reflects, mean of both polarisations; as the facet integral has it."""
     eps, mu = complex(material.relative_permittivity(frequency)), complex(material.relative_permeability(frequency))
     if not np.isfinite(eps):

@@ -8,7 +8,6 @@ weaker return needs.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -18,29 +17,18 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import measure, sums
-from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time
-from rfgen_sionna.tracing.gains import PROBES, Expansion
+from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
+from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns, image_tolerance
 from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 SKIPPED = 0.5
 """Share of the tolerance that the mirrors left out may make up together."""
-SHARE = 0.3
-"""Share of the tolerance that the integral over the ghosts of one way may use up."""
-LOOSEST = 0.03
-"""Tolerance of a ghost, relative to itself, however weak it is."""
 KNOT_SAMPLES = 2000
 """Vertices of an image that tell how many knots its delays need."""
-WAYS = ((True, False), (False, True), (True, True))
-"""Whether the way from Tx, and that to Rx, goes by the mirror."""
-_LOG = logging.getLogger(__name__)
-
-Centroids = Callable[[float, NDArray[np.intp]], FloatArray]
-"""Time [s] and ascending numbers of facets to their centroids (facet, 3) [m]."""
 
 
 class Ghosts:
@@ -71,13 +59,11 @@ class Ghosts:
         self._surfaces, self._radar, self._rtol, self._max_bounces = surfaces, radar, rtol, max_bounces
         self._find = mirrors
         self._viewpoint = np.asarray(radar.position)
-        self._materials = tuple(surface.material for surface in surfaces.moving)
         self._kept: NDArray[np.intp] = np.zeros(0, np.intp)
         self._used = np.zeros((0, 2), np.bool_)
         self._level = np.zeros((0, 2))
-        self._expansions: dict[tuple[bool, bool], tuple[ImageBand, Expansion]] = {}
-        self._missed: dict[tuple[bool, bool], float] = {}
-        self._turn = 0
+        names = surfaces.object_names, surfaces.part_names
+        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, lambda _: self.mirrors)
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -91,8 +77,7 @@ class Ghosts:
 
     def forget(self) -> None:
         """Choose the expansions anew."""
-        self._expansions.clear()
-        self._missed.clear()
+        self._returns.forget()
 
     def consider(self, poses: Sequence[Sequence[FloatArray]]) -> None:
         """Choose the mirrors that matter while the (vertex, 3) positions [m] of the actors are those of `poses`."""
@@ -120,7 +105,9 @@ class Ghosts:
         """For every actor its images in the mirrors in use and the tolerance of their returns."""
         found = []
         for points in vertices:
-            found.append([(self.mirrors[m].image(points), self._tolerance(self._level[m].max())) for m in self._kept])
+            found.append(
+                [(self.mirrors[m].image(points), image_tolerance(self._rtol, self._level[m].max())) for m in self._kept]
+            )
         return found
 
     def followed(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
@@ -128,15 +115,9 @@ class Ghosts:
         few = [points[:: max(1, len(points) // KNOT_SAMPLES)] for points in vertices]
         return [*vertices, *(self.mirrors[m].image(points) for m in self._kept for points in few)]
 
-    def _tolerance(self, level: float) -> float:
-        return float(np.clip(SHARE * self._rtol / max(level, 1e-12), SHARE * min(self._rtol, LOOSEST), LOOSEST))
-
     @cached_property
     def _probe(self) -> ImageBand:
         return ImageBand(self._radar, self._rtol, self.mirrors, True, True)
-
-    def _importance(self, offset: FloatArray) -> FloatArray:
-        return self._probe.importance(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12))
 
     def see(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> MirroredView:
         """What the mirrors in use show of the facets, of which `fraction` (facet,) is seen directly."""
@@ -159,7 +140,7 @@ class Ghosts:
 
         `facets` and `seen` are those of each of the `instants` [s]; delays are for the `knots` [s].
         """
-        paths, error, middle = [], 0.0, len(instants) // 2
+        paths, error = [], 0.0
         for way in WAYS:
             tx, rx = way
             shares = np.stack([each.twice if tx and rx else each.once for each in seen])
@@ -167,101 +148,9 @@ class Ghosts:
             if len(row) == 0:
                 continue
             mirror: NDArray[np.int32] = self._kept[row].astype(np.int32)
-            share = shares[:, row, column]
             shown = [MirroredFacets.of(each, column, mirror, mirror) for each in facets]
-            departing, arriving = self._directions(shown[middle].centroids, mirror, tx, rx)
-            weight = share[middle] * np.sqrt(self._importance(departing) * self._importance(arriving))
-            band, expansion = self._expansion(way, shown[middle], weight, usual)
-            gains = [band(each, self._materials, expansion) for each in shown]
-            error += self._error(band, shown[middle], weight, gains[middle], usual, way)
-            for each, part in zip(gains, share, strict=True):
-                each *= part
-            paths.append(self._paths(knots, instants, shown, gains, (column, mirror), centroids, band))
-        self._turn += 1
-        if error > 1.5 * self._rtol:
-            self.forget()
+            more, missed = self._returns(way, knots, instants, shown, shares[:, row, column], column, centroids, usual)
+            paths.append(more)
+            error += missed
+        self._returns.finish(error)
         return paths, error
-
-    def _error(
-        self,
-        band: ImageBand,
-        facets: MirroredFacets,
-        weight: FloatArray,
-        gains: NDArray[np.complex128],
-        usual: FloatArray,
-        way: tuple[bool, bool],
-    ) -> float:
-        """Error relative to the ghosts' own or the direct return, whichever is more: with a new expansion at two pairs
-        and over the band, which is remembered, then at one place after the other."""
-        pairs, probes = [(0, 0), (gains.shape[1] - 1, gains.shape[2] - 1)], PROBES
-        if way in self._missed:
-            pairs = [(self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])]
-            probes = PROBES[[self._turn % len(PROBES)]]
-        found = [
-            measure(band, facets, self._materials, weight, gains[:, *pair], pair, probes, usual).error for pair in pairs
-        ]
-        error = float(np.max(found, initial=0.0))
-        return max(error, self._missed.setdefault(way, error))
-
-    def _expansion(
-        self, way: tuple[bool, bool], facets: MirroredFacets, weight: FloatArray, usual: FloatArray
-    ) -> tuple[ImageBand, Expansion]:
-        if way not in self._expansions:
-            lit = np.flatnonzero(weight > 0)
-            facets, weight = facets.take(lit), weight[lit]
-            rough = ImageBand(self._radar, LOOSEST, self.mirrors, *way)
-            found = rough.at_probes(facets, self._materials, PROBES, (0, 0), facets.parts)
-            phasor = np.exp(-2j * np.pi * np.mod(rough.frequency(PROBES)[:, None] * found.tau, 1.0))
-            level = np.sqrt((np.abs(sums(found.a * phasor * weight, facets.surface, len(usual))) ** 2).mean(axis=0))
-            # As accurate as the direct return of the actor whose ghosts are strongest against it asks for.
-            share = float(np.max(level / np.maximum(np.maximum(usual, level), 1e-300), initial=0.0))
-            band = ImageBand(self._radar, self._tolerance(share), self.mirrors, *way)
-            reverse = self._expansions.get(way[::-1])
-            if reverse is not None:  # what was enough for one way round
-                expansion = band.expansion(reverse[1].basis)
-            else:
-                expansion = band.expansion_for(facets, self._materials, weight)
-            self._expansions[way] = band, expansion
-        return self._expansions[way]
-
-    def _directions(
-        self, centroids: FloatArray, mirror: NDArray[np.int32], tx: bool, rx: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """(facet, 3) unit vectors towards the first and the last interaction."""
-        normals = np.stack([each.normal for each in self.mirrors])[mirror]
-        heights = np.einsum("fi,fi->f", centroids, normals) - np.array([each.offset for each in self.mirrors])[mirror]
-        direct, by = centroids - self._viewpoint, centroids - 2.0 * heights[:, None] * normals - self._viewpoint
-        direct, by = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12) for v in (direct, by))
-        return (by if tx else direct), (by if rx else direct)
-
-    def _paths(
-        self,
-        knots: FloatArray,
-        instants: FloatArray,
-        facets: Sequence[MirroredFacets],
-        gains: Sequence[NDArray[np.complex128]],
-        entries: tuple[NDArray[np.intp], NDArray[np.int32]],
-        centroids: Centroids,
-        band: ImageBand,
-    ) -> RadarPaths:
-        column, mirror = entries
-        needed, back = np.unique(column, return_inverse=True)
-
-        def places(t: float) -> FloatArray:
-            return centroids(t, needed)[back]
-
-        curves = over_time(knots, instants, gains, lambda t: band.lengths(places(t), mirror, mirror))
-        directions = [self._directions(places(float(t)), mirror, band.tx, band.rx) for t in knots]
-        departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))
-        return facet_paths(
-            self._surfaces.moving,
-            facets[0],
-            knots,
-            *curves,
-            departing,
-            band.centre,
-            band.half_band,
-            (self._surfaces.object_names, self._surfaces.part_names),
-            arriving,
-            1 + band.tx + band.rx,
-        )

@@ -92,7 +92,7 @@ def find_mirrors(
         numbers = seen[(seen >= surface.first_facet) & (seen < surface.first_facet + len(surface.faces))]
         if len(numbers) == 0:
             continue
-        group = _flat_groups(points, surface)
+        group, _ = flat_groups(points, surface)
         for label in np.unique(group[numbers - surface.first_facet]):
             mirror = _mirror(points, surface, np.flatnonzero(group == label), viewpoint, least)
             if mirror is not None:
@@ -100,8 +100,9 @@ def find_mirrors(
     return tuple(found)
 
 
-def _flat_groups(points: FloatArray, surface: Surface) -> NDArray[np.int32]:
-    """(face,) number of the connected flat part that each face belongs to."""
+def flat_groups(points: FloatArray, surface: Surface, crease: float = np.pi) -> tuple[NDArray[np.int32], FloatArray]:
+    """(face,) number of the connected flat part that each face belongs to, and (part,) the length of its outline
+    [m] across which the surface goes on at an angle below `crease` [rad]."""
     faces, count = surface.faces, len(surface.faces)
     cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
     normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
@@ -114,9 +115,18 @@ def _flat_groups(points: FloatArray, surface: Surface) -> NDArray[np.int32]:
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
     one, other = owner[order][same], owner[order][same + 1]
-    flat = np.linalg.norm(np.cross(normal[one], normal[other]), axis=1) < ALONG
+    bend = np.linalg.norm(np.cross(normal[one], normal[other]), axis=1)
+    flat = bend < ALONG
     graph = coo_matrix((np.ones(int(flat.sum())), (one[flat], other[flat])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+    group = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)[order][same]
+    length = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+    # Faces that lie on each other turn their backs, or not, as their mesh has it: only the angle counts.
+    smooth = (bend >= ALONG) & (bend < np.sin(min(crease, 0.5 * np.pi)))
+    smooth &= np.einsum("fi,fi->f", normal[one], normal[other]) > 0
+    bent = np.bincount(group[one[smooth]], length[smooth], int(group.max(initial=-1)) + 1)
+    bent += np.bincount(group[other[smooth]], length[smooth], len(bent))
+    return group, np.asarray(bent, np.float64)
 
 
 def _mirror(

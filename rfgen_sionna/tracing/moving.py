@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import Accuracy, finer, measure
+from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
@@ -56,7 +57,8 @@ class _Seen:
 
 
 class MovingParts:
-    """Traces the moving surfaces stretch by stretch, and their `ghosts` where there may be any.
+    """Traces the moving surfaces stretch by stretch, and where there may be any their `ghosts` in walls and what
+    `bounces` from one flat part or body to the other.
 
     Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
     measured in every stretch; where it is above the tolerance, facets and expansion are chosen anew.
@@ -70,10 +72,11 @@ class MovingParts:
         max_range: float,
         rtol: float,
         ghosts: Ghosts | None = None,
+        bounces: Bounces | None = None,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
-        self._ghosts = ghosts
+        self._ghosts, self._bounces = ghosts, bounces
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
@@ -89,15 +92,19 @@ class MovingParts:
         """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at a time."""
         middle = len(instants) // 2
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
+        bounces = self._bounces if self._bounces is not None and self._bounces.follow(positions, knots[0]) else None
         self._follow(positions, knots)
         for attempt in range(2):
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays)
             seen: list[_Seen] = []
             mirrored: list[MirroredView] = []
+            bounced: list[Bounced] = []
             for t in instants.tolist():
                 seen.append(self._see(t, positions, rays))
                 if ghosts is not None:  # now, as the ray scene stands at this time
                     mirrored.append(ghosts.see(rays(t), seen[-1].facets, seen[-1].fraction))
+                if bounces is not None:
+                    bounced.append(bounces.see(t, rays(t), seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
             gains = [self._band(each, self._materials, expansion) for each in facets]
@@ -112,19 +119,24 @@ class MovingParts:
         paths = self._paths(knots, instants, positions, facets, gains, kept)
         self._turn += 1
         error = max(float(found.error.max(initial=0.0)), self._error)
+
+        def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
+            return self._centroids(positions(t), chosen)
+
+        more: list[RadarPaths] = []
+        whole = [each.facets for each in seen]
         if ghosts is not None:
-
-            def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
-                return self._centroids(positions(t), chosen)
-
-            whole = [each.facets for each in seen]
-            more, missed = ghosts.trace(knots, instants, whole, mirrored, centroids, self._level)
-            paths, error = RadarPaths.concatenate([paths, *more]) if more else paths, error + missed
+            found_there, missed = ghosts.trace(knots, instants, whole, mirrored, centroids, self._level)
+            more, error = more + found_there, error + missed
+        if bounces is not None:
+            found_there, missed = bounces.trace(knots, instants, whole, bounced, centroids, self._level)
+            more, error = more + found_there, error + missed
+        looked: list[_Seen | MirroredView | Bounced] = [*seen, *mirrored, *bounced]
         return MovingTrace(
-            paths,
+            RadarPaths.concatenate([paths, *more]) if more else paths,
             error,
-            sum(each.looked_at for each in seen) + sum(each.looked_at for each in mirrored),
-            sum(each.rays for each in seen) + sum(each.rays for each in mirrored),
+            sum(each.looked_at for each in looked),
+            sum(each.rays for each in looked),
             lambda t: self._centroids(positions(t), kept),
         )
 
@@ -145,11 +157,21 @@ class MovingParts:
 
     def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
-        ghosts = self._ghosts
-        if ghosts is None:
+        ghosts, bounces = self._ghosts, self._bounces
+        if ghosts is not None:
+            ghosts.consider([positions(t) for t in times])
+        mirrored = ghosts is not None and ghosts.active
+        bounced = bounces is not None and bounces.follow(positions, times[0])
+        if not mirrored and not bounced:
             return positions
-        ghosts.consider([positions(t) for t in times])
-        return (lambda t: ghosts.followed(positions(t))) if ghosts.active else positions
+
+        def followed(t: float) -> list[FloatArray]:
+            found = list(positions(t))
+            if ghosts is not None and mirrored:
+                found = ghosts.followed(found)
+            return [*found, *bounces.followed(positions(t), t)] if bounces is not None and bounced else found
+
+        return followed
 
     def _split(self, vertices: Sequence[FloatArray]) -> None:
         images = self._ghosts.images(vertices) if self._ghosts is not None else [[] for _ in vertices]

@@ -15,6 +15,7 @@ from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.bounces import Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghosts import Ghosts
@@ -170,10 +171,14 @@ class Tracer:
     def follow(self) -> MovingParts:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
         the next. Results depend on what it went through before, so that every run begins with its own."""
-        ghosts = None
-        if self.max_bounces > 1 and self.surfaces.static and self.surfaces.moving:
-            ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
-        return MovingParts(self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol, ghosts)
+        ghosts, bounces = None, None
+        if self.max_bounces > 1 and self.surfaces.moving:
+            if self.surfaces.static:
+                ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
+            walls = (lambda: self.mirrors) if self.surfaces.static else tuple
+            bounces = Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
+        reach = self.radar.max_range
+        return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces)
 
     @one_blas_thread()
     def trace(

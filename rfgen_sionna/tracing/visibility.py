@@ -19,8 +19,8 @@ def _lattice(n: int) -> FloatArray:
     return np.column_stack([u, 1 - u.sum(axis=1)])
 
 
-_GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
-_FINE = _lattice(4)
+GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
+FINE = _lattice(4)
 _LEAST_HEIGHT = 1e-4
 """What lies nearer to a mirror than this [m] is on it."""
 
@@ -55,15 +55,15 @@ def visible_fraction(rays: RayScene, viewpoint: FloatArray, corners: FloatArray,
     facet
         (facet,) number of the ray scene's face that each facet is a piece of; it does not hide itself.
     """
-    guides = _through(rays, viewpoint, corners, facet, _GUIDE)
+    guides = _through(rays, viewpoint, corners, facet, GUIDE)
     fraction = guides.mean(axis=1)
     mixed = (fraction > 0) & (fraction < 1)
     step = fraction[1:] != fraction[:-1]
     mixed[1:] |= step
     mixed[:-1] |= step
     index = np.flatnonzero(mixed)
-    fraction[index] = _through(rays, viewpoint, corners[index], facet[index], _FINE).mean(axis=1)
-    return Visibility(fraction, guides, len(_GUIDE) * len(corners) + len(_FINE) * len(index))
+    fraction[index] = _through(rays, viewpoint, corners[index], facet[index], FINE).mean(axis=1)
+    return Visibility(fraction, guides, len(GUIDE) * len(corners) + len(FINE) * len(index))
 
 
 def changed_fraction(
@@ -79,14 +79,14 @@ def changed_fraction(
     `fraction` and `guides` are as :func:`visible_fraction` found them before. A facet whose guiding rays fare as before
     keeps its share to the bit; the lattice decides about the others.
     """
-    now = _through(rays, viewpoint, corners, facet, _GUIDE)
+    now = _through(rays, viewpoint, corners, facet, GUIDE)
     index = np.flatnonzero((now != guides).any(axis=1))
     share = fraction.copy()
     lost = ~now[index].any(axis=1) & (fraction[index] == 1.0)
     share[index[lost]] = 0.0
     index = index[~lost]
-    share[index] = _through(rays, viewpoint, corners[index], facet[index], _FINE).mean(axis=1)
-    return share, len(_GUIDE) * len(corners) + len(_FINE) * len(index)
+    share[index] = _through(rays, viewpoint, corners[index], facet[index], FINE).mean(axis=1)
+    return share, len(GUIDE) * len(corners) + len(FINE) * len(index)
 
 
 def _through(
@@ -165,11 +165,11 @@ def mirrored_fraction(
         shape = len(weights), len(index)
         return once.reshape(shape).mean(axis=0), twice.reshape(shape).mean(axis=0)
 
-    once, twice = shares(np.arange(len(corners)), _GUIDE)
+    once, twice = shares(np.arange(len(corners)), GUIDE)
     mixed = (twice > 0) & (twice < 1) | (once != twice) & (once > 0)
     step = (twice[1:] != twice[:-1]) & (view.mirror[1:] == view.mirror[:-1])
     mixed[1:] |= step
     mixed[:-1] |= step
     index = np.flatnonzero(mixed)
-    once[index], twice[index] = shares(index, _FINE)
+    once[index], twice[index] = shares(index, FINE)
     return MirroredVisibility(once, twice, count)

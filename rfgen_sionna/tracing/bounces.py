@@ -1,0 +1,249 @@
+"""Returns by way of flat parts of anything: corner reflectors, from body to board, furniture.
+
+Of two surfaces on a path one is the mirror (geometrical optics: the image of the radar, cut to the shadow of the
+mirror's outline), the other is integrated (physical optics): radar, mirror, facet, radar and the same backwards. Of
+three the middle one is integrated, for the images of Tx and Rx behind the two others. So Tx and Rx may be changed over
+without changing anything. Of two flat parts the larger is the mirror.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns
+from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats
+from rfgen_sionna.tracing.surfaces import Surfaces
+
+SKIPPED = 0.5
+"""Share of the tolerance that the returns left out may make up together."""
+IMAGE_SAMPLES = 200
+"""Vertices of an image in a plate that moves that tell how many knots delays need."""
+MOST_IMAGES = 12
+"""Plates whose images do."""
+
+
+@dataclass(frozen=True)
+class Bounced:
+    """What plates show of facets at an instant."""
+
+    once: Landing
+    """One way by a plate, the other straight."""
+    twice: Landing
+    """Both ways by plates, in either order."""
+    looked_at: int
+    rays: int
+
+
+class Bounces:
+    """Finds and traces what plates show of moving surfaces, but for what the ghosts in walls are.
+
+    Parameters
+    ----------
+    surfaces
+        All of the scene.
+    radar
+        Where it stands.
+    rtol
+        Tolerance, relative to the return of each actor.
+    max_bounces
+        2 or 3.
+    walls
+        The mirrors that ghosts are traced by, asked for at first use.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        radar: Radar,
+        rtol: float,
+        max_bounces: int,
+        walls: Callable[[], tuple[Mirror, ...]],
+    ) -> None:
+        self._surfaces, self._radar, self._rtol, self._max_bounces = surfaces, radar, rtol, max_bounces
+        self._walls = walls
+        self._viewpoint = np.asarray(radar.position)
+        self._flats: tuple[FlatPart, ...] | None = None
+        self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
+        self._plates: dict[float, tuple[Plate | None, ...]] = {}
+        names = surfaces.object_names, surfaces.part_names
+        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, LandingBand)
+
+    def follow(self, positions: Callable[[float], Sequence[FloatArray]], t: float) -> bool:
+        """Take the vertices of the moving surfaces from `positions` for a stretch of time that `t` [s] is in; whether
+        there is any flat part at all."""
+        self._positions = positions
+        self._plates.clear()
+        if self._flats is None:
+            vertices = [*self._surfaces.static_vertices, *positions(t)]
+            every = (*self._surfaces.static, *self._surfaces.moving)
+            self._flats = find_flats(every, vertices, self._radar.wavelength)
+        return len(self._flats) > 0
+
+    def followed(self, vertices: Sequence[FloatArray], t: float) -> list[FloatArray]:
+        """A choice of the images of the actors' vertices at `t` [s] in plates that move, whose distances the delays
+        follow."""
+        first = len(self._surfaces.static)
+        moving = [p for p, flat in zip(self.at(t), self.flats, strict=True) if flat.surface >= first and p is not None]
+        chosen = moving[:: max(1, -(-len(moving) // MOST_IMAGES))]
+        few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
+        return [plate.image(points) for plate in chosen for points in few]
+
+    @property
+    def flats(self) -> tuple[FlatPart, ...]:
+        """Flat parts of all surfaces, after :meth:`follow`."""
+        return self._flats or ()
+
+    def at(self, t: float) -> tuple[Plate | None, ...]:
+        """The plates as they are at `t` [s]."""
+        if t not in self._plates:
+            count, moving = len(self._surfaces.static), self._positions(t)
+            self._plates[t] = tuple(
+                self._still[number] if flat.surface < count else flat.at(moving[flat.surface - count], self._viewpoint)
+                for number, flat in enumerate(self.flats)
+            )
+        return self._plates[t]
+
+    def _mirrors(self, t: float) -> tuple[Mirror, ...]:
+        """The plates at `t` [s], blind ones in place of those that are none."""
+        return tuple(blind if plate is None else plate for plate, blind in zip(self.at(t), self._blind, strict=True))
+
+    @cached_property
+    def _blind(self) -> list[Plate]:
+        up, none = np.array([0.0, 0.0, 1.0]), np.zeros(2)
+        return [Plate(f.name, f.material, f.faces[:0], up, 0.0, np.eye(3)[:2], none, none, ()) for f in self.flats]
+
+    @cached_property
+    def _still(self) -> list[Plate | None]:
+        points, view = self._surfaces.static_vertices, self._viewpoint
+        return [flat.at(points[flat.surface], view) if flat.surface < len(points) else None for flat in self.flats]
+
+    @cached_property
+    def _owner(self) -> IntArray:
+        """(face,) number of the plate that each face of the ray scene belongs to, -1 for none."""
+        every = (*self._surfaces.static, *self._surfaces.moving)
+        owner = np.full(sum(len(each.faces) for each in every), -1, np.int32)
+        for number, flat in enumerate(self.flats):
+            owner[flat.faces] = number
+        return owner
+
+    @cached_property
+    def _roles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.intp]]:
+        """(plate,) whether it is a wall that ghosts are traced by, whether it stays, and its rank: of two flat parts
+        the one of the higher rank is the mirror."""
+        of_walls = {int(number) for wall in self._walls() for number in wall.faces}
+        wall = np.array([int(flat.faces[0]) in of_walls for flat in self.flats], np.bool_)
+        still = np.array([flat.surface < len(self._surfaces.static) for flat in self.flats], np.bool_)
+        area = np.array([flat.area for flat in self.flats])
+        rank = np.empty(len(area), np.intp)
+        rank[np.lexsort((-np.arange(len(area)), np.round(np.log10(area), 6), wall))] = np.arange(len(area))
+        return wall, still, rank
+
+    def see(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> Bounced:
+        """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
+        wall, still, rank = self._roles
+        shower = Shower(rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range)
+        own = self._owner[facets.number]
+        lit, once = {}, []
+        for number, plate in enumerate(self.at(t)):
+            if plate is None:
+                continue
+            reached = shower.candidates(number)
+            reached = reached[own[reached] != number]
+            if len(reached) == 0:
+                continue
+            lit[number] = reached
+            if not wall[number]:
+                of = own[reached]
+                chosen = reached[(fraction[reached] > 0) & ((of < 0) | (rank[of] < rank[number]))]
+                once.append(shower.land(chosen, number, DIRECT))
+        twice = []
+        if self._max_bounces > 2:
+            for number, first in lit.items():
+                for other, last in lit.items():
+                    # Among things that stay, only one and the same: by two walls a body is not followed.
+                    if other < number or (still[number] and still[other] and (number != other or wall[number])):
+                        continue
+                    found = shower.land(np.intersect1d(first, last, assume_unique=True), number, other)
+                    twice.append(found)
+                    if other != number:
+                        twice.append(found.swapped())
+        looked_at = sum(len(each) for each in lit.values())
+        return Bounced(joined(once), joined(twice), looked_at, shower.sent)
+
+    def trace(
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        facets: Sequence[Facets],
+        seen: Sequence[Bounced],
+        centroids: Centroids,
+        usual: FloatArray,
+    ) -> tuple[list[RadarPaths], float]:
+        """Paths and their error, relative to the actors' direct returns `usual` (surface,) or their own.
+
+        `facets` and `seen` are those of each of the `instants` [s]; delays are for the `knots` [s].
+        """
+        middle, paths, error = len(instants) // 2, [], 0.0
+        weak, usual = self._weak(float(instants[middle]), facets[middle], seen[middle], usual)
+        for way in WAYS:
+            landings = [each.twice if all(way) else each.once for each in seen]
+            keys = np.unique(np.concatenate([each.keys for each in landings]), axis=0)
+            groups = _groups(keys, facets[middle])
+            keys = keys[[tuple(group) not in weak[all(way)] for group in groups.tolist()]]
+            if len(keys) == 0:
+                continue
+            shown = [
+                LandedFacets.landed(there, keys, each, way == (False, True))
+                for there, each in zip(facets, landings, strict=True)
+            ]
+            ones = np.ones((len(instants), len(keys)))
+            column = keys[:, 0].astype(np.intp)
+            more, missed = self._returns(way, knots, instants, shown, ones, column, centroids, usual)
+            paths.append(more)
+            error += missed
+        self._returns.finish(error)
+        return paths, error
+
+    def _weak(
+        self, t: float, facets: Facets, seen: Bounced, usual: FloatArray
+    ) -> tuple[tuple[set[tuple[int, ...]], set[tuple[int, ...]]], FloatArray]:
+        """Groups (surface, first, last) of `seen.once` and `seen.twice` that are too weak to count, and the level of
+        each surface's strongest return, direct or not."""
+        found: list[tuple[NDArray[np.int64], FloatArray]] = []
+        usual = usual.copy()
+        for landing, way in ((seen.once, (True, False)), (seen.twice, (True, True))):
+            groups, index = np.unique(_groups(landing.keys, facets), axis=0, return_inverse=True)
+            if len(groups) == 0:
+                continue
+            shown = LandedFacets.landed(facets, landing.keys, landing, False)
+            coherent, single = self._returns.levels(way, t, shown, index.reshape(-1), len(groups))
+            np.maximum.at(usual, groups[:, 0], coherent)
+            times = 1 if all(way) else 2  # both ways round
+            found.append(
+                (np.column_stack([np.full(len(groups), all(way)), groups]), times * np.maximum(coherent, single))
+            )
+        weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]] = (set(), set())
+        if found:
+            groups, levels = (np.concatenate([each[part] for each in found]) for part in (0, 1))
+            for surface, level in enumerate(usual):
+                index = np.flatnonzero(groups[:, 1] == surface)
+                index = index[np.argsort(levels[index], kind="stable")]
+                for number in index[np.cumsum(levels[index]) <= SKIPPED * self._rtol * level]:
+                    weak[groups[number, 0]].add(tuple(groups[number, 1:].tolist()))
+        return weak, usual
+
+
+def _groups(keys: NDArray[np.int64], facets: Facets) -> NDArray[np.int64]:
+    """(entry, 3) surface and plates of entries by their keys."""
+    return np.column_stack([facets.surface[keys[:, 0]], keys[:, 1:]]).astype(np.int64)

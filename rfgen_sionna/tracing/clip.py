@@ -1,0 +1,61 @@
+"""Cutting triangles to half-spaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray
+
+LEAST_AREA = 1e-9
+"""Pieces smaller than this, against the triangle that they are cut from, are dropped."""
+
+
+def cut(
+    corners: FloatArray, owner: NDArray[np.intp], sides: FloatArray, offsets: FloatArray
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """The parts of triangles `corners` (triangle, 3, 3) where sides . x >= offsets for all (side, 3), (side,).
+
+    Returns triangles and the `owner` of each, those of the triangle that it is cut from.
+    """
+    size = _areas(corners)
+    least = np.zeros(int(owner.max(initial=-1)) + 1)
+    np.maximum.at(least, owner, LEAST_AREA * size)
+    for side, offset in zip(sides, offsets, strict=True):
+        if len(corners) == 0:
+            break
+        corners, owner = _halve(corners, owner, corners @ side - offset)
+    kept = _areas(corners) > least[owner]
+    return corners[kept], owner[kept]
+
+
+def _areas(corners: FloatArray) -> FloatArray:
+    edges = corners[:, 1:] - corners[:, :1]
+    return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
+
+
+def _halve(corners: FloatArray, owner: NDArray[np.intp], height: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """What of the triangles lies where `height` (triangle, corner), linear in them, is not negative."""
+    inside = height >= 0
+    count = inside.sum(axis=1)
+    whole = count == 3
+    parts, owners = [corners[whole]], [owner[whole]]
+    for number in (1, 2):
+        index = np.flatnonzero(count == number)
+        if len(index) == 0:
+            continue
+        # The corner that is alone on its side comes first.
+        alone = np.argmax(inside[index] == (number == 1), axis=1)
+        order = (alone[:, None] + np.arange(3)) % 3
+        p = np.take_along_axis(corners[index], order[:, :, None], axis=1)
+        h = np.take_along_axis(height[index], order, axis=1)
+        share = h[:, :1] / (h[:, :1] - h[:, 1:])  # where the edges from that corner cross the side
+        crossing = p[:, :1] + share[:, :, None] * (p[:, 1:] - p[:, :1])
+        if number == 1:
+            parts.append(np.stack([p[:, 0], crossing[:, 0], crossing[:, 1]], axis=1))
+            owners.append(owner[index])
+        else:
+            parts.append(np.stack([crossing[:, 0], p[:, 1], p[:, 2]], axis=1))
+            parts.append(np.stack([crossing[:, 0], p[:, 2], crossing[:, 1]], axis=1))
+            owners += [owner[index], owner[index]]
+    return np.concatenate(parts), np.concatenate(owners)

@@ -1,0 +1,255 @@
+"""Returns by way of mirrors, as paths: to the accuracy that a weaker return beside the direct one needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.tracing.accuracy import measure, sums
+from rfgen_sionna.tracing.facets import facet_paths, over_time
+from rfgen_sionna.tracing.gains import PROBES, Expansion
+from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
+from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.surfaces import Surface
+
+SHARE = 0.3
+"""Share of the tolerance that the integral over the returns of one way may use up."""
+LOOSEST = 0.03
+"""Tolerance of such a return, relative to itself, however weak it is."""
+WAYS = ((True, False), (False, True), (True, True))
+"""Whether the way from Tx, and that to Rx, goes by a mirror."""
+
+Centroids = Callable[[float, NDArray[np.intp]], FloatArray]
+"""Time [s] and ascending numbers of facets to their centroids (facet, 3) [m]."""
+Mirrors = Callable[[float], tuple[Mirror, ...]]
+"""Time [s] to the mirrors as they are then."""
+Way = tuple[bool, bool]
+
+
+def image_tolerance(rtol: float, level: float) -> float:
+    """Tolerance of returns relative to themselves that are `level` against what `rtol` is relative to."""
+    return float(np.clip(SHARE * rtol / max(level, 1e-12), SHARE * min(rtol, LOOSEST), LOOSEST))
+
+
+class ImageReturns:
+    """Integrates facets that mirrors show, over the band, for all element pairs and over time.
+
+    Parameters
+    ----------
+    surfaces
+        What the facets are of.
+    names
+        Those of objects and of parts.
+    radar
+        Where it stands.
+    rtol
+        Tolerance, relative to the direct return of each surface.
+    mirrors
+        Time [s] to the mirrors; where they stay, always the same ones.
+    band
+        What integrates the facets.
+    """
+
+    def __init__(
+        self,
+        surfaces: tuple[Surface, ...],
+        names: tuple[tuple[str, ...], tuple[str, ...]],
+        radar: Radar,
+        rtol: float,
+        mirrors: Mirrors,
+        band: type[ImageBand] = ImageBand,
+    ) -> None:
+        self._surfaces, self._names, self._radar, self._rtol = surfaces, names, radar, rtol
+        self._materials = tuple(surface.material for surface in surfaces)
+        self._viewpoint = np.asarray(radar.position)
+        self._mirrors, self._kind = mirrors, band
+        self._made = lru_cache(maxsize=64)(lambda mirrors, tolerance, way: band(radar, tolerance, mirrors, *way))
+        self._expansions: dict[Way, tuple[float, Expansion]] = {}
+        self._missed: dict[Way, float] = {}
+        self._turn = 0
+
+    def forget(self) -> None:
+        """Choose the expansions anew."""
+        self._expansions.clear()
+        self._missed.clear()
+
+    def finish(self, error: float) -> None:
+        """Close a stretch of time whose returns together had this `error`."""
+        self._turn += 1
+        if error > 1.5 * self._rtol:
+            self.forget()
+
+    def __call__(
+        self,
+        way: Way,
+        knots: FloatArray,
+        instants: FloatArray,
+        shown: Sequence[MirroredFacets],
+        shares: FloatArray,
+        facet: NDArray[np.intp],
+        centroids: Centroids,
+        usual: FloatArray,
+    ) -> tuple[RadarPaths, float]:
+        """Paths by one of the `WAYS` and their error, relative to the direct returns `usual` (surface,).
+
+        Parameters
+        ----------
+        knots, instants
+            Where delays and gains are wanted, and where gains are given [s].
+        shown
+            Facets at each instant, the same ones.
+        shares
+            (instant, facet) how much of each counts.
+        facet
+            (facet,) number of each for `centroids`.
+        """
+        middle, first, last = len(instants) // 2, shown[0].first, shown[0].last
+        mirrors = self._mirrors(float(instants[middle]))
+        departing, arriving = self._directions(shown[middle].centroids, mirrors, first, last, way)
+        probe = self._band(mirrors, way, LOOSEST)
+        weight = shares[middle] * np.sqrt(probe.importance(departing) * probe.importance(arriving))
+        tolerance, expansion = self._expansion(way, mirrors, shown[middle], weight, usual)
+        bands = [self._band(self._mirrors(float(t)), way, tolerance) for t in instants]
+        gains = [band(each, self._materials, expansion) for band, each in zip(bands, shown, strict=True)]
+        error = self._error(bands[middle], shown[middle], weight, gains[middle], usual, way)
+        for each, part in zip(gains, shares, strict=True):
+            each *= part
+        needed, back = np.unique(facet, return_inverse=True)
+
+        def places(t: float) -> FloatArray:
+            return centroids(t, needed)[back.reshape(-1)]
+
+        curves = over_time(
+            knots,
+            instants,
+            gains,
+            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), first, last),
+        )
+        directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]
+        departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))
+        band = bands[middle]
+        paths = facet_paths(
+            self._surfaces,
+            shown[0],
+            knots,
+            *curves,
+            departing,
+            band.centre,
+            band.half_band,
+            self._names,
+            arriving,
+            1 + sum(way),
+        )
+        return paths, error
+
+    def levels(
+        self, way: Way, t: float, shown: MirroredFacets, group: NDArray[np.intp], count: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """(group,) roughly what groups of facets return at `t` [s], coherently and one by one, for one pair in the
+        middle of the band; `group` (facet,) below `count`."""
+        mirrors = self._mirrors(t)
+        departing, arriving = self._directions(shown.centroids, mirrors, shown.first, shown.last, way)
+        band = self._band(mirrors, way, LOOSEST)
+        parts = np.minimum(shown.parts, 2).astype(np.int32)
+        found = band.at_probes(shown, self._materials, np.zeros(1), (0, 0), parts)
+        a = found.a[0] * np.exp(-2j * np.pi * np.mod(band.centre * found.tau[0], 1.0))
+        a = a * np.sqrt(band.importance(departing) * band.importance(arriving))
+        total = np.abs(sums(a[None], group.astype(np.int32), count)[0])
+        return total, np.sqrt(np.bincount(group, np.abs(a) ** 2, count))
+
+    def _band(self, mirrors: tuple[Mirror, ...], way: Way, tolerance: float) -> ImageBand:
+        band: ImageBand = self._made(_ByIdentity(mirrors), tolerance, way)
+        return band
+
+    def _error(
+        self,
+        band: ImageBand,
+        facets: MirroredFacets,
+        weight: FloatArray,
+        gains: NDArray[np.complex128],
+        usual: FloatArray,
+        way: Way,
+    ) -> float:
+        """Error relative to the returns' own or the direct return, whichever is more: with a new expansion at two pairs
+        and over the band, which is remembered, then at one place after the other."""
+        pairs, probes = [(0, 0), (gains.shape[1] - 1, gains.shape[2] - 1)], PROBES
+        if way in self._missed:
+            pairs = [(self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])]
+            probes = PROBES[[self._turn % len(PROBES)]]
+        found = [
+            measure(band, facets, self._materials, weight, gains[:, *pair], pair, probes, usual).error for pair in pairs
+        ]
+        error = float(np.max(found, initial=0.0))
+        return max(error, self._missed.setdefault(way, error))
+
+    def _expansion(
+        self,
+        way: Way,
+        mirrors: tuple[Mirror, ...],
+        facets: MirroredFacets,
+        weight: FloatArray,
+        usual: FloatArray,
+    ) -> tuple[float, Expansion]:
+        if way not in self._expansions:
+            lit = np.flatnonzero(weight > 0)
+            facets, weight = facets.take(lit), weight[lit]
+            rough = self._band(mirrors, way, LOOSEST)
+            found = rough.at_probes(facets, self._materials, PROBES, (0, 0), facets.parts)
+            phasor = np.exp(-2j * np.pi * np.mod(rough.frequency(PROBES)[:, None] * found.tau, 1.0))
+            level = np.sqrt((np.abs(sums(found.a * phasor * weight, facets.surface, len(usual))) ** 2).mean(axis=0))
+            # As accurate as the direct return of the surface whose images are strongest against it asks for.
+            share = float(np.max(level / np.maximum(np.maximum(usual, level), 1e-300), initial=0.0))
+            tolerance = image_tolerance(self._rtol, share)
+            band = self._band(mirrors, way, tolerance)
+            reverse = self._expansions.get((way[1], way[0]))
+            if reverse is not None:  # what was enough for one way round
+                expansion = band.expansion(reverse[1].basis)
+            else:
+                expansion = band.expansion_for(facets, self._materials, weight)
+            self._expansions[way] = tolerance, expansion
+        return self._expansions[way]
+
+    def _directions(
+        self,
+        centroids: FloatArray,
+        mirrors: tuple[Mirror, ...],
+        first: NDArray[np.int32],
+        last: NDArray[np.int32],
+        way: Way,
+    ) -> tuple[FloatArray, FloatArray]:
+        """(facet, 3) unit vectors towards the first and the last interaction."""
+        place = centroids - self._viewpoint
+        normals = np.stack([each.normal for each in mirrors])
+        heights = np.array([float(each.height(self._viewpoint)) for each in mirrors])
+
+        def towards(by: bool, mirror: NDArray[np.int32]) -> FloatArray:
+            seen = place
+            if by:
+                normal = normals[mirror]
+                height = np.einsum("fi,fi->f", place, normal) + heights[mirror]
+                seen = place - 2.0 * height[:, None] * normal
+            return np.asarray(seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-12))
+
+        return towards(way[0], first), towards(way[1], last)
+
+
+class _ByIdentity(tuple[Mirror, ...]):
+    """Mirrors that are told apart by which objects they are, as arrays cannot be hashed."""
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self)))
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, tuple)
+            and len(self) == len(other)
+            and all(a is b for a, b in zip(self, other, strict=True))
+        )
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other

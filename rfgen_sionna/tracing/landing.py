@@ -1,0 +1,310 @@
+"""Where plates show facets to the radar: ray tubes from a plate's outline, cut out of the facets that they land on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.clip import cut
+from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
+from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.plates import Plate
+from rfgen_sionna.tracing.visibility import FINE, GUIDE
+
+DIRECT = -1
+"""Stands for the straight way, in place of a plate's number."""
+NEAR = 1e-4
+"""What lies nearer to a plate than this [m] is on it."""
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Pieces of facets that are seen by way of plates, at an instant."""
+
+    facet: NDArray[np.intp]
+    """(entry,) number of the facet; entries are in ascending order of `key`."""
+    first: IntArray
+    """(entry,) plate on the one way, or `DIRECT`."""
+    last: IntArray
+    """(entry,) plate on the other way."""
+    pieces: FloatArray
+    """(piece, 3, 3) [m], world."""
+    owner: NDArray[np.intp]
+    """(piece,) entry that each piece belongs to."""
+    share: FloatArray
+    """(piece,) how much of each is seen, above 0."""
+
+    @staticmethod
+    def none() -> Landing:
+        empty = np.zeros(0, np.int32)
+        return Landing(empty.astype(np.intp), empty, empty, np.zeros((0, 3, 3)), empty.astype(np.intp), np.zeros(0))
+
+    def take(self, chosen: NDArray[np.bool_]) -> Landing:
+        """The entries that `chosen` marks."""
+        place = np.cumsum(chosen) - 1
+        kept = chosen[self.owner]
+        return Landing(
+            self.facet[chosen],
+            self.first[chosen],
+            self.last[chosen],
+            self.pieces[kept],
+            place[self.owner[kept]],
+            self.share[kept],
+        )
+
+    def swapped(self) -> Landing:
+        """The same with both ways changed over."""
+        return replace(self, first=self.last, last=self.first)
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """(entry, 3) facet and plates."""
+        return np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class LandedFacets(MirroredFacets):
+    """Facets as plates show them: of each only the pieces that are seen count."""
+
+    pieces: FloatArray
+    """(piece, 3, 3) [m], world."""
+    owner: NDArray[np.intp]
+    """(piece,) facet of each."""
+    share: FloatArray
+    """(piece,) what each counts."""
+
+    @classmethod
+    def landed(cls, facets: Facets, keys: NDArray[np.int64], landing: Landing, swapped: bool) -> LandedFacets:
+        """Facets by `keys` (facet, 3), sorted by their rows; what else is in `landing` is left out.
+
+        `swapped` are seen the other way round: first the last plate.
+        """
+        chosen = facets.take(keys[:, 0])
+        base = {each.name: getattr(chosen, each.name) for each in fields(Facets)}
+        first, last = (keys[:, column].astype(np.int32) for column in ((2, 1) if swapped else (1, 2)))
+        at = _rows(keys, landing.keys)[landing.owner]
+        kept = at >= 0
+        return cls(
+            **base,
+            first=first,
+            last=last,
+            pieces=landing.pieces[kept],
+            owner=at[kept],
+            share=landing.share[kept],
+        )
+
+    def take(self, index: NDArray[np.intp]) -> LandedFacets:
+        """The facets that `index`, no number of them twice, counts out."""
+        place = np.full(len(self), -1, dtype=np.intp)
+        place[index] = np.arange(len(index))
+        owner = place[self.owner]
+        kept = owner >= 0
+        chosen = super().take(index)
+        return LandedFacets(
+            **{each.name: getattr(chosen, each.name) for each in fields(MirroredFacets)},
+            pieces=self.pieces[kept],
+            owner=owner[kept],
+            share=self.share[kept],
+        )
+
+
+def _rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Where in `keys`, sorted by its rows, each row of `wanted` is; -1 where it is not."""
+    if len(keys) == 0:
+        return np.full(len(wanted), -1, dtype=np.intp)
+    base = int(max(keys[:, 1:].max(), wanted[:, 1:].max(initial=0))) + 2
+    powers = np.array([base * base, base, 1])
+    known, sought = (keys + [0, 1, 1]) @ powers, (wanted + [0, 1, 1]) @ powers
+    place = np.minimum(np.searchsorted(known, sought), len(known) - 1)
+    return np.where(known[place] == sought, place, -1)
+
+
+class LandingBand(ImageBand):
+    """As :class:`~rfgen_sionna.tracing.image_band.ImageBand`, for :class:`LandedFacets`."""
+
+    def __init__(self, radar: Radar, rtol: float, mirrors: Sequence[Plate], tx: bool, rx: bool) -> None:
+        super().__init__(radar, rtol, mirrors, tx, rx)
+
+    def _gains(
+        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+    ) -> FacetGains:
+        from scipy.sparse import csr_array
+
+        if not isinstance(facets, LandedFacets):
+            raise TypeError(f"facets is a {type(facets).__name__}: LandedFacets are needed")
+        owner = facets.owner
+        found = facet_gains(
+            facets.pieces - self._origin,
+            facets.surface[owner],
+            Media.at(materials, nodes.frequency, self.half_band),
+            nodes,
+            *self._fields,
+            (facets.parts if parts is None else parts)[owner],
+            via=self._via(nodes, facets.first[owner], facets.last[owner]),
+            reference=(facets.centroids - self._origin)[owner],
+        )
+        sums = csr_array((facets.share, (owner, np.arange(len(owner)))), shape=(len(facets), len(owner)))
+        tau = np.zeros((len(nodes), len(facets)))
+        tau[:, owner] = found.tau
+        return FacetGains(np.ascontiguousarray((sums @ found.a.T).T), tau)
+
+
+class Shower:
+    """Finds out what plates show of facets at an instant.
+
+    Parameters
+    ----------
+    rays
+        The geometry.
+    plates
+        Of all plates those that there are now, None for the others.
+    owner
+        (face,) number of the plate that each face of the ray scene belongs to, -1 for none.
+    viewpoint
+        (3,) phase centre of the radar [m].
+    facets
+        What is looked at.
+    max_range
+        Half the length of the longest way that counts [m].
+    """
+
+    def __init__(
+        self,
+        rays: RayScene,
+        plates: Sequence[Plate | None],
+        owner: IntArray,
+        viewpoint: FloatArray,
+        facets: Facets,
+        max_range: float,
+    ) -> None:
+        self._rays, self._plates, self._owner, self._view = rays, plates, owner, viewpoint
+        self._facets, self._reach = facets, 2.0 * max_range
+        self._corners = facets.corners - viewpoint
+        self._centre = self._corners.mean(axis=1)
+        self._radius = np.linalg.norm(self._corners - self._centre[:, None], axis=2).max(axis=1, initial=0.0)
+        self._distance = np.linalg.norm(self._centre, axis=1)
+        self._shadows = [[] if plate is None else plate.shadow(viewpoint) for plate in plates]
+        self._normals = np.array([np.zeros(3) if plate is None else plate.normal for plate in plates]).reshape(-1, 3)
+        self._heights = np.array([0.0 if plate is None else float(plate.height(viewpoint)) for plate in plates])
+        self.sent = 0
+        """Rays sent so far."""
+
+    def lengths(self, plate: int, index: NDArray[np.intp]) -> FloatArray:
+        """(chosen,) one-way lengths from the viewpoint to facets' centroids by way of a plate [m]."""
+        if plate == DIRECT:
+            return np.asarray(self._distance[index])
+        image = -2.0 * self._heights[plate] * self._normals[plate]
+        return np.asarray(np.linalg.norm(self._centre[index] - image, axis=1))
+
+    def candidates(self, plate: int) -> NDArray[np.intp]:
+        """Facets that reach into what the plate shows if nothing is in between, in ascending order."""
+        found = []
+        for index, middle, radius in self._bodies:
+            for sides, offsets in self._shadows[plate]:
+                if (sides @ middle - offsets > -radius).all():
+                    inside = self._centre[index] @ sides.T - offsets
+                    found.append(index[(inside > -self._radius[index, None]).all(axis=1)])
+        return np.unique(np.concatenate(found)) if found else np.zeros(0, np.intp)
+
+    @cached_property
+    def _bodies(self) -> list[tuple[NDArray[np.intp], FloatArray, float]]:
+        """Facets of each surface and a sphere around them."""
+        found = []
+        for number in np.unique(self._facets.surface):
+            index = np.flatnonzero(self._facets.surface == number)
+            points = self._corners[index].reshape(-1, 3)
+            middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+            found.append((index, middle, float(np.linalg.norm(points - middle, axis=1).max())))
+        return found
+
+    def land(self, index: NDArray[np.intp], first: int, last: int) -> Landing:
+        """What is seen of the facets `index` by way of the plates `first` and `last`, which may be `DIRECT`."""
+        index = index[self.lengths(first, index) + self.lengths(last, index) < self._reach]
+        pieces, owner = self._corners[index], np.arange(len(index))
+        for plate in dict.fromkeys(each for each in (first, last) if each != DIRECT):
+            parts = [cut(pieces, owner, *shadow) for shadow in self._shadows[plate]]
+            pieces = np.concatenate([part[0] for part in parts])
+            owner = np.concatenate([part[1] for part in parts])
+        if len(pieces) == 0:
+            return Landing.none()
+        share = self._share(pieces, index[owner], first, last)
+        seen = np.flatnonzero(share > 0)
+        used, owner = np.unique(owner[seen], return_inverse=True)
+        count = len(used)
+        return Landing(
+            index[used],
+            np.full(count, first, np.int32),
+            np.full(count, last, np.int32),
+            pieces[seen] + self._view,
+            owner.reshape(-1),
+            share[seen],
+        )
+
+    def _share(self, pieces: FloatArray, facet: NDArray[np.intp], first: int, last: int) -> FloatArray:
+        """(piece,) share of each that both ways reach: three guiding points, and where they disagree a lattice."""
+
+        def share(chosen: NDArray[np.intp], weights: FloatArray) -> FloatArray:
+            targets = np.tensordot(weights, pieces[chosen], axes=(1, 1)).reshape(-1, 3)
+            lane = np.tile(facet[chosen], len(weights))
+            through = self._through(targets, lane, first)
+            if last != first:
+                through[through] = self._through(targets[through], lane[through], last)
+            return np.asarray(through.reshape(len(weights), -1).mean(axis=0))
+
+        found = share(np.arange(len(pieces)), GUIDE)
+        mixed = np.flatnonzero((found > 0) & (found < 1))
+        if len(mixed):
+            found[mixed] = share(mixed, FINE)
+        return found
+
+    def _through(self, targets: FloatArray, facet: NDArray[np.intp], plate: int) -> NDArray[np.bool_]:
+        """(target,) whether the way from the viewpoint by the plate to points of facets, relative to it, is free."""
+        number = self._facets.number[facet]
+        self.sent += len(targets)
+        if plate == DIRECT:
+            return ~self._rays.occluded(self._view, targets + self._view, number)
+        normal, here = self._normals[plate], self._heights[plate]
+        there = targets @ normal + here
+        free = there > NEAR
+        sent = np.flatnonzero(free)
+        height = there[sent, None]
+        foot, other = -here * normal, targets[sent] - height * normal
+        place = (height * foot + here * other) / (here + height)
+        hit = self._rays.first_facet(self._view, place)
+        on = (hit >= 0) & (self._owner[hit] == plate)
+        free[sent[~on]] = False
+        sent, place, hit = sent[on], place[on], hit[on]
+        self.sent += len(sent)
+        free[sent] = ~self._rays.occluded(place + self._view, targets[sent] + self._view, number[sent], hit)
+        return np.asarray(free)
+
+
+def joined(landings: Sequence[Landing]) -> Landing:
+    """All entries, in ascending order of their keys; no key may be there twice."""
+    landings = [each for each in landings if len(each.facet)]
+    if not landings:
+        return Landing.none()
+    keys = np.concatenate([each.keys for each in landings])
+    order = np.lexsort(keys.T[::-1])
+    rank = np.empty(len(order), np.intp)
+    rank[order] = np.arange(len(order))
+    firsts = np.cumsum([0] + [len(each.facet) for each in landings])
+    owner = np.concatenate([each.owner + start for each, start in zip(landings, firsts, strict=False)])
+    return Landing(
+        keys[order, 0].astype(np.intp),
+        keys[order, 1].astype(np.int32),
+        keys[order, 2].astype(np.int32),
+        np.concatenate([each.pieces for each in landings]),
+        rank[owner],
+        np.concatenate([each.share for each in landings]),
+    )

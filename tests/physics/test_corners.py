@@ -1,0 +1,216 @@
+"""Corner reflectors, and what one thing shows of another: closed forms, quadrature, polarisation, legs, motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
+from rfgen_sionna.scene import Actor
+from rfgen_sionna.simulation import Simulator
+from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
+from tests.reference.corners import Side, corner_gain
+
+ISOTROPIC = {"pattern": {"kind": "sionna:iso"}}
+RADARS = {24: "position2go", 77: "awr1843"}
+SLOW = pytest.mark.slow
+SIZES = (0.05, 0.1, 0.2)
+
+
+def radar_of(gigahertz, **changes):
+    """Isotropic elements, and a range window long enough for the far field of large corners."""
+    radar = Radar.load(RADARS[gigahertz], overrides=ISOTROPIC)
+    slope = radar.waveform.slope / (20 if gigahertz == 77 else 1)
+    return replace(radar, waveform=replace(radar.waveform, slope=slope), **changes)
+
+
+def far(radar, size):
+    """A distance [m] beyond which a corner's return hardly changes but for spreading."""
+    return min(max(10.0, 16 * size**2 / radar.wavelength), 0.9 * radar.max_range)
+
+
+def corner(kind, size):
+    """Vertices, faces, sides and the rotation that turns the opening towards -x."""
+    e = size * np.eye(3)
+    if kind == "dihedral":
+        low = -0.5 * e[2]
+        edges, vertices = [(low, e[0], e[2]), (low, e[1], e[2])], [
+            low, low + e[2], low + e[0], low + e[0] + e[2], low + e[1], low + e[1] + e[2],
+        ]  # fmt: skip
+        faces = [[0, 2, 3], [0, 3, 1], [0, 1, 5], [0, 5, 4]]
+        turn = Rotation.from_euler("z", 0.75 * np.pi)
+    else:
+        zero = np.zeros(3)
+        edges = [(zero, e[i], e[(i + 1) % 3]) for i in range(3)]
+        turn, _ = Rotation.align_vectors([[-1, 0, 0]], [np.ones(3) / np.sqrt(3)])
+        vertices, faces = [zero, *e], [[0, 1, 2], [0, 2, 3], [0, 3, 1]]
+        if kind == "square":
+            vertices += [e[0] + e[1], e[1] + e[2], e[2] + e[0]]
+            faces = [[0, 1, 4], [0, 4, 2], [0, 2, 5], [0, 5, 3], [0, 3, 6], [0, 6, 1]]
+    return np.array(vertices), np.array(faces), [Side(*each, kind == "triangle") for each in edges], turn
+
+
+def placed(kind, size, distance, tilt=None, name="corner"):
+    """The actor in front of the radar at the origin, and its sides."""
+    vertices, faces, sides, turn = corner(kind, size)
+    matrix = ((tilt or Rotation.identity()) * turn).as_matrix()
+    actor = Actor.from_mesh((vertices @ matrix.T, faces), material="pec", position=(distance, 0, 0), name=name)
+    return actor, [
+        Side(each.corner @ matrix.T + [distance, 0, 0], each.u @ matrix.T, each.v @ matrix.T, each.triangle)
+        for each in sides
+    ]
+
+
+def bounced(radar, actors, count=None, scene=None, **options):
+    options = {"max_bounces": 3, "rtol": 1e-3, **options}
+    paths = Simulator(scene, radar, actors, **options).paths()
+    return paths if count is None else paths.select(paths.bounces == count)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("gigahertz", [24, 77])
+@pytest.mark.parametrize("kind", ["dihedral", "square", "triangle"])
+def test_corner_reflectors_return_their_closed_forms_at_boresight(kind, gigahertz, size):
+    """sigma = 8 pi a^2 b^2 / lambda^2, 12 pi a^4 / lambda^2 and 4 pi a^4 / 3 lambda^2 within 0.5 dB, in the far field;
+    what returns by fewer bounces, which the forms leave out, is left out."""
+    radar = radar_of(gigahertz)
+    distance = far(radar, size)
+    factor, count = {"dihedral": (8, 2), "square": (12, 3), "triangle": (4 / 3, 3)}[kind]
+    actor, _ = placed(kind, size, distance)
+    paths = bounced(radar, [actor], count)
+    assert set(paths.kind) == {PathKind.MULTI_BOUNCE}
+    level = np.sqrt(factor * np.pi) * size**2 / ((4 * np.pi) ** 1.5 * distance**2)
+    assert abs(decibels(channel(paths) / level)).max() < 0.5
+    # All of three bounces go as far as to the apex and back.
+    if count == 3:
+        assert np.abs(0.5 * SPEED_OF_LIGHT * paths.tau / distance - 1).max() < 0.2 * size
+
+
+@pytest.mark.parametrize("size", [pytest.param(0.05, marks=SLOW), 0.1, pytest.param(0.2, marks=SLOW)])
+@pytest.mark.parametrize("gigahertz", [24, 77])
+@pytest.mark.parametrize("kind", ["dihedral", "square", "triangle"])
+def test_corner_reflectors_follow_dense_quadrature_off_boresight(kind, gigahertz, size):
+    """Within 1 dB at angles up to 30 degrees: returns of three bounces of trihedrals, of two of dihedrals."""
+    radar = radar_of(gigahertz)
+    count = 2 if kind == "dihedral" else 3
+    for degrees, axis in ((-30, "z"), (-12, "y"), (7, "z"), (21, "z"), (30, "y")):
+        if kind == "dihedral" and axis == "y":
+            axis, degrees = "z", -degrees
+        actor, sides = placed(kind, size, far(radar, size), Rotation.from_euler(axis, degrees, degrees=True))
+        ends = radar.tx_world[0], radar.rx_world[-1], radar.tx_field, radar.rx_field, radar.center_frequency
+        truth = corner_gain(sides, count, *ends, n=200)
+        assert abs(decibels(channel(bounced(radar, [actor], count))[0, -1] / truth)) < 1.0
+
+
+@pytest.mark.parametrize("gigahertz", [24, 77])
+def test_a_dihedral_turned_by_45_degrees_turns_the_polarisation(gigahertz):
+    """Cross-polar at 45 degrees of roll as strong as co-polar at 0 within 0.5 dB, and hardly anything co-polar."""
+    sums = {}
+    for roll in (0, 45):
+        for received in "VH":
+            radar = radar_of(gigahertz, tx_polarization="V", rx_polarization=received)
+            actor, _ = placed("dihedral", 0.1, 5.0, Rotation.from_euler("x", roll, degrees=True))
+            sums[roll, received] = np.abs(channel(bounced(radar, [actor], 2))).mean()
+    assert abs(decibels(sums[45, "H"] / sums[0, "V"])) < 0.5
+    assert decibels(sums[45, "V"] / sums[0, "V"]) < -25
+    assert decibels(sums[0, "H"] / sums[0, "V"]) < -25
+
+
+def test_tx_and_rx_changed_over_leave_corners_as_they_are():
+    radar = radar_of(77)
+    place = np.array([[0.0, 0.03, 0.01]])
+    ends = {"tx_names": ("T",), "rx_names": ("R",), "waveform": replace(radar.waveform, tx_order=(0,))}
+    one = replace(radar, tx_positions=place, rx_positions=-place, tx_polarization="+45", rx_polarization="V", **ends)
+    other = replace(one, tx_positions=-place, rx_positions=place, tx_polarization="V", rx_polarization="+45")
+    actor, _ = placed("square", 0.1, 2.0, Rotation.from_euler("zy", (11, -7), degrees=True))
+    for count in (2, 3):
+        here, there = (channel(bounced(each, [actor], count, rtol=1e-2)) for each in (one, other))
+        assert abs(here / there - 1).max() < 1e-6
+
+
+def test_two_plates_of_two_actors_are_a_dihedral():
+    radar = radar_of(77)
+    vertices, faces, _, turn = corner("dihedral", 0.1)
+    vertices = turn.apply(vertices) + np.array([3.0, 0, 0])
+    whole = Actor.from_mesh((vertices, faces), material="pec", name="corner")
+    plates = [
+        Actor.from_mesh((vertices[index], [[0, 1, 2], [0, 2, 3]]), material="pec", name=f"plate {number}")
+        for number, index in enumerate(([0, 2, 3, 1], [0, 1, 5, 4]))
+    ]
+    one, other = (channel(bounced(radar, each, 2)) for each in ([whole], plates))
+    assert abs(one / other - 1).max() < 1e-3
+
+
+def test_a_board_that_may_move_shows_a_ball_as_a_wall_does():
+    """The same image by the walls' ghosts and by plates."""
+    radar = Radar.load("awr1843", position=(0, 0, 1), overrides=ISOTROPIC)
+    ball = Actor.from_mesh(sphere(3, 0.02), material="pec", position=(2.0, 0.2, 1.0), name="ball")
+    corners = np.array([[-1.0, 1.5, -1], [4, 1.5, -1], [4, 1.5, 3], [-1, 1.5, 3]])
+    board = Actor.from_mesh((corners, [[0, 1, 2], [0, 2, 3]]), material="pec", name="board")
+    there = bounced(radar, [ball], scene=side_wall("pec"), rtol=1e-2)
+    here = bounced(radar, [ball, board], rtol=1e-2)
+    for count in (2, 3):
+        one, other = (
+            channel(each.select((each.bounces == count) & (each.object_id == each.object_names.index("ball"))))
+            for each in (there, here)
+        )
+        assert abs(one / other - 1).max() < 0.01
+
+
+def test_a_board_in_a_leg_removes_the_dihedral_s_return():
+    radar = radar_of(77)
+    actor, _ = placed("dihedral", 0.1, 3.0)
+    free = np.abs(channel(bounced(radar, [actor], 2, rtol=1e-2))).mean()
+    board = trimesh.creation.box((0.2, 0.002, 0.3))
+    # Edge on to the radar: in the bisecting plane, where the waves cross over from plate to plate, or beside it all.
+    for place, remains in (((2.899, 0, 0), False), ((2.7, 0.6, 0), True)):
+        post = Actor.from_mesh(board, material="metal", position=place, name="board")
+        paths = bounced(radar, [actor, post], 2, rtol=1e-2)
+        left = np.abs(channel(paths.select(paths.object_id == 0))).mean()
+        assert left == pytest.approx(free, rel=0.02) if remains else left < 0.1 * free
+
+
+def test_a_moving_trihedral_s_path_is_as_long_as_that_to_its_apex_all_the_time():
+    """Turning and moving: all paths of three bounces keep the apex's delay and rate over a frame, and their number."""
+    radar = Radar.load("awr1843", overrides=ISOTROPIC)
+    vertices, faces, _, turn = corner("triangle", 0.1)
+    vertices = turn.apply(vertices)
+
+    def pose(t):
+        return (3.0 - 0.7 * t, 0.5 * t, 0.1), (0.8 * t, 0.3 * t, 0.2)
+
+    actor = Actor.from_mesh((vertices, faces), material="pec", trajectory=pose, name="corner")
+    traced = Simulator(None, radar, [actor], max_bounces=3, rtol=1e-3).tracer.trace(0.0, 0.027)
+    paths = traced.moving.select(traced.moving.bounces == 3)
+    assert paths.num_paths > 0
+    centre = 0.5 * (radar.tx_world[0] + radar.rx_world[0])
+    apex = np.array([np.linalg.norm(np.array(pose(t)[0]) - centre) for t in paths.times])
+    level = np.abs(paths.a[0, 0]).sum(axis=0)
+    np.testing.assert_allclose(level, level.mean(), rtol=0.05)
+    weight = np.abs(paths.a[0, 0]).mean(axis=1)
+    power = weight / weight.sum()
+    lengths = 0.5 * SPEED_OF_LIGHT * paths.tau[0, 0]
+    total = (paths.a[0, 0] * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0], 1.0))).sum(axis=0)
+    # The coherent phase is the apex's: constant after its own is taken out.
+    phase = np.unwrap(np.angle(total * np.exp(4j * np.pi * paths.frequency / SPEED_OF_LIGHT * apex)))
+    assert np.ptp(phase) < np.radians(6.0)
+    assert abs(power @ lengths - apex).max() < 0.05
+    assert abs(power @ paths.velocity - np.gradient(apex, paths.times)).max() < 0.05
+
+
+def test_two_bounces_are_those_of_three_without_the_third():
+    radar = radar_of(77)
+    actor, _ = placed("square", 0.1, 3.0, Rotation.from_euler("z", 30, degrees=True))
+    two, three = (bounced(radar, [actor], max_bounces=count) for count in (2, 3))
+    assert set(two.bounces) == {1, 2}
+    assert abs(channel(two.select(two.bounces == 2)) / channel(three.select(three.bounces == 2)) - 1).max() < 0.01
+    assert set(bounced(radar, [actor], max_bounces=1).bounces) == {1}
+
+
+def test_a_ball_alone_has_no_second_bounce():
+    """Its faces are flat, but stand for a surface that is bent."""
+    ball = Actor.from_mesh(sphere(3, 0.2), material="pec", position=(2, 0, 0), name="ball")
+    assert set(bounced(radar_of(77), [ball], rtol=1e-2).bounces) == {1}
