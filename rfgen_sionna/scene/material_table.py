@@ -113,6 +113,14 @@ TABLE: dict[str, tuple[Permittivity, str]] = {
         LossTangent(2.5, 0.07, _MILLIMETRE),
         _ASSUMED + "upholstery and shoes",
     ),
+    "soil": (
+        LossTangent(4.0, 0.15, _MILLIMETRE),
+        _ASSUMED + "dry loam or sand with a few percent of water; wet soil reflects more",
+    ),
+    "vegetation": (
+        LossTangent(8.0, 0.5, _MILLIMETRE),
+        _ASSUMED + "fresh leaves and grass, mostly water in which the bands above 30 GHz find eps' 8-20 and as much loss",
+    ),
 }
 
 ALIASES: dict[str, str] = {

@@ -1,0 +1,173 @@
+"""Where a radar stands and looks in a furnished place, and rendering what it sees."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.pir.render import Raster, render_pir
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.pose import rotation_matrix
+from rfgen_sionna.records import FloatArray, Pir
+from rfgen_sionna.scene.furnished import FurnishedScene
+from rfgen_sionna.scene.furnished.layout import Ground
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.tracer import Tracer
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene.actor import Actor
+
+NEAREST = 0.35
+"""Nothing in view is nearer to the radar [m]."""
+SPACE = 0.9
+"""Half of what is in view is further away [m]."""
+TRIES = 80
+PERSON = 0.9
+"""Edge of the floor that a person is given [m]."""
+PATCHES = 4.0
+"""Patches of the coherent returns [wavelengths at 3 m]: flat surfaces need no finer ones."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """What views are drawn from."""
+
+    height: tuple[float, float] = (0.5, 2.0)
+    """[m]"""
+    pitch_deg: tuple[float, float] = (-8.0, 25.0)
+    """Positive looks down."""
+    fov_deg: tuple[float, float] = (40.0, 100.0)
+    """Horizontal."""
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("height", 0.1, 20.0), ("pitch_deg", -89.0, 89.0), ("fov_deg", 1.0, 170.0)):
+            a, b = getattr(self, name)
+            if not low <= a <= b <= high:
+                raise ValueError(f"{name} is ({a}, {b}): a range within {low:g} … {high:g} is needed")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One view: where the radar is and how it looks."""
+
+    position: tuple[float, float, float]
+    """[m]"""
+    yaw: float
+    """[rad], positive is to the left."""
+    pitch: float
+    """[rad], positive looks down."""
+    fov_deg: float
+    """Horizontal."""
+
+    @property
+    def orientation(self) -> tuple[float, float, float]:
+        return self.yaw, self.pitch, 0.0
+
+
+class Stage:
+    """A place ready to be looked at from anywhere; the tracer is shared by all views.
+
+    Parameters
+    ----------
+    scene
+        The place.
+    radar
+        Its band counts.
+    actors
+        Who is in it.
+    """
+
+    def __init__(self, scene: FurnishedScene, radar: Radar, actors: Sequence[Actor] = ()) -> None:
+        self.scene = scene
+        self.tracer = Tracer(scene, radar, actors)
+
+    @cached_property
+    def rays(self) -> RayScene:
+        return self.tracer.geometry(0.0)[0]
+
+    def first_hits(self, shot: Shot, rows: int, columns: int) -> tuple[NDArray[np.int32], FloatArray]:
+        """(pixel,) object in front in the middle of each pixel, -1 for none, and its distance [m]."""
+        raster = Raster(rows, columns, fields_of_view(shot.fov_deg, rows, columns), rotation_matrix(shot.orientation))
+        hits = self.rays.first_hit(shot.position, raster.beams(1)[0])
+        return hits.object, hits.distance
+
+    def in_view(self, objects: NDArray[np.int32], share: float = 0.004) -> list[str]:
+        """Kinds of things that fill at least a share of an image, the largest first."""
+        kinds = self.scene.kinds
+        counts = Counter(kinds[i] for i in objects.tolist() if 0 <= i < len(kinds))
+        return [kind for kind, count in counts.most_common() if count >= share * len(objects)]
+
+    def render(self, shot: Shot, resolution: tuple[int, int], bounces: int = 1, t: float = 0.0) -> Pir:
+        return render_pir(
+            self.tracer,
+            t,
+            resolution,
+            shot.fov_deg,
+            shot.position,
+            shot.orientation,
+            patch_wavelengths=PATCHES,
+        )
+
+
+def fields_of_view(horizontal: float, rows: int, columns: int) -> tuple[float, float]:
+    """(horizontal, vertical) field of view [degrees] with square pixels."""
+    vertical = 2 * np.arctan(np.tan(np.radians(horizontal) / 2) * rows / columns)
+    return float(horizontal), float(np.degrees(vertical))
+
+
+def choose_shot(stage: Stage, rng: np.random.Generator, ranges: Ranges) -> Shot:
+    """A spot that is free, with a look at the furniture that is not blocked."""
+    layout = stage.scene.layout
+    shot = Shot((0.0, 0.0, 1.0), 0.0, 0.0, 60.0)
+    for _ in range(TRIES):
+        height = float(rng.uniform(*ranges.height))
+        if rng.random() < 0.25:  # as in a run: in front of where somebody stands
+            x, y = float(rng.uniform(-0.2, 0.3)), float(rng.uniform(-0.3, 0.3))
+            yaw = float(rng.uniform(-0.25, 0.25))
+        else:
+            x, y = (float(rng.uniform(a + 0.3, b - 0.3)) for a, b in layout.stand)
+            yaw = _towards(stage, rng, x, y)
+        shot = Shot(
+            (x, y, height), yaw, float(np.radians(rng.uniform(*ranges.pitch_deg))), float(rng.uniform(*ranges.fov_deg))
+        )
+        if not layout.is_free(x, y, height, 0.25):
+            continue
+        objects, distance = stage.first_hits(shot, 12, 12)
+        seen = np.where(objects >= 0, distance, 1e3)
+        if seen.min() > NEAREST and np.median(seen) > SPACE:
+            return shot
+    return shot
+
+
+def _towards(stage: Stage, rng: np.random.Generator, x: float, y: float) -> float:
+    """Yaw [rad] roughly towards a piece of furniture, or the middle."""
+    layout = stage.scene.layout
+    items = [item for item in layout.items if item.ground.bottom < 1.5]
+    target = 0.5 * sum(layout.stand[0]), 0.5 * sum(layout.stand[1])
+    if items and rng.random() < 0.75:
+        near = np.array([1.0 / (2.0 + np.hypot(item.x - x, item.y - y)) ** 2 for item in items])
+        item = items[int(rng.choice(len(items), p=near / near.sum()))]
+        target = item.x, item.y
+    return float(np.arctan2(target[1] - y, target[0] - x) + np.radians(rng.normal(0.0, 12.0)))
+
+
+def place_person(stage: Stage, shot: Shot, rng: np.random.Generator) -> tuple[float, float] | None:
+    """A free spot on the floor in view of the radar (x, y) [m], or None."""
+    layout = stage.scene.layout
+    for _ in range(TRIES):
+        distance = rng.uniform(1.3, 5.0)
+        angle = shot.yaw + np.radians(shot.fov_deg) * rng.uniform(-0.35, 0.35)
+        x, y = shot.position[0] + distance * np.cos(angle), shot.position[1] + distance * np.sin(angle)
+        spot = Ground(x, y, PERSON, PERSON, 0.0, 0.05, 2.0)
+        if not layout.clear(spot):
+            continue
+        head = np.array([[x, y, 1.3], [x, y, 0.6]])
+        if not stage.rays.occluded(shot.position, head).any():
+            return float(x), float(y)
+    return None

@@ -1,0 +1,10 @@
+"""Furnished places, drawn from a seed: surroundings that are modelled and exact.
+
+Importing it imports neither Mitsuba nor Sionna.
+"""
+
+from rfgen_sionna.scene.furnished.catalogue import PLACES, furnished
+from rfgen_sionna.scene.furnished.layout import Item
+from rfgen_sionna.scene.furnished.scene import FurnishedScene, Layout
+
+__all__ = ["PLACES", "FurnishedScene", "Item", "Layout", "furnished"]

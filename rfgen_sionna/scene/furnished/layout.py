@@ -1,0 +1,217 @@
+"""Where pieces stand: on a floor plan, without overlaps, and with free space for a radar and a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.furnished.piece import Piece
+from rfgen_sionna.scene.furnished.shapes import Part
+
+Wall = Literal["far", "near", "left", "right"]
+"""Sides of a place, seen by a radar that looks along +x: far is high x, left is high y."""
+FACING: dict[Wall, float] = {"right": 0.0, "far": 90.0, "left": 180.0, "near": -90.0}
+"""Yaw [degrees] of a piece whose back is at a wall."""
+TRIES = 12
+"""Spots that are tried for a piece before it is left out."""
+HEADROOM = 2.15
+"""Height up to which it is free where somebody stands [m]."""
+SLACK = 0.02
+"""Least gap between pieces [m]."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """An upright box on the floor plan, turned about z."""
+
+    x: float
+    y: float
+    width: float
+    """Extent along its own x [m]."""
+    depth: float
+    """Extent along its own y [m]."""
+    yaw: float
+    """[degrees]"""
+    bottom: float = 0.0
+    top: float = 10.0
+
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 2) [m]"""
+        c, s = np.cos(np.radians(self.yaw)), np.sin(np.radians(self.yaw))
+        half = 0.5 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (self.width, self.depth)
+        return np.asarray(half @ [[c, s], [-s, c]] + (self.x, self.y))
+
+    def meets(self, other: Ground, gap: float = 0.0) -> bool:
+        """Whether two boxes come closer than `gap` [m]; negative is how far they may reach into each other."""
+        if self.bottom >= other.top - 1e-9 or other.bottom >= self.top - 1e-9:
+            return False
+        mine, theirs = self.corners, other.corners
+        for yaw in (self.yaw, self.yaw + 90, other.yaw, other.yaw + 90):
+            axis = np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw))])
+            a, b = mine @ axis, theirs @ axis
+            if a.min() >= b.max() + gap or b.min() >= a.max() + gap:
+                return False
+        return True
+
+
+@dataclass(frozen=True)
+class Item:
+    """A piece that has been placed."""
+
+    kind: str
+    x: float
+    """[m]"""
+    y: float
+    """[m]"""
+    yaw: float
+    """Direction of its front, counter-clockwise from +y [degrees]."""
+    size: tuple[float, float, float]
+    """Width, depth and height [m]."""
+    ground: Ground
+    """What it takes of the floor plan."""
+    parts: tuple[Part, ...] = field(repr=False, compare=False)
+    """In the world [m], one of each finish."""
+
+
+def person_space(half_width: float = 1.2) -> tuple[Ground, ...]:
+    """What stays free in every place: a radar at (0, 0), and somebody who moves at 1.2 … 4.3 m in front of it."""
+    return (
+        Ground(0.45, 0.0, 1.5, 1.0, 0.0, 0.0, HEADROOM),
+        Ground(2.75, 0.0, 3.1, 2 * half_width, 0.0, 0.0, HEADROOM),
+    )
+
+
+class Plan:
+    """The floor plan of a place while it is being furnished.
+
+    Parameters
+    ----------
+    rng
+        What every decision comes from.
+    x, y
+        Extent [m].
+    height
+        Of the ceiling, or of the sky that matters [m].
+    free
+        What must stay free.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        x: tuple[float, float],
+        y: tuple[float, float],
+        height: float,
+        free: Sequence[Ground],
+    ) -> None:
+        self.rng = rng
+        self.x, self.y, self.height = x, y, height
+        self.free = list(free)
+        self.stand = (x, y)
+        """Where a radar may stand: x and y, from and to [m]."""
+        self.items: list[Item] = []
+        self.shell: list[tuple[str, Part]] = []
+        """What encloses the place: name and part."""
+
+    def ground_of(self, thing: Piece, x: float, y: float, yaw: float) -> Ground:
+        return Ground(x, y, thing.width, thing.depth, yaw, thing.bottom, thing.top)
+
+    def fits(self, ground: Ground, within: bool = True) -> bool:
+        """Whether a box is inside of the place, out of what stays free, and apart from all pieces."""
+        if within:
+            corners = ground.corners
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            if low[0] < self.x[0] or high[0] > self.x[1] or low[1] < self.y[0] or high[1] > self.y[1]:
+                return False
+        if any(ground.meets(each) for each in self.free):
+            return False
+        return not any(ground.meets(item.ground, SLACK) for item in self.items if not _flat(item))
+
+    def put(self, thing: Piece, x: float, y: float, yaw: float, check: bool = True, within: bool = True) -> bool:
+        """Place a piece with its middle at (x, y) [m], its front turned by `yaw` [degrees] from +y; whether it fits."""
+        ground = self.ground_of(thing, x, y, yaw)
+        if check and not self.fits(ground, within):
+            return False
+        parts = tuple(part.turned(yaw).at(x, y) for part in thing.parts)
+        size = (thing.width, thing.depth, thing.top - thing.bottom)
+        self.items.append(Item(thing.kind, float(x), float(y), float(yaw), size, ground, parts))
+        return True
+
+    def at_wall(
+        self,
+        thing: Piece,
+        walls: Sequence[Wall] = ("left", "right", "far", "near"),
+        gap: float = 0.03,
+        where: tuple[float, float] = (0.0, 1.0),
+    ) -> Item | None:
+        """Place a piece with its back to one of some walls, at a random spot within a share of its length."""
+        for wall in self.rng.permutation(np.array(walls)).tolist():
+            for share in self.rng.uniform(*where, TRIES // 2 if len(walls) > 1 else TRIES):
+                if self.put(thing, *self.wall_spot(thing, wall, float(share), gap), FACING[wall]):
+                    return self.items[-1]
+        return None
+
+    def wall_spot(self, thing: Piece, wall: Wall, share: float, gap: float = 0.03) -> tuple[float, float]:
+        """Where the middle of a piece is whose back is at a wall, a share of the wall's length along it."""
+        along = self.x if wall in ("left", "right") else self.y
+        low, high = along[0] + thing.width / 2 + gap, along[1] - thing.width / 2 - gap
+        u, off = low + share * max(high - low, 0.0), gap + thing.depth / 2
+        if wall == "right":
+            return u, self.y[0] + off
+        if wall == "left":
+            return u, self.y[1] - off
+        return (self.x[1] - off, u) if wall == "far" else (self.x[0] + off, u)
+
+    def anywhere(self, thing: Piece, yaw: float | None = None, tries: int = TRIES) -> bool:
+        """Place a piece where it fits; turned at random where no `yaw` [degrees] is given."""
+        for _ in range(tries):
+            turn = float(self.rng.uniform(0, 360)) if yaw is None else yaw
+            if self.put(thing, self.rng.uniform(*self.x), self.rng.uniform(*self.y), turn):
+                return True
+        return False
+
+    def before(self, thing: Piece, item: Item, gap: float, yaw: float = 0.0, aside: float = 0.0) -> bool:
+        """Place a piece in front of another, `gap` [m] away and `aside` [m] to its left, turned relative to it."""
+        off = 0.5 * item.size[1] + gap + thing.depth / 2
+        x, y = from_item(item, aside, off)
+        return self.put(thing, x, y, item.yaw + yaw)
+
+    def group(self, things: Sequence[tuple[Piece, float, float, float]], x: float, y: float, yaw: float) -> bool:
+        """Place several pieces, or none: each with x, y [m] and yaw [degrees] relative to the group's."""
+        c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
+        spots = [(thing, x + c * u - s * v, y + s * u + c * v, yaw + turn) for thing, u, v, turn in things]
+        grounds = [self.ground_of(*spot) for spot in spots]
+        if not all(self.fits(ground) for ground in grounds):
+            return False
+        if any(one.meets(other) for i, one in enumerate(grounds) for other in grounds[:i]):
+            return False
+        for thing, a, b, turn in spots:
+            self.put(thing, a, b, turn, check=False)
+        return True
+
+    def on_wall(self, thing: Piece, wall: Wall, tries: int = TRIES) -> bool:
+        """Hang a piece on a wall where nothing stands in its way."""
+        return any(
+            self.put(thing, *self.wall_spot(thing, wall, float(self.rng.random()), 0.012), FACING[wall])
+            for _ in range(tries)
+        )
+
+    def some(self, chance: float, make: Callable[[], Piece], put: Callable[[Piece], object]) -> None:
+        """With a chance, make a piece and place it."""
+        if self.rng.random() < chance:
+            put(make())
+
+
+def from_item(item: Item, right: float, forward: float) -> tuple[float, float]:
+    """A spot on the floor relative to a piece: to the right of it as its own x runs, and in front of it [m]."""
+    c, s = np.cos(np.radians(item.yaw)), np.sin(np.radians(item.yaw))
+    return float(item.x + c * right - s * forward), float(item.y + s * right + c * forward)
+
+
+def _flat(item: Item) -> bool:
+    return item.ground.top < 0.03

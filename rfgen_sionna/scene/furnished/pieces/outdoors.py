@@ -1,0 +1,316 @@
+"""What stands in streets, on playgrounds and in fields."""
+
+# ruff: noqa: RUF005  (arrays are added to tuples here, not joined)
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
+from rfgen_sionna.scene.furnished.shapes import (
+    Part,
+    block,
+    box,
+    cushion,
+    lathe,
+    leaves,
+    loft,
+    lump,
+    mirrored,
+    ring,
+    tube,
+)
+
+
+def tree(rng: np.random.Generator) -> Piece:
+    """A trunk that forks into boughs, with crowns of leaves, or a conifer."""
+    tall, r = rng.uniform(4.0, 8.0), rng.uniform(0.12, 0.28)
+    if rng.random() < 0.25:
+        parts = [tube([(0, 0, 0), (0, 0, 0.9 * tall)], [r, 0.2 * r], 8).of("bark")]
+        height = 0.12 + 0.88 * rng.random(1100) ** 1.4
+        angle, out = rng.uniform(0, 2 * np.pi, 1100), 0.22 * tall * (1.02 - height) * np.sqrt(rng.random(1100))
+        places = np.stack([out * np.cos(angle), out * np.sin(angle), tall * height], -1)
+        return piece("tree", [*parts, leaves(places, 0.16, rng).of("leaf")], (4 * r, 4 * r))
+    fork = rng.uniform(0.32, 0.45) * tall
+    bend = rng.normal(0, 0.1, 2)
+    parts = [
+        tube(
+            [(0, 0, 0), (0, 0, 0.15), (0.5 * bend[0], 0.5 * bend[1], 0.6 * fork), (*bend, fork)],
+            [1.5 * r, 1.05 * r, 0.9 * r, 0.75 * r],
+            9,
+        ).of("bark")
+    ]
+    count = int(rng.integers(4, 7))
+    for a in 2 * np.pi * np.arange(count) / count + rng.uniform(0, 0.8, count):
+        reach = rng.uniform(0.12, 0.24) * tall
+        tip = np.array([bend[0] + reach * np.cos(a), bend[1] + reach * np.sin(a), rng.uniform(0.62, 0.9) * tall])
+        middle = 0.5 * (tip + (*bend, fork)) + (0, 0, -0.05 * tall)
+        parts.append(tube([(*bend, 0.97 * fork), middle, tip], [0.5 * r, 0.35 * r, 0.12 * r], 6).of("bark"))
+        size = rng.uniform(0.13, 0.2) * tall
+        cloud = rng.normal(size=(260, 3))
+        cloud *= (size * rng.random(260) ** 0.4 / np.linalg.norm(cloud, axis=1))[:, None]
+        parts.append(leaves(tip + cloud * (1, 1, 0.8), 0.17, rng).of("leaf"))
+    return piece("tree", parts, (4 * r, 4 * r))
+
+
+def bush(rng: np.random.Generator) -> Piece:
+    w, h = rng.uniform(0.7, 1.6), rng.uniform(0.6, 1.3)
+    core = lump((0.8 * w, 0.8 * w, 0.9 * h), rng, 0.12).at(z=0.42 * h).of("leaf")
+    around = rng.normal(size=(420, 3))
+    around *= (
+        0.5 * np.array([w, w, h]) * (0.8 + 0.22 * rng.random((420, 1))) / np.linalg.norm(around, axis=1, keepdims=True)
+    )
+    around = around[around[:, 2] > -0.4 * h]
+    return piece("bush", [core, leaves(around + (0, 0, 0.45 * h), 0.1, rng).of("leaf")], (w, w))
+
+
+def hedge(rng: np.random.Generator, length: float) -> Piece:
+    depth, h = rng.uniform(0.5, 0.8), rng.uniform(0.9, 1.6)
+    core = cushion((length, depth, h), 0.15, 0.03, 6).at(z=h / 2).of("leaf")
+    count = int(160 * length)
+    places = rng.uniform(-0.5, 0.5, (count, 3))
+    axis = rng.integers(0, 3, count)
+    places[np.arange(count), axis] = np.sign(places[np.arange(count), axis]) * 0.5
+    return piece("hedge", [core, leaves(places * (length, depth, h) + (0, 0, h / 2), 0.1, rng).of("leaf")])
+
+
+def car(rng: np.random.Generator) -> Piece:
+    """A saloon, an estate or a van: body, cabin with windows, wheels, lights, mirrors; it drives towards +y."""
+    kind = int(rng.integers(3))
+    length, width = (4.4, 4.5, 4.9)[kind] * rng.uniform(0.93, 1.05), rng.uniform(1.72, 1.86)
+    roof = (1.43, 1.48, 1.95)[kind]
+    paint = pick(rng, "car paint", "painted metal", "metal", "dark metal")
+    belt, low, half = (0.9, 0.92, 1.1)[kind], 0.22, length / 2
+    # Stations from the tail to the nose: y, lower edge, upper edge, share of the width.
+    body = {
+        0: [
+            (-1, 0.38, 0.82, 0.86),
+            (-0.97, 0.30, 0.92, 0.94),
+            (-0.6, low, 0.94, 1),
+            (0.0, low, 0.92, 1),
+            (0.4, low, 0.90, 1),
+            (0.75, low, 0.80, 0.98),
+            (0.95, 0.27, 0.70, 0.92),
+            (1, 0.36, 0.60, 0.82),
+        ],
+        1: [
+            (-1, 0.38, 0.90, 0.90),
+            (-0.97, 0.30, 0.95, 0.96),
+            (-0.6, low, 0.95, 1),
+            (0.0, low, 0.93, 1),
+            (0.4, low, 0.91, 1),
+            (0.75, low, 0.82, 0.98),
+            (0.95, 0.27, 0.70, 0.92),
+            (1, 0.36, 0.60, 0.82),
+        ],
+        2: [
+            (-1, 0.35, 1.08, 0.94),
+            (-0.98, 0.28, 1.1, 0.98),
+            (-0.5, low, 1.1, 1),
+            (0.2, low, 1.1, 1),
+            (0.6, low, 1.08, 1),
+            (0.85, low, 0.98, 0.98),
+            (0.97, 0.28, 0.85, 0.92),
+            (1, 0.38, 0.7, 0.86),
+        ],
+    }[kind]
+    stations = []
+    for y, z0, z1, share in body:
+        w, c = 0.5 * width * share, 0.10
+        stations.append(
+            [
+                (-w, y * half, z0 + c),
+                (-w, y * half, z1 - c),
+                (-w + c, y * half, z1),
+                (w - c, y * half, z1),
+                (w, y * half, z1 - c),
+                (w, y * half, z0 + c),
+                (w - c, y * half, z0),
+                (-w + c, y * half, z0),
+            ]
+        )
+    parts = [loft(stations).of(paint)]
+    outline = {
+        0: [(-0.80, belt), (-0.42, roof), (0.08, roof), (0.42, belt - 0.02)],
+        1: [(-0.97, belt), (-0.86, roof), (0.10, roof), (0.44, belt - 0.02)],
+        2: [(-0.99, belt), (-0.97, roof), (0.52, roof), (0.74, belt - 0.02)],
+    }[kind]
+    parts += _cabin([(y * half, z) for y, z in outline], width, paint)
+    for y in (-0.60 * half, 0.62 * half):
+        for s in (-1, 1):
+            parts += [part if s > 0 else mirrored(part) for part in _wheel(0.32, 0.2, 0.5 * width - 0.08, y)]
+    for s in (-1, 1):
+        parts.append(cushion((0.3, 0.06, 0.13), 0.03, cells=2).at(s * 0.33 * width, 0.985 * half, 0.62).of("window"))
+        parts.append(cushion((0.24, 0.05, 0.16), 0.02, cells=2).at(s * 0.36 * width, -half, 0.76).of("bright plastic"))
+        parts.append(
+            cushion((0.16, 0.09, 0.12), 0.04, cells=2)
+            .at(s * (0.5 * width + 0.06), outline[3][0] - 0.25, belt + 0.07)
+            .of(paint)
+        )
+        for y in (-0.12 * half, 0.16 * half):
+            parts.append(block(0.03, 0.15, 0.025, s * 0.5 * width, y, belt - 0.16).of("metal"))
+    parts.append(block(0.52, 0.03, 0.11, 0, half, 0.42).of("white plastic"))
+    parts.append(block(0.52, 0.03, 0.11, 0, -half - 0.005, 0.55).of("white plastic"))
+    return piece("car", parts)
+
+
+def _cabin(outline: list[tuple[float, float]], width: float, paint: str) -> list[Part]:
+    """Roof on pillars and glass between belt line and roof; the outline (y, z) runs from the tail over the roof."""
+    (ya, za), (yb, zb), (yc, zc), (yd, zd) = outline
+    wl, wh = 0.48 * width, 0.40 * width
+    low = np.array([(ya, za), (yd, zd)])
+    rings = [
+        [
+            (-wl, low[0, 0], low[0, 1]),
+            (-wl, low[1, 0], low[1, 1]),
+            (wl, low[1, 0], low[1, 1]),
+            (wl, low[0, 0], low[0, 1]),
+        ],
+        [(-wh, yb, zb - 0.06), (-wh, yc, zc - 0.06), (wh, yc, zc - 0.06), (wh, yb, zb - 0.06)],
+    ]
+    glass = loft([ring_[::-1] for ring_ in rings]).of("window")
+    roof = cushion((2 * wh + 0.02, yc - yb + 0.06, 0.08), 0.04).at(0, 0.5 * (yb + yc), zb - 0.04).of(paint)
+    parts = [glass, roof]
+    for s in (-1, 1):
+        lower, upper = np.array([s * wl, 0, 0]), np.array([s * wh, 0, 0])
+        for y0, y1 in ((ya, yb), (yd, yc), (0.55 * ya + 0.45 * yd, 0.5 * (yb + yc))):
+            z0 = za if y0 == ya else zd
+            parts.append(tube([lower + (0, y0, z0 - 0.02), upper + (0, y1, zb - 0.05)], 0.035, 6).of(paint))
+    return parts
+
+
+def _wheel(radius: float, width: float, x: float, y: float) -> list[Part]:
+    """Tyre, rim and spokes of a wheel whose outside is at +x."""
+    profile = [
+        (0.62 * radius, -width / 2),
+        (0.93 * radius, -width / 2),
+        (radius, -0.3 * width),
+        (radius, 0.3 * width),
+        (0.93 * radius, width / 2),
+        (0.64 * radius, width / 2),
+        (0.6 * radius, 0.25 * width),
+        (0.0, 0.25 * width),
+    ]
+    tyre = lathe(profile, 18).turned(90, "y").at(x, y, radius).of("rubber")
+    disc = lathe([(0.6 * radius, 0), (0.6 * radius, 0.02), (0.15 * radius, 0.045), (0.0, 0.045)], 18).turned(90, "y")
+    return [tyre, disc.at(x + 0.27 * width, y, radius).of("metal")]
+
+
+def bicycle(rng: np.random.Generator) -> Piece:
+    """Wheels with spokes, frame, saddle, handlebar, pedals; it drives towards +y, leaning a little."""
+    r, base = 0.34, 1.04
+    back, front = np.array([0, -base / 2, r]), np.array([0, base / 2, r])
+    crank, seat, head = np.array([0, -0.1, 0.29]), np.array([0, -0.27, 0.82]), np.array([0, 0.37, 0.82])
+    steel, parts = pick(rng, "painted metal", "metal", "dark metal"), []
+    for hub in (back, front):
+        parts.append(ring(r - 0.02, 0.02, 26).turned(90, "y").at(*hub).of("rubber"))
+        parts.append(ring(r - 0.045, 0.009, 26, 5).turned(90, "y").at(*hub).of("metal"))
+        for a in 2 * np.pi * np.arange(10) / 10:
+            parts.append(tube([hub, hub + (0, (r - 0.05) * np.cos(a), (r - 0.05) * np.sin(a))], 0.0025, 3).of("metal"))
+    for a, b in (
+        (crank, seat),
+        (crank, head),
+        (seat - (0, 0, 0.06), head),
+        (crank, back),
+        (seat - (0, 0, 0.08), back),
+        (head, front),
+    ):
+        parts.append(tube([a, b], 0.015).of(steel))
+    parts.append(tube([seat - (0, 0, 0.05), seat + (0, -0.03, 0.1)], 0.013).of("metal"))
+    parts.append(cushion((0.15, 0.26, 0.06), 0.028).at(*(seat + (0, -0.02, 0.13))).of("leather"))
+    bar = head + (0, -0.02, 0.17)
+    parts.append(tube([head, bar], 0.013).of("metal"))
+    parts.append(
+        tube([bar + (-0.29, -0.12, 0), bar + (-0.2, 0, 0.02), bar + (0.2, 0, 0.02), bar + (0.29, -0.12, 0)], 0.012).of(
+            "metal"
+        )
+    )
+    for s in (-1, 1):
+        parts.append(
+            tube([crank, crank + (s * 0.06, 0, 0), crank + (s * 0.08, s * 0.12, s * 0.12)], 0.009, 5).of("metal")
+        )
+        parts.append(block(0.09, 0.09, 0.025, s * 0.12, crank[1] + s * 0.12, crank[2] + s * 0.12).of("plastic"))
+    parts.append(lathe([(0.09, 0), (0.09, 0.01), (0.0, 0.01)], 16).turned(90, "y").at(0.02, *crank[1:]).of("metal"))
+    return piece("bicycle", parts)
+
+
+def lamp_post(rng: np.random.Generator) -> Piece:
+    h, arm = rng.uniform(4.0, 6.5), rng.uniform(0.6, 1.3)
+    parts = [
+        lathe([(0.13, 0), (0.12, 0.35), (0.07, 0.4), (0.0, 0.4)], 10).of("dark metal"),
+        tube([(0, 0, 0.3), (0, 0, h - 0.4), (0, 0.25 * arm, h - 0.05), (0, arm, h)], [0.07, 0.05, 0.045, 0.04], 8).of(
+            "dark metal"
+        ),
+        cushion((0.22, 0.55, 0.1), 0.04).at(0, arm + 0.15, h - 0.02).of("dark metal"),
+    ]
+    return piece("lamp post", parts, (0.3, 0.3))
+
+
+def sign(rng: np.random.Generator) -> Piece:
+    """A traffic sign on its pole."""
+    h = rng.uniform(2.2, 2.6)
+    sides = int(rng.choice([3, 8, 24]))
+    plate = lathe([(0.32, 0), (0.32, 0.012), (0.0, 0.012)], sides).turned(-90, "x").turned(90 if sides == 3 else 0, "y")
+    return piece(
+        "traffic sign",
+        [tube([(0, 0, 0), (0, 0, h + 0.25)], 0.032, 8).of("metal"), plate.at(0, 0.034, h).of("metal")],
+        (0.3, 0.3),
+    )
+
+
+def litter_bin(rng: np.random.Generator) -> Piece:
+    r = rng.uniform(0.2, 0.26)
+    return piece(
+        "litter bin",
+        [
+            lathe([(0.9 * r, 0.05), (r, 0.1), (r, 0.75), (0.92 * r, 0.75), (0.9 * r, 0.6), (0.0, 0.6)], 16).of(
+                "dark metal"
+            ),
+            lathe([(1.05 * r, 0.88), (0.6 * r, 0.98), (0.0, 1.0)], 16).of("dark metal"),
+            *[tube([(0.9 * r * c, 0, 0), (0.9 * r * c, 0, 0.9)], 0.015, 5).of("dark metal") for c in (-1, 1)],
+        ],
+    )
+
+
+def wheelie_bin(rng: np.random.Generator) -> Piece:
+    """A household's dustbin on wheels."""
+    body = loft(
+        [[(-a, -b, z), (a, -b, z), (a, b, z), (-a, b, z)] for a, b, z in ((0.2, 0.22, 0.08), (0.28, 0.32, 0.95))]
+    )
+    parts = [body.of("plastic"), box((-0.3, -0.36, 0.95), (0.3, 0.34, 1.03)).of("plastic")]
+    parts += [
+        lathe([(0.1, -0.03), (0.1, 0.03), (0.0, 0.03)], 12).turned(90, "y").at(s * 0.26, -0.26, 0.1).of("rubber")
+        for s in (-1, 1)
+    ]
+    parts.append(tube([(-0.22, -0.38, 0.98), (0.22, -0.38, 0.98)], 0.015).of("plastic"))
+    return piece("dustbin", parts)
+
+
+def bollard(rng: np.random.Generator) -> Piece:
+    return piece(
+        "bollard", [lathe([(0.09, 0), (0.075, 0.1), (0.07, 0.85), (0.05, 0.95), (0.0, 0.97)], 12).of("dark metal")]
+    )
+
+
+def stone(rng: np.random.Generator) -> Piece:
+    w, d, h = rng.uniform(0.35, 1.2), rng.uniform(0.3, 1.0), rng.uniform(0.25, 0.8)
+    return piece("rock", [lump((w, d, 1.5 * h), rng, 0.16).at(z=0.35 * h).of("stone")])
+
+
+def fence(rng: np.random.Generator, length: float) -> Piece:
+    """Posts, two rails and palings."""
+    h = rng.uniform(0.9, 1.3)
+    parts: list[Part] = [
+        block(0.09, 0.09, h + 0.1, x).of("wood") for x in np.arange(-length / 2, length / 2 + 0.01, 1.6)
+    ]
+    if rng.random() < 0.5:
+        parts += [block(length, 0.03, 0.09, 0, 0.04, z).of("wood") for z in (0.3, h - 0.2)]
+        parts += [block(0.08, 0.02, h, x, 0.065).of("wood") for x in np.arange(-length / 2 + 0.05, length / 2, 0.14)]
+    else:
+        parts += [block(length, 0.035, 0.11, 0, 0.04, z).of("wood") for z in (0.3, 0.62, h - 0.1)]
+    return piece("fence", parts)
+
+
+def hay_bale(rng: np.random.Generator) -> Piece:
+    r, w = rng.uniform(0.55, 0.8), rng.uniform(1.1, 1.4)
+    roll = lathe([(0.93 * r, -w / 2), (r, -0.4 * w), (r, 0.4 * w), (0.93 * r, w / 2), (0.0, w / 2)], 24).turned(90, "y")
+    return piece("hay bale", [roll.at(z=0.99 * r).of("grass")])

@@ -1,0 +1,172 @@
+"""A furnished place as the tracer takes it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.enclosure import Interior
+from rfgen_sionna.scene.furnished.finishes import FINISHES, surface_material
+from rfgen_sionna.scene.furnished.layout import Ground, Item, Plan
+from rfgen_sionna.scene.furnished.piece import merge
+from rfgen_sionna.scene.furnished.shapes import Part
+from rfgen_sionna.scene.load import RadarScene, StaticObject
+from rfgen_sionna.scene.materials import warn_uncovered
+from rfgen_sionna.scene.mesh import face_normals
+
+CEILING_OF_THE_SKY = 30.0
+"""Height [m] up to which a radar may stand outdoors."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a seed decided."""
+
+    place: str
+    seed: int
+    x: tuple[float, float]
+    """Extent of the floor [m]."""
+    y: tuple[float, float]
+    height: float
+    """Of the ceiling [m]; outdoors of what stands there."""
+    indoors: bool
+    items: tuple[Item, ...]
+    """The furniture, with places and sizes."""
+    surroundings: tuple[str, ...]
+    """Walls, floor, doors, windows: by name, in the order of their objects."""
+    free: tuple[Ground, ...]
+    """What was kept free: for a radar and somebody before it, and in front of doors and windows."""
+    stand: tuple[tuple[float, float], tuple[float, float]]
+    """Where one would put a radar: x and y, from and to [m]. Indoors anywhere; not in the gardens of a street."""
+
+    @property
+    def kinds(self) -> dict[str, int]:
+        """How many there are of each kind of furniture."""
+        return dict(Counter(item.kind for item in self.items))
+
+    def clear(self, ground: Ground) -> bool:
+        """Whether a box lies within the place and meets no piece."""
+        low, high = ground.corners.min(axis=0), ground.corners.max(axis=0)
+        if low[0] < self.x[0] or high[0] > self.x[1] or low[1] < self.y[0] or high[1] > self.y[1]:
+            return False
+        return not any(ground.meets(item.ground) for item in self.items)
+
+    def is_free(self, x: float, y: float, z: float, margin: float = 0.3) -> bool:
+        """Whether a point [m] lies within the place and no piece comes closer than `margin` [m] on the floor plan at
+        its height."""
+        if not (self.x[0] + margin <= x <= self.x[1] - margin and self.y[0] + margin <= y <= self.y[1] - margin):
+            return False
+        spot = Ground(x, y, 0.01, 0.01, 0.0, z - margin, z + margin)
+        return not any(spot.meets(item.ground, margin) for item in self.items)
+
+
+class FurnishedScene(RadarScene):
+    """The static surroundings of a furnished place; made by :func:`~rfgen_sionna.scene.furnished.furnished`.
+
+    A :class:`~rfgen_sionna.scene.RadarScene` whose objects are at hand as arrays. Its Sionna scene, for Sionna's own
+    solvers and pictures, is made when `sionna` is first read; the tracer does without.
+    """
+
+    def __init__(self, layout: Layout, parts: list[tuple[str, str, Part]], owners: list[int], frequency: float) -> None:
+        super().__init__(f"{layout.place} {layout.seed}")
+        self.layout = layout
+        """Sizes, furniture and what else the seed decided."""
+        self.surface_frequency = frequency
+        """Frequency [Hz] that the scattering coefficients are for."""
+        self._parts = parts
+        self._owners = owners
+        self.kinds: tuple[str, ...] = tuple(kind for kind, _, _ in parts)
+        """(object,) what each object is, or belongs to: "sofa", "far wall"."""
+
+    @property
+    def is_free_space(self) -> bool:
+        return False
+
+    @cached_property
+    def interior(self) -> Interior | None:
+        plan = self.layout
+        top = plan.height if plan.indoors else CEILING_OF_THE_SKY
+        return Interior(np.array([[plan.x[0], plan.y[0], 0.0]]), np.array([[plan.x[1], plan.y[1], top]]))
+
+    @cached_property
+    def objects(self) -> tuple[StaticObject, ...]:
+        materials = {
+            name: surface_material(name, self.surface_frequency) for name in {p.finish for _, _, p in self._parts}
+        }
+        return tuple(
+            StaticObject(name, materials[part.finish], np.asarray(part.points, np.float64), part.faces)
+            for _, name, part in self._parts
+        )
+
+    @cached_property
+    def colours(self) -> FloatArray:
+        """(object, 3) red, green, blue of each object, 0 … 1."""
+        return np.array([FINISHES[part.finish].colour for _, _, part in self._parts])
+
+    def tune(self, frequency: float) -> None:
+        if not (np.isfinite(frequency) and frequency > 0.0):
+            raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
+        if frequency == self.frequency:
+            return
+        if "sionna" in self.__dict__:
+            self.sionna.frequency = frequency
+        self.frequency = float(frequency)
+        warn_uncovered([item.properties for item in self.objects], frequency, stacklevel=2)
+
+    def simplified(self, rng: np.random.Generator, missing: tuple[float, float]) -> FurnishedScene:
+        """The same place as a hasty modeller would have it: without a random share of the furniture (between two
+        limits), walls and floor of smooth concrete, all else of smooth wood."""
+        layout = self.layout
+        count = round(float(rng.uniform(*missing)) * len(layout.items))
+        gone = set(rng.choice(len(layout.items), count, replace=False).tolist()) if count else set()
+        kept = tuple(item for i, item in enumerate(layout.items) if i not in gone)
+        parts = []
+        for i, (kind, name, part) in enumerate(self._parts):
+            owner = self._owners[i]
+            if owner not in gone:
+                parts.append((kind, name, part.of("plain concrete" if owner < 0 else "plain wood")))
+        owners = [owner for owner in self._owners if owner not in gone]
+        return FurnishedScene(replace(layout, items=kept), parts, owners, self.surface_frequency)
+
+    @cached_property
+    def sionna(self) -> Any:
+        """The same place as a `sionna.rt.Scene`."""
+        from rfgen_sionna.scene.furnished.to_sionna import to_sionna
+
+        return to_sionna(self.objects, self.colours, self.frequency or self.surface_frequency)
+
+
+def assemble(place: str, seed: int, plan: Plan, indoors: bool, frequency: float) -> FurnishedScene:
+    """The scene of a plan: an object for each finish of each piece."""
+    parts: list[tuple[str, str, Part]] = []
+    owners: list[int] = []
+    counts: Counter[str] = Counter()
+
+    def add(kind: str, pieces: list[Part], owner: int) -> None:
+        counts[kind] += 1
+        label = kind if counts[kind] == 1 else f"{kind} {counts[kind]}"
+        for part in pieces:
+            kept = _with_area(part.points, part.faces)
+            name = label if len(pieces) == 1 else f"{label}, {part.finish}"
+            parts.append((kind, name, Part(part.points, kept, part.finish)))
+            owners.append(owner)
+
+    for kind, part in plan.shell:
+        add(kind, [part], -1)
+    shell = tuple(kind for kind, _, _ in parts)
+    for number, item in enumerate(plan.items):
+        add(item.kind, merge(item.parts), number)
+    layout = Layout(
+        place, seed, plan.x, plan.y, plan.height, indoors, tuple(plan.items), shell, tuple(plan.free), plan.stand
+    )
+    return FurnishedScene(layout, parts, owners, frequency)
+
+
+def _with_area(points: FloatArray, faces: IntArray) -> IntArray:
+    area = np.linalg.norm(face_normals(points, faces), axis=1)
+    return np.ascontiguousarray(faces[area > 1e-12])
