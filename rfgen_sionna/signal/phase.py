@@ -87,6 +87,20 @@ def phase_terms(
     return constant, beat * window.step, quadratic
 
 
+def changing_gains(gains: ComplexArray, derivative: FloatArray, window: Window) -> ComplexArray:
+    """(order + 1, path, knot) coefficients that go on changing during the ADC window, from (order, path, knot).
+
+    `derivative` (knot, knot) takes values at the knots to their rates there [1/s]. What is left out is the bend of a
+    gain over the window: a quarter to a half of (half window x rate)^2, 1e-6 of a gain that changes by 7 % a
+    millisecond.
+    """
+    change = window.half * np.matmul(gains, derivative.T)
+    out = np.zeros((len(gains) + 1, *gains.shape[1:]), dtype=np.complex128)
+    out[:-1] = gains
+    out[1:] += change
+    return out
+
+
 @dataclass(frozen=True)
 class Course:
     """Phases and gains over a frame as B-splines in time, cubic where there are knots enough."""
@@ -134,3 +148,20 @@ class Course:
             return phase_terms(radar, delay, rate.T, None, window)
         delay, slope, curve = (matrix @ tau.T for matrix in self.derivatives)
         return phase_terms(radar, delay, slope, curve, window)
+
+
+def gains_change(
+    radar: Radar,
+    paths: RadarPaths,
+    amplitude: FloatArray,
+    course: Course,
+    window: Window,
+    pair: tuple[int, int],
+    least: float,
+) -> bool:
+    """Whether gains change within an ADC window by more than `least` of themselves; one (tx, rx) speaks for all."""
+    if course.derivatives is None or max(paths.a.shape[-1], amplitude.shape[-1]) == 1:
+        return False
+    gains = conjugate_gains(radar, paths, amplitude, window, *pair)[:1]
+    held, change = (np.abs(part).max(axis=1) for part in changing_gains(gains, course.derivatives[1], window))
+    return float(np.sum(change**2)) > least**2 * float(np.sum(held**2))

@@ -8,6 +8,9 @@ with t counted from the start of the ramp. `A` is conjugated because the mixer m
 the conjugate of the received one. The phase is a constant, a beat frequency and a small quadratic term
 (:mod:`rfgen_sionna.signal.phase`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.spreading`). The slope mu may
 be negative, or 0: then only Doppler is left.
+
+Gains that change with time (visibility, the element pattern, a facet's own return) are those of each chirp's middle and
+change linearly over its ADC window, where that matters to the tolerance.
 """
 
 from __future__ import annotations
@@ -22,9 +25,17 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
 from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
-from rfgen_sionna.signal.phase import Course, Window, conjugate_gains, element_gains, phase_terms
+from rfgen_sionna.signal.phase import (
+    Course,
+    Window,
+    changing_gains,
+    conjugate_gains,
+    element_gains,
+    gains_change,
+    phase_terms,
+)
 from rfgen_sionna.signal.spreading import BEAT, GAINS, PHASE, QUADRATIC, Lanes, spread
 from rfgen_sionna.signal.taps import Term, width_for
 
@@ -33,6 +44,7 @@ _TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of se
 _GRID, _MOST_GRID = 150_000, 600_000  # cells at a time, 1.2 MB; where they are a small share of the frame, 5 MB
 _SHARE = 12
 _MOST_POWERS = 40
+_NEGLIGIBLE = 0.1  # share of the tolerance that a coefficient of the gain may be left out at
 
 SPLINE_KNOTS = 4
 """Knots from which on a spline is a cubic."""
@@ -164,15 +176,19 @@ def _still(
         cycles, beat, _ = phase_terms(radar, delay, np.zeros_like(delay), None, window)
         orders, knots = len(gains), len(paths.times)
         turn = np.exp(2j * np.pi * (cycles - np.rint(cycles)))
-        strengths = (gains.transpose(0, 2, 1) * turn).astype(number).reshape(-1, len(delay))
+        strengths = np.ascontiguousarray(gains.transpose(0, 2, 1) * turn, dtype=number).reshape(-1, len(delay))
         points = (2 * np.pi * (beat - np.rint(beat))).astype(strengths.real.dtype)
         # What is at one place, as everything is without a slope, has one and the same error.
         sharp = {"eps": max(0.2 * eps, 1e-14), "isign": 1, "nthreads": 1}
         modes = finufft.nufft1d1(points, strengths if len(strengths) > 1 else strengths[0], window.count, **sharp)
         modes = modes.reshape(orders, knots, window.count)
         at_knots = np.einsum("okn,on->kn", modes, window.u ** np.arange(orders)[:, None])
-        blend = paths.weights(times) if knots > 1 else np.ones((len(times), 1))
-        yield (entry, tx, rx), np.asarray(blend @ at_knots, dtype=np.complex128)
+        if knots == 1:
+            yield (entry, tx, rx), np.repeat(at_knots, len(times), axis=0).astype(np.complex128)
+            continue
+        rates = window.half * knot_weights(paths.times, times, 1)
+        chirps = paths.weights(times) @ at_knots + (rates @ at_knots) * window.u
+        yield (entry, tx, rx), np.asarray(chirps, dtype=np.complex128)
 
 
 def _moving(
@@ -185,8 +201,9 @@ def _moving(
     times = start + radar.waveform.chirp_times + window.middle
     course = Course.of(paths, float(times.min()), float(times.max()))
     amplitude = element_gains(radar, paths)
-    orders = 1 if paths.dispersion is None else 1 + len(paths.dispersion)
     channels = _channels(radar, weights)
+    changing = gains_change(radar, paths, amplitude, course, window, channels[0][1:], _NEGLIGIBLE * eps)
+    orders = (1 if paths.dispersion is None else 1 + len(paths.dispersion)) + changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
     numbers = fields * len(course.knots) * paths.num_paths
     cells = 4 * len(times) * window.count
@@ -199,7 +216,9 @@ def _moving(
         total: ComplexArray = np.zeros(0, dtype=np.complex128)
         for low, high in itertools.pairwise(bounds):
             chosen = paths if len(bounds) == 2 else _part(paths, slice(low, high))
-            echo = _spread_channels(radar, chosen, amplitude[low:high], course, times, group, window, eps, device)
+            echo = _spread_channels(
+                radar, chosen, amplitude[low:high], course, times, group, window, changing, eps, device
+            )
             total = echo if low == 0 else total + echo
         yield from zip(group, total, strict=True)
 
@@ -223,16 +242,20 @@ def _spread_channels(
     times: FloatArray,
     channels: Sequence[Channel],
     window: Window,
+    changing: bool,
     eps: float,
     device: str,
 ) -> ComplexArray:
     """(channel, chirp, sample)"""
     knots, orders = len(course.knots), 1 if paths.dispersion is None else 1 + len(paths.dispersion)
+    orders += changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
     table = np.zeros((len(channels), knots, paths.num_paths, fields))
     shared, sizes, angle = [], np.zeros(orders), 0.0
     for own, (_, tx, rx) in zip(table, channels, strict=True):
         gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
+        if changing and course.derivatives is not None:
+            gains = changing_gains(gains, course.derivatives[1], window)
         loudness = np.square(np.abs(gains[0]).max(axis=1))
         loudness /= max(float(loudness.sum()), 1e-300)
         sizes = np.maximum(sizes, np.sqrt(np.square(np.abs(gains)).max(axis=2).sum(axis=1)))
@@ -272,6 +295,8 @@ def _needed_terms(angle: float, sizes: FloatArray, eps: float) -> dict[Term, flo
     terms: dict[Term, float] = {}
     for order, size in enumerate(sizes):
         left = float(size) / max(float(sizes[0]), 1e-300) if order else 1.0
+        if left <= _NEGLIGIBLE * eps:
+            continue
         power = 0
         terms[order, 0] = left
         left *= angle

@@ -15,8 +15,11 @@ def direct_sum(
     delay: Callable[[FloatArray, int, int], FloatArray],
     gain: ComplexArray,
     start: float = 0.0,
+    course: Callable[[FloatArray], FloatArray] | None = None,
 ) -> ComplexArray:
-    """(chirp, tx, rx, sample) for `delay(times (n,), tx, rx) -> (path, n)` [s] and constant gains (tx, rx, path).
+    """(chirp, tx, rx, sample) for `delay(times (n,), tx, rx) -> (path, n)` [s] and gains (tx, rx, path).
+
+    The gains are constant, or change by the factors `course(times) -> (path, n)`.
 
     The element pattern and the Tx power are left out.
     """
@@ -32,6 +35,8 @@ def direct_sum(
                 tau = delay(start + waveform.chirp_times[chirp, tx] + t, tx, rx)
                 cycles = waveform.start_frequency * tau + waveform.slope * t * tau - 0.5 * waveform.slope * tau**2
                 phasor = np.exp(2j * np.pi * np.mod(cycles, 1.0))
+                if course is not None:
+                    phasor = phasor * np.conj(course(start + waveform.chirp_times[chirp, tx] + t))
                 out[chirp, tx, rx] = (np.conj(gain[tx, rx])[:, None] * phasor).sum(axis=0)
     return out
 

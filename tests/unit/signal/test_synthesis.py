@@ -140,6 +140,38 @@ def test_gain_changes_over_the_band_as_the_paths_say():
     assert relative(synthesize(radar, paths, 0.0), truth) < 1e-6
 
 
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+@pytest.mark.parametrize("dispersed", [False, True])
+def test_gains_change_within_a_chirp_too(speed, dispersed):
+    """At 10 Hz the bend over half the ADC window, (29 us x 2 pi 10 Hz)^2 / 2, is 1.7e-6; held gains err by 1e-3."""
+    rng = np.random.default_rng(9)
+    radar = small_radar(loops=6)
+    gain, slope = random_gains(rng, radar, 5), random_gains(rng, radar, 5)
+    tau0, phase = 2 * rng.uniform(1, 9, 5) / SPEED_OF_LIGHT, rng.uniform(0, 6, 5)
+    rate = 2 * speed * rng.normal(size=5) / SPEED_OF_LIGHT
+    omega = 2 * np.pi * 10
+
+    def delay(t, tx, rx):
+        return tau0[:, None] + rate[:, None] * (np.atleast_1d(t) - 0.1)
+
+    def course(t):
+        return 1 + 0.9 * np.exp(1j * (omega * np.atleast_1d(t) + phase[:, None]))
+
+    knots = np.linspace(0.1, 0.1 + radar.waveform.frame_length, 17)
+    still = make_paths(radar, gain, delay, knots, dispersion=slope[None, ..., None].copy() if dispersed else None)
+    changes = {"a": still.a * course(knots)}
+    truth = direct_sum(radar, delay, gain, 0.1, course)
+    if dispersed:
+        changes["dispersion"] = still.dispersion * course(knots)
+        waveform = radar.waveform
+        y = waveform.start_frequency + waveform.slope * waveform.sample_times - still.frequency
+        truth = truth + y / still.half_band * direct_sum(radar, delay, slope, 0.1, course)
+    assert relative(synthesize(radar, replace(still, **changes), 0.1, eps=1e-8), truth) < 2e-6
+    assert relative(synthesize(radar, replace(still, **changes), 0.1), truth) < 4e-6
+    held = direct_sum(radar, delay, gain * course(np.array([0.1]))[:, 0], 0.1)
+    assert dispersed or relative(held, truth) > 1e-3
+
+
 @pytest.mark.parametrize("eps", [1e-3, 1e-4, 1e-6])
 def test_accuracy_is_what_was_asked_for(eps):
     rng = np.random.default_rng(7)
