@@ -37,14 +37,12 @@ from rfgen_sionna.signal.phase import (
     phase_terms,
 )
 from rfgen_sionna.signal.spreading import BEAT, GAINS, PHASE, QUADRATIC, Lanes, spread
-from rfgen_sionna.signal.taps import Term, width_for
+from rfgen_sionna.signal.taps import NEGLIGIBLE, needed_terms, width_for
 
 DEVICES = ("auto", "cpu", "cuda")
 _TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of several channels, 32 MB of one
 _GRID, _MOST_GRID = 150_000, 600_000  # cells at a time, 1.2 MB; where they are a small share of the frame, 5 MB
 _SHARE = 12
-_MOST_POWERS = 40
-_NEGLIGIBLE = 0.1  # share of the tolerance that a coefficient of the gain may be left out at
 
 SPLINE_KNOTS = 4
 """Knots from which on a spline is a cubic."""
@@ -202,7 +200,7 @@ def _moving(
     course = Course.of(paths, float(times.min()), float(times.max()))
     amplitude = element_gains(radar, paths)
     channels = _channels(radar, weights)
-    changing = gains_change(radar, paths, amplitude, course, window, channels[0][1:], _NEGLIGIBLE * eps)
+    changing = gains_change(radar, paths, amplitude, course, window, channels[0][1:], NEGLIGIBLE * eps)
     orders = (1 if paths.dispersion is None else 1 + len(paths.dispersion)) + changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
     numbers = fields * len(course.knots) * paths.num_paths
@@ -276,7 +274,7 @@ def _spread_channels(
     at = [course.place(times[:, entry]) for entry, _, _ in channels]
     rows = np.concatenate([first + knots * index for index, (first, _) in enumerate(at)])
     lanes = Lanes(table.reshape(-1, *table.shape[2:]), rows, np.concatenate([weights for _, weights in at]))
-    terms = _needed_terms(angle, sizes, eps)
+    terms = needed_terms(angle, sizes, eps)
     samples = spread(lanes, window.count, tuple(terms), width_for(terms, 0.5 * eps), eps, device)
     samples = samples.reshape(len(channels), len(times), window.count)
     chebyshev = 2 * window.u**2 - 1
@@ -285,23 +283,3 @@ def _spread_channels(
         if np.any(turns):
             samples[index] *= np.exp(2j * np.pi * turns[:, None] * chebyshev)
     return samples
-
-
-def _needed_terms(angle: float, sizes: FloatArray, eps: float) -> dict[Term, float]:
-    """(order of the gain, power of the quadratic phase) of the terms that matter to `eps`, with their relative sizes.
-
-    exp(j angle T) leaves angle^(n+1) / (n+1)! after n powers; `sizes` are those of the gain's coefficients.
-    """
-    terms: dict[Term, float] = {}
-    for order, size in enumerate(sizes):
-        left = float(size) / max(float(sizes[0]), 1e-300) if order else 1.0
-        if left <= _NEGLIGIBLE * eps:
-            continue
-        power = 0
-        terms[order, 0] = left
-        left *= angle
-        while left > 0.3 * eps and power < _MOST_POWERS:
-            power += 1
-            terms[order, power] = left
-            left *= angle / (power + 1)
-    return terms

@@ -18,6 +18,9 @@ from rfgen_sionna.records import ComplexArray, FloatArray
 
 WIDTHS = tuple(range(2, 15))
 _FREQUENCIES, _PLACES = 80, 28
+_MOST_POWERS = 40
+NEGLIGIBLE = 0.1
+"""Share of the tolerance that a coefficient of the gain may be left out at."""
 Term = tuple[int, int]
 """(m, n): T(u) = u^m T_2(u)^n, with the Chebyshev polynomial T_2(u) = 2 u^2 - 1."""
 
@@ -93,3 +96,23 @@ def width_for(weights: dict[Term, float], eps: float) -> int:
         if sum(weight * taps(width, term).error for term, weight in weights.items()) <= eps:
             return width
     return WIDTHS[-1]
+
+
+def needed_terms(angle: float, sizes: FloatArray, eps: float) -> dict[Term, float]:
+    """(order of the gain, power of the quadratic phase) of the terms that matter to `eps`, with their relative sizes.
+
+    exp(j angle T) leaves angle^(n+1) / (n+1)! after n powers; `sizes` are those of the gain's coefficients.
+    """
+    terms: dict[Term, float] = {}
+    for order, size in enumerate(sizes):
+        left = float(size) / max(float(sizes[0]), 1e-300) if order else 1.0
+        if left <= NEGLIGIBLE * eps:
+            continue
+        power = 0
+        terms[order, 0] = left
+        left *= angle
+        while left > 0.3 * eps and power < _MOST_POWERS:
+            power += 1
+            terms[order, power] = left
+            left *= angle / (power + 1)
+    return terms

@@ -10,9 +10,13 @@ A path between two bins would leak into others, so chirps are made periodic firs
 taken on a grid of twice the sample rate, and the receiver's IF filter takes away what they put outside of the range
 window. `y - s` is what is returned: without an error nothing changes.
 
-What is approximate: Doppler moves a beat frequency by a fraction of a bin, and a delay with it by 1e-16 s or so; and
-what the extension leaves of the leakage. The tests hold the result against the sum path by path. Paths of the device
-itself have known delays, which are used instead of the transform's.
+What is approximate: what the extension leaves of the leakage, and Doppler, which moves a beat frequency and with it
+the delay that a path is taken for by v f_c / (mu R) of itself (1.3 mm of range for 1 m/s at 77 GHz and 60 MHz/us).
+Against the sum path by path the samples of a lone path err by at most 1.5 % of the phase error that a target at the end
+of the range window has, and those of many paths by 1 % of their own error, as long as that is at most 1 rad and its
+ripples are slower than 2 % of the sample rate; the tests hold it to that from 0.3 m on and up to 50 m/s. Faster ripples
+put sidebands beyond the edges of the IF band, which the filter takes: the formula path by path knows no filter. Paths
+of the device itself have known delays, which are used instead of the transform's.
 """
 
 from __future__ import annotations

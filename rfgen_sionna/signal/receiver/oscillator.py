@@ -21,7 +21,12 @@ from rfgen_sionna.signal.receiver.fields import check_number, check_numbers
 
 @dataclass(frozen=True)
 class RampError:
-    """Deviation of the ramp's frequency from a straight line: a polynomial plus a sine, the same in every chirp."""
+    """Deviation of the ramp's frequency from a straight line: a polynomial plus a sine, the same in every chirp.
+
+    A path of delay tau gets the phase phi(t) - phi(t - tau), phi being the integral of 2 pi times the deviation; how
+    exactly is said in :mod:`rfgen_sionna.signal.receiver.delay_bands`: to 1.5 % of the phase at the end of the range
+    window.
+    """
 
     polynomial_hz: tuple[float, ...] = ()
     """Coefficients [Hz] of (t / ramp_end_time)^n, n = 0, 1, …, with t from the start of the ramp."""

@@ -60,6 +60,42 @@ def test_a_bent_ramp_acts_on_every_path_by_its_delay(small, count, nearest, furt
         assert relative(chirp - straight[0, 0, 0], truth - straight[0, 0, 0]) < tolerance
 
 
+@pytest.mark.parametrize("speed", [0.0, 50.0])
+@pytest.mark.parametrize("distance", [0.3, 1.0, 3.3, 6.01, 9.0])
+@pytest.mark.parametrize("height", [2e4, 2e5, 2e6])
+def test_the_residual_of_a_ramp_error_is_bounded(small, height, distance, speed):
+    """As documented: 1.5 % of the phase error at the end of the range window, whatever the range and the speed."""
+    radar = small(loops=1)
+    wave, t = radar.waveform, radar.waveform.sample_times
+    tau = 2 * (distance + speed * t) / SPEED_OF_LIGHT
+    cycles = wave.start_frequency * tau + wave.slope * t * tau - 0.5 * wave.slope * tau**2
+    path = np.exp(2j * np.pi * np.mod(cycles, 1.0))
+    for frequency in (2e4, 8.8e4):  # up to 2 % of the sample rate
+        bent = RampError(sine_hz=height, sine_frequency_hz=frequency, sine_phase_deg=40)
+        largest = np.sqrt(np.mean((bent.phase(radar, t) - bent.phase(radar, t - 2 * radar.max_range / 3e8)) ** 2))
+        assert largest < 1.0
+        truth = path * np.expm1(1j * (bent.phase(radar, t) - bent.phase(radar, t - tau)))
+        samples = np.broadcast_to(path, (1, 3, 4, 256))
+        error = (receive(samples, radar, replace(IDEAL, ramp_error=bent)).samples - samples)[0, 0, 0] - truth
+        assert np.sqrt(np.mean(np.abs(error) ** 2)) < 0.015 * largest
+
+
+def test_sidebands_of_a_fast_ripple_stay_within_the_if_band(small, echoes):
+    """J_1 on either side of a target at 5.5 m (2.2 MHz); of one at 1 m (0.4 MHz) the lower one lies below zero."""
+    radar = small(loops=1)
+    wave = radar.waveform
+    ripple, count = 58 / (wave.num_samples / wave.sample_rate), wave.num_samples  # 1 MHz, 58 bins
+    for beat, lower in ((128, 1.0), (23, 0.0)):
+        tau = beat * wave.sample_rate / (count * wave.slope)
+        bent = RampError(sine_hz=1e5, sine_frequency_hz=ripple)
+        out = receive(echoes(radar, tau * SPEED_OF_LIGHT / 2), radar, replace(IDEAL, ramp_error=bent)).samples[0, 0, 0]
+        level = np.abs(np.fft.fft(out)) / count
+        # phi(t) - phi(t - tau) of a sine is one of twice its size times sin(pi f tau).
+        swing = 2 * 1e5 / ripple * abs(np.sin(np.pi * ripple * tau))
+        assert level[beat + 58] == pytest.approx(swing / 2, rel=0.03)
+        assert level[(beat - 58) % count] == pytest.approx(lower * swing / 2, abs=0.03 * swing)
+
+
 def test_a_linear_error_is_another_slope(small, echoes):
     """A frequency error that grows evenly with time moves targets as that slope does: by 2 % here, at all ranges."""
     radar = small(loops=1)
