@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import math
 import operator
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.pir.raster import Raster
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, Pir
-from rfgen_sionna.tracing.footprints import Footprints, Shades, Stage, shade, trace_footprints
+from rfgen_sionna.tracing.footprints import Shades, Stage, shade, trace_footprints
+from rfgen_sionna.tracing.gloss import reflections
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.tracer import Tracer
 
 PATCH_WAVELENGTHS = 1.5
 """Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""
-PATCH_RANGE = 3.0
-MAX_RAYS = 4_000_000
-"""Beyond it patches grow: memory stays under 2 GiB."""
 SHADES = 3
 """Beams along each edge of a pixel for what rough surfaces return diffusely."""
 NEGLIGIBLE = 0.02
@@ -40,6 +37,7 @@ def render_pir(
     position: Vector | None = None,
     orientation: Vector | None = None,
     patch_wavelengths: float = PATCH_WAVELENGTHS,
+    bounces: int = 1,
 ) -> Pir:
     """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
 
@@ -69,37 +67,44 @@ def render_pir(
     patch_wavelengths
         Edge of the patches at 3 m [wavelengths]. The default resolves the bends of a body; flat surfaces take several
         times as much without harm, and the time falls with its square.
+    bounces
+        1 is direct returns alone; 2 adds what smooth surfaces show of rough ones (:mod:`rfgen_sionna.tracing.gloss`),
+        which :meth:`~rfgen_sionna.simulation.Simulator.paths` has of actors only.
 
     Raises
     ------
     ValueError
-        If the resolution or the field of view is out of range.
+        If the resolution, the field of view, `patch_wavelengths` or `bounces` is out of range.
     """
     rows, columns, fov = check_view(resolution, fov_deg)
+    if not 0.25 <= patch_wavelengths <= 100.0:
+        raise ValueError(f"patch_wavelengths is {patch_wavelengths!r}: a number of 0.25 … 100 is needed")
+    if bounces not in (1, 2):
+        raise ValueError(f"bounces is {bounces!r}: 1 or 2 is needed")
     position = tracer.radar.position if position is None else position
     orientation = tracer.radar.orientation if orientation is None else orientation
     view = Raster(rows, columns, fov, rotation_matrix(orientation))
     stage = Stage.of(tracer, t, np.asarray(position, dtype=np.float64))
     field = rotation_matrix(orientation) @ np.asarray(POLARIZATIONS["V"])
-    diffuse, counts = np.zeros(view.size), np.ones(view.size, dtype=np.bool_)
-    own, shades = np.zeros(0, np.int64), None
+    counts, beams = np.ones(view.size, dtype=np.bool_), Returns.none()
     if any(material.scattering_coefficient for material in stage.materials):
         directions, solid_angles, pixel = view.beams(SHADES)
         shades = shade(stage, directions, solid_angles)
-        own = pixel[shades.ray]
-        diffuse = _sum(own, shades.energy, view.size)
-        counts = _coherence_counts(shades, own, view, tracer.radar.wavelength)
-    split = view.split(patch_wavelengths * tracer.radar.wavelength, int(np.count_nonzero(view.around(counts))))
+        counts = _coherence_counts(shades, pixel[shades.ray], view, tracer.radar.wavelength)
+        beams = Returns(pixel[shades.ray], shades.energy, shades.distance, shades.velocity)
+        if bounces > 1:
+            more = reflections(stage, shades, directions, solid_angles)
+            beams = beams.and_those(Returns(view.pixels(more.arrival), more.energy, more.distance, more.velocity))
     traced = np.flatnonzero(view.around(counts))
+    split = view.split(patch_wavelengths * tracer.radar.wavelength, len(traced))
     found = trace_footprints(stage, field, *view.patches(traced, split))
     patch, place = np.divmod(found.ray, split * split)
-    row, column = view.places(traced[patch], place, split)
-    coherent = np.abs(_blend(found.a, row, column, traced[patch], view)) ** 2 * counts
+    patches = Returns(traced[patch], np.abs(found.a) ** 2, found.distance, found.velocity)
+    row, column = view.places(patches.pixel, place, split)
+    coherent = np.abs(_blend(found.a, row, column, patches.pixel, view)) ** 2 * counts
+    diffuse = beams.total(beams.energy, view.size)
+    weight, distance, speed = patches.weighted(coherent) + beams.weighted(diffuse)
     arrival, velocity = np.full(view.size, np.nan), np.zeros(view.size)
-    weight, distance, speed = _weighted(traced[patch], np.abs(found.a) ** 2, found, coherent)
-    if shades is not None:
-        more = _weighted(own, shades.energy, shades, diffuse)
-        weight, distance, speed = weight + more[0], distance + more[1], speed + more[2]
     hit = weight > 0
     arrival[hit] = (2 / SPEED_OF_LIGHT) * distance[hit] / weight[hit]
     velocity[hit] = speed[hit] / weight[hit]
@@ -114,25 +119,40 @@ def render_pir(
     )
 
 
-def _sum(pixel: IntArray, weights: FloatArray, size: int) -> FloatArray:
-    return np.bincount(pixel, weights=weights, minlength=size).astype(np.float64, copy=False)
+class Returns(NamedTuple):
+    """Energies that pixels receive."""
 
+    pixel: IntArray
+    """(return,)"""
+    energy: FloatArray
+    """(return,)"""
+    distance: FloatArray
+    """(return,) half the way there and back [m]."""
+    velocity: FloatArray
+    """(return,) [m/s]"""
 
-def _weighted(
-    pixel: IntArray, energy: FloatArray, of: Footprints | Shades, total: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(pixel,) weights that are `total`, shared among what the pixel holds as its energy is; times distance; times
-    velocity."""
-    # What returns nothing at all (edge on) has a place all the same, where nothing else has.
-    energy = energy + 1e-12 * energy.max(initial=1e-300)
-    shares = _sum(pixel, energy, len(total))
-    scale = np.where(shares > 0, np.maximum(total, 1e-12 * total.max(initial=1e-300)) / np.maximum(shares, 1e-300), 0.0)
-    weight = energy * scale[pixel]
-    return (
-        _sum(pixel, weight, len(total)),
-        _sum(pixel, weight * of.distance, len(total)),
-        _sum(pixel, weight * of.velocity, len(total)),
-    )
+    @staticmethod
+    def none() -> Returns:
+        return Returns(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+    def and_those(self, more: Returns) -> Returns:
+        """These and others, but for those outside of the image (pixel -1)."""
+        inside = more.pixel >= 0
+        return Returns(*(np.concatenate([mine, new[inside]]) for mine, new in zip(self, more, strict=True)))
+
+    def total(self, values: FloatArray, size: int) -> FloatArray:
+        """(pixel,) sum of `values` (return,) over the returns of each of `size` pixels."""
+        return np.bincount(self.pixel, weights=values, minlength=size).astype(np.float64, copy=False)
+
+    def weighted(self, total: FloatArray) -> FloatArray:
+        """(3, pixel) weights, times distance and times velocity: the weights add up to `total` (pixel,), shared among
+        a pixel's returns as their energies are."""
+        # What returns nothing at all (edge on) has a place all the same, where nothing else has.
+        energy = self.energy + 1e-12 * self.energy.max(initial=1e-300)
+        shares = self.total(energy, len(total))
+        least = np.maximum(total, 1e-12 * total.max(initial=1e-300))
+        weight = energy * (least / np.maximum(shares, 1e-300))[self.pixel]
+        return np.stack([self.total(weight * each, len(total)) for each in (1.0, self.distance, self.velocity)])
 
 
 def _coherence_counts(shades: Shades, pixel: IntArray, view: Raster, wavelength: float) -> NDArray[np.bool_]:
@@ -150,8 +170,10 @@ def _coherence_counts(shades: Shades, pixel: IntArray, view: Raster, wavelength:
     counts = np.zeros(view.size, dtype=np.bool_)
     counts[pixel[flat > NEGLIGIBLE]] = True
     edge = (1 - rough) / (4 * np.pi * rough * np.maximum(tangent2, 1e-12)) > NEGLIGIBLE_EDGE
-    number = _sum(pixel, np.ones(len(pixel)), view.size)
-    mean = np.stack([_sum(pixel, shades.normal[:, axis], view.size) for axis in range(3)], axis=1)
+    number = np.bincount(pixel, minlength=view.size)
+    mean = np.stack(
+        [np.bincount(pixel, weights=shades.normal[:, axis], minlength=view.size) for axis in range(3)], axis=1
+    )
     bent = np.linalg.norm(mean, axis=1) < 0.995 * number
     first = np.full(view.size, -1)
     first[pixel] = shades.object
@@ -182,99 +204,6 @@ def _blend(a: ComplexArray, row: FloatArray, column: FloatArray, own: IntArray, 
             out += np.bincount(target, weights=share.real, minlength=out.size)
             out += 1j * np.bincount(target, weights=share.imag, minlength=out.size)
     return out
-
-
-@dataclass(frozen=True)
-class Raster:
-    """Pixels of an image plane and the rays through them; pixels are numbered row by row."""
-
-    rows: int
-    columns: int
-    fov_deg: tuple[float, float]
-    """Horizontal, vertical."""
-    rotation: FloatArray
-    """(3, 3) from the viewpoint's frame, which looks along +x with +y to the left, to the world."""
-
-    @property
-    def size(self) -> int:
-        return self.rows * self.columns
-
-    @cached_property
-    def _half(self) -> FloatArray:
-        """Half the extents (horizontal, vertical) of the image plane at distance 1."""
-        return np.asarray(np.tan(np.radians(self.fov_deg) / 2))
-
-    @property
-    def pixel(self) -> float:
-        """Longer edge of a pixel in the image plane at distance 1, about its angle [rad]."""
-        return float(2 * max(self._half[0] / self.columns, self._half[1] / self.rows))
-
-    def split(self, patch: float, pixels: int) -> int:
-        """Into how many patches, `patch` [m] wide at `PATCH_RANGE`, each edge of `pixels` of the pixels is split."""
-        return max(1, min(math.ceil(self.pixel * PATCH_RANGE / patch), math.isqrt(MAX_RAYS // max(pixels, 1))))
-
-    def around(self, pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(pixel,) those pixels and their neighbours."""
-        image = pixels.reshape(self.rows, self.columns)
-        wide = image.copy()
-        wide[1:] |= image[:-1]
-        wide[:-1] |= image[1:]
-        out = wide.copy()
-        out[:, 1:] |= wide[:, :-1]
-        out[:, :-1] |= wide[:, 1:]
-        return out.ravel()
-
-    def directions(self, row: FloatArray, column: FloatArray) -> FloatArray:
-        """(..., 3) unit vectors through places in pixels from the upper left corner of the image."""
-        y = self._half[0] * (1 - 2 * column / self.columns)
-        z = self._half[1] * (1 - 2 * row / self.rows)
-        vectors = np.stack([np.ones_like(y), y, z], axis=-1)
-        vectors /= np.sqrt(1 + y**2 + z**2)[..., None]
-        return np.asarray(vectors @ self.rotation.T)
-
-    def beams(self, split: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Directions (beam, 3), solid angles (beam,) [sr] and pixels (beam,) of `split` times `split` beams each."""
-        row, column = np.meshgrid(
-            (np.arange(self.rows * split) + 0.5) / split, (np.arange(self.columns * split) + 0.5) / split, indexing="ij"
-        )
-        row, column = row.ravel(), column.ravel()
-        y = self._half[0] * (1 - 2 * column / self.columns)
-        z = self._half[1] * (1 - 2 * row / self.rows)
-        cell = 4 * self._half[0] * self._half[1] / (self.size * split**2)
-        pixel = row.astype(np.int64) * self.columns + column.astype(np.int64)
-        return self.directions(row, column), cell / (1 + y**2 + z**2) ** 1.5, pixel
-
-    def places(self, pixel: IntArray, place: IntArray, split: int) -> tuple[FloatArray, FloatArray]:
-        """Row and column of patches in pixels from the first pixel's centre; `place` is a patch's number within."""
-        row, column = np.divmod(pixel, self.columns)
-        down, right = np.divmod(place, split)
-        return row + (down + 0.5) / split - 0.5, column + (right + 0.5) / split - 0.5
-
-    def patches(self, pixels: IntArray, split: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Directions through the middles of the patches of some pixels (patch, 3), through corners (corner, 3), and the
-        four corners of each patch (patch, 4); patches count on within each pixel, row by row."""
-        place = np.arange(split * split)
-        row, column = (
-            values + 0.5 for values in self.places(np.repeat(pixels, len(place)), np.tile(place, len(pixels)), split)
-        )
-        # Neighbours share corners: of pixels all side by side, one grid; of scattered pixels, a grid for each.
-        side = split + 1
-        if len(pixels) == self.size:
-            wide = self.columns * split + 1
-            r, c = np.meshgrid(np.arange(self.rows * split + 1), np.arange(wide), indexing="ij")
-            first = np.round(row * split - 0.5).astype(np.int64) * wide + np.round(column * split - 0.5).astype(
-                np.int64
-            )
-            nodes = self.directions(r.ravel() / split, c.ravel() / split)
-        else:
-            wide = side
-            r, c = np.divmod(pixels, self.columns)
-            down, right = np.divmod(np.arange(side * side), side)
-            nodes = self.directions((r[:, None] + down / split).ravel(), (c[:, None] + right / split).ravel())
-            own = np.arange(len(pixels))[:, None] * side * side
-            first = (own + (place // split) * side + place % split).ravel()
-        node = np.stack([first, first + 1, first + wide + 1, first + wide], axis=1)
-        return self.directions(row, column), nodes, node
 
 
 def check_view(

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.pir.render import Raster, render_pir
+from rfgen_sionna.pir.raster import Raster
+from rfgen_sionna.pir.render import render_pir
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import FloatArray, Pir
@@ -112,6 +113,7 @@ class Stage:
             shot.position,
             shot.orientation,
             patch_wavelengths=PATCHES,
+            bounces=bounces,
         )
 
 
