@@ -161,9 +161,7 @@ def compose(entries: Sequence[Entry], count: int, seed: int) -> list[Entry]:
         legs = by_action["walk"][int(rng.integers(len(by_action["walk"])))]
         arms_action = UPPER[k % len(UPPER)]
         arms = by_action[arms_action][int(rng.integers(len(by_action[arms_action])))]
-        sides = {"left_arm_raised": ["left_arm"], "right_arm_raised": ["right_arm"]}.get(
-            arms_action, [f"{arms.hand}_arm"] if arms.hand else ["left_arm", "right_arm"]
-        )
+        sides = arms_of(arms_action, arms.hand)
         features = replace_parts(legs.features.astype(np.float64), arms.features.astype(np.float64), sides)
         out.append(
             Entry(
@@ -177,6 +175,13 @@ def compose(entries: Sequence[Entry], count: int, seed: int) -> list[Entry]:
             )
         )
     return out
+
+
+def arms_of(action: str, hand: str) -> list[str]:
+    """The arms that an action of the arms uses."""
+    return {"left_arm_raised": ["left_arm"], "right_arm_raised": ["right_arm"]}.get(
+        action, [f"{hand}_arm"] if hand else ["left_arm", "right_arm"]
+    )
 
 
 def replace_parts(base: FloatArray, other: FloatArray, parts: Sequence[str]) -> FloatArray:

@@ -1,21 +1,23 @@
 """Examine a motion model: `python -m rfgen_sionna.generative.diffusion.evaluate --data FOLDER --out FOLDER`.
 
 Writes `metrics.json` and stick-figure strips; `--data` is the training command's `--out`. With `--mocap FOLDER`
-captured motion is examined too.
+captured motion is examined too. Motions are made as prompts make them by default, from drafts; those made from noise
+alone are examined beside them.
 """
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from rfgen_sionna.generative.diffusion import evaluation
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.pictures import strips
 from rfgen_sionna.generative.diffusion.sampling import Sampler
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from rfgen_sionna.generative.diffusion.source import REFINED, DiffusionSource
 from rfgen_sionna.generative.diffusion.synthesis import read_clips, synthesise
 from rfgen_sionna.generative.diffusion.train import Mocap, Out, prepare, progress_bar
 
@@ -31,13 +33,14 @@ def main(
     steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
     guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
     refine: Annotated[
-        float, typer.Option(help="Strength at which kinematic drafts are examined as well; 0: not.")
-    ] = 0.92,
+        float, typer.Option(help="Noise level from which drafts are made anew; 0: from noise only.")
+    ] = REFINED,
     workers: Annotated[int, typer.Option(help="Processes that synthesise clips.")] = 1,
 ) -> None:
     """Examine a motion model and write figures and pictures."""
     out.mkdir(parents=True, exist_ok=True)
-    source = DiffusionSource(model, Sampler(steps=steps, guidance=guidance))
+    sampler = Sampler(steps=steps, guidance=guidance)
+    source, plain = (DiffusionSource(model, sampler, refine=r) for r in (refine or None, None))
     with progress_bar() as bar:
         corpus = prepare(data, mocap, clips=clips, seed=0, workers=workers, bar=bar)
         task = bar.add_task("clips of another seed", total=None, note="")
@@ -49,19 +52,24 @@ def main(
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
         fresh = [clip for path in files for clip in read_clips(path)]
-        real = evaluation.reference(fresh, corpus)
-        task = bar.add_task("examination", total=seeds, note="")
-        results = []
+        judging = bar.add_task("judge", total=None, note="")
+        real = evaluation.reference(
+            fresh, corpus, progress=lambda done, total: bar.update(judging, completed=done, total=total)
+        )
+        parts = len(CLAUSES) * (2 if source.refine else 1) + len(evaluation.PARTS)
+        task = bar.add_task("examination", total=seeds * parts, note="")
+
+        def note(line: str) -> None:
+            bar.update(task, advance=1, note=f"seed {seed}: {line}")
+            if not bar.console.is_terminal:
+                bar.console.print(f"seed {seed}: {line}")
+
+        results: dict[str, Any] = {"model": source.model.facts, "refined at": source.refine, "seeds": []}
         for seed in range(seeds):
-            result = evaluation.examine(
-                source, real, corpus, each=each, seed=seed, note=lambda line: bar.update(task, note=line)
-            )
-            if refine > 0.0:
-                bar.update(task, note="refining drafts")
-                made = evaluation.drafts(source, refine, each, seed)
-                result[f"refined at {refine:g}"] = evaluation.refined(source, real, made)
-            results.append(result)
-            bar.update(task, advance=1)
+            results["seeds"].append(evaluation.examine(source, real, corpus, each=each, seed=seed, note=note))
+            if source.refine:
+                _, figures = evaluation.examine_actions(plain, real, each=each, seed=seed, note=note)
+                results.setdefault("from noise", []).append(figures)
             (out / "metrics.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
     strips(source, out / "strips.png")
 

@@ -18,14 +18,18 @@ from rfgen_sionna.generative.diffusion.features import encode
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.recogniser import Recogniser, train_recogniser
 from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
-from rfgen_sionna.generative.diffusion.source import DiffusionSource, canonical
+from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE, Clip
-from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT
 from rfgen_sionna.records import FloatArray, Motion
 
 DURATION = 6.0
 FRAMES = int(DURATION * FRAME_RATE) + 1
 PERIODIC = tuple(a for a in CLAUSES if ACTIONS[a].periodic)
+RHYTHMIC = tuple(a for a in PERIODIC if a not in ("walk", "pick_up", "click", "finger_swing"))
+"""Those whose real motion shows it to the score, which sees no fingers, no long periods and stumbles over turns."""
+PARTS = ("paraphrases", "negative prompts", "captured", "originality")
+"""What is noted beside the actions."""
 Note = Callable[[str], None]
 
 
@@ -40,7 +44,9 @@ class Reference:
     judge: Recogniser
 
 
-def reference(fresh: Sequence[Clip], corpus: Corpus, *, seed: int = 0) -> Reference:
+def reference(
+    fresh: Sequence[Clip], corpus: Corpus, *, seed: int = 0, progress: Callable[[int, int], None] | None = None
+) -> Reference:
     """Train the judge on what was held out of the training set, and keep other unseen motion to compare with.
 
     Args:
@@ -48,6 +54,7 @@ def reference(fresh: Sequence[Clip], corpus: Corpus, *, seed: int = 0) -> Refere
         corpus: its held-out synthesised clips teach the judge; of its held-out captured clips, half do, and half are
             for comparing.
         seed: of the judge.
+        progress: called with (steps of its training done, steps).
     """
     kinematic: dict[str, list[FloatArray]] = {}
     rows: list[FloatArray] = []
@@ -71,7 +78,7 @@ def reference(fresh: Sequence[Clip], corpus: Corpus, *, seed: int = 0) -> Refere
         else:
             rows.append(features)
             labels.append(action if action in CLAUSES else f"captured {action}")
-    return Reference(kinematic, captured, train_recogniser(rows, labels, seed=seed))
+    return Reference(kinematic, captured, train_recogniser(rows, labels, seed=seed, progress=progress))
 
 
 def examine(
@@ -87,14 +94,8 @@ def examine(
         seed: of prompts and motions.
         note: called with a line of progress.
     """
-    rng = np.random.default_rng([seed, 41])
-    made: dict[str, list[Motion]] = {}
-    for action in CLAUSES:
-        prompts = [_seen(rng, action) for _ in range(each)]
-        made[action] = source.generate_many(prompts, duration=DURATION, seeds=_seeds(rng, each))
-        note(action)
-    out: dict[str, Any] = {"seed": seed, "motions of an action": each}
-    out |= _named(source, real, made)
+    made, out = examine_actions(source, real, each=each, seed=seed, note=note)
+    rng = np.random.default_rng([seed, 43])
     note("paraphrases")
     out |= _paraphrases(source, real, rng)
     note("negative prompts")
@@ -102,8 +103,22 @@ def examine(
     out["outside the vocabulary, warned"] = float(np.mean([not source.read(p).known for p in OUTSIDE]))
     note("captured")
     out |= _captured(source, real, rng)
+    note("originality")
     out |= _originality(source, made, real, corpus)
     return out
+
+
+def examine_actions(
+    source: DiffusionSource, real: Reference, *, each: int = 12, seed: int = 0, note: Note = print
+) -> tuple[dict[str, list[Motion]], dict[str, Any]]:
+    """The motions of every action asked for in words of the training, and the figures that they alone decide."""
+    rng = np.random.default_rng([seed, 41])
+    made: dict[str, list[Motion]] = {}
+    for action in CLAUSES:
+        prompts = [_seen(rng, action) for _ in range(each)]
+        made[action] = source.generate_many(prompts, duration=DURATION, seeds=_seeds(rng, each))
+        note(action)
+    return made, {"seed": seed, "motions of an action": each, **_named(source, real, made)}
 
 
 def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
@@ -114,8 +129,12 @@ def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motio
     ratio = {a: metrics.variance(rows[a]) / metrics.variance(real.kinematic[a][: len(rows[a])]) for a in actions}
     slide = {a: [metrics.foot_slide(m, MEAN_ADULT) for m in group] for a, group in made.items()}
     beaten = [a for a in actions if a in PERIODIC]
+    clear = [a for a in beaten if a in RHYTHMIC]
     jerk = [np.mean([metrics.mean_jerk(m) for a in actions for m in group[a]]) for group in (rows, real.kinematic)]
     return {
+        "rhythm, where real motion has it": float(
+            np.mean([rhythm_score(m, FRAME_RATE) for a in clear for m in rows[a]])
+        ),
         "rhythm": float(np.mean([rhythm_score(m, FRAME_RATE) for a in beaten for m in rows[a]])),
         "rhythm, real": float(np.mean([rhythm_score(m, FRAME_RATE) for a in beaten for m in real.kinematic[a]])),
         "rhythm by action": {
@@ -229,29 +248,6 @@ def _originality(
         theirs = metrics.nearest(real.kinematic[action], bank)
         ratio.append(float(np.median(ours) / np.median(theirs)))
     return {"distance to the nearest training clip over that of unseen real clips": float(np.mean(ratio))}
-
-
-def drafts(source: DiffusionSource, strength: float, each: int, seed: int) -> dict[str, list[Motion]]:
-    """Kinematic drafts of every action, refined."""
-    out = {}
-    for action in CLAUSES:
-        group = []
-        for k in range(each):
-            number = 100_000 + 997 * seed + k
-            draft = KinematicSource(FRAME_RATE)(action, DURATION, number)
-            group.append(source.redo(draft, canonical(action), strength=strength, seed=number))
-        out[action] = group
-    return out
-
-
-def refined(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
-    """Figures of refined drafts."""
-    right = {a: _hits(source, real, a, group) for a, group in made.items()}
-    return {
-        "recognised": float(np.mean([h for group in right.values() for h in group])),
-        "worst action": _worst(right),
-        **compare(source, real, made),
-    }
 
 
 def _hits(source: DiffusionSource, real: Reference, action: str, motions: Sequence[Motion]) -> list[bool]:

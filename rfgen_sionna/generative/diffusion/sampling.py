@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import torch
@@ -25,8 +26,8 @@ SHORTEST, LONGEST = 32, 160
 """Frames that the model makes at once."""
 _SLOW = 0.35
 """Time scale of a path that is asked for [s]."""
-CUTOFF = 6.0
-"""Of the low-pass on the result [Hz]."""
+CUTOFFS = MappingProxyType({"kinematic": 6.0, "mocap": 8.5, "any": 6.0})
+"""Manner -> cut-off of the low-pass on the result [Hz]: captured people, and their markers, shake faster."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ class Sampler:
     """1 follows the prompt as learned, more exaggerates it; over 3 static poses collapse."""
     strength: float = 1.0
     """For drafts: how far up in noise to start; below 0.85 little changes."""
-    cutoff: float = field(default=CUTOFF)
+    cutoff: float | None = None
+    """Of the low-pass on the result [Hz]; None is that of the manner, `CUTOFFS`."""
 
     def __post_init__(self) -> None:
         make_scheduler(self.kind)
@@ -71,6 +73,8 @@ class Sampler:
             raise ValueError(f"guidance: {self.guidance}; allowed is 0 to 10")
         if not 0.0 < self.strength <= 1.0:
             raise ValueError(f"strength: {self.strength}; allowed is more than 0 and at most 1")
+        if self.cutoff is not None and not 0.0 < self.cutoff < 0.5 * FRAME_RATE:
+            raise ValueError(f"cutoff: {self.cutoff} Hz; allowed is more than 0 and less than {0.5 * FRAME_RATE:g}")
 
     @torch.no_grad()
     def __call__(self, model: MotionModel, wishes: Sequence[Wish], frames: int) -> FloatArray:
@@ -111,7 +115,10 @@ class Sampler:
             x = scheduler.step(clean, t, x).prev_sample
         # the last guess: the scheduler would leave a hundredth of the noise in
         rows = clean.double().numpy()[:, :frames] * model.scale + model.mean
-        smooth = low_pass(rows, self.cutoff)
+        smooth = np.empty_like(rows)
+        for source in {w.source for w in wishes}:
+            at = [k for k, w in enumerate(wishes) if w.source == source]
+            smooth[at] = low_pass(rows[at], CUTOFFS[source] if self.cutoff is None else self.cutoff)
         kept = (hard > 0.0).numpy()[:, :frames]
         return np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth)
 
@@ -132,7 +139,7 @@ class Sampler:
         for wish in wishes:
             if wish.draft is None:
                 raise ValueError("draft: some of the wishes have one and some don't; make them apart")
-            drafts.append(_padded(((wish.draft - model.mean) / model.scale), padded))
+            drafts.append(padded_rows(((wish.draft - model.mean) / model.scale), padded))
         draft = torch.from_numpy(np.stack(drafts)).float()
         all_steps = [int(t) for t in scheduler.timesteps]  # type: ignore[attr-defined]
         # the step of the schedule that is nearest to the wanted noise, so that its arithmetic stays exact
@@ -179,7 +186,7 @@ def conditions_of(model: MotionModel, wishes: Sequence[Wish], frames: int) -> Co
     known = np.zeros((len(wishes), frames, NUM_FEATURES))
     for i, wish in enumerate(wishes):
         if wish.beat is not None:
-            beats[i] = _padded(wish.beat, frames)
+            beats[i] = padded_rows(wish.beat, frames)
         if wish.known is not None and wish.given is not None:
             n = len(wish.known)
             given[i, :n] = wish.given
@@ -216,7 +223,7 @@ def _hard(given: Tensor) -> Tensor:
     return torch.from_numpy(np.stack([spread(g) for g in exact])).float()
 
 
-def _padded(rows: FloatArray, frames: int) -> FloatArray:
+def padded_rows(rows: FloatArray, frames: int) -> FloatArray:
     """The last row repeated up to `frames`."""
     if len(rows) >= frames:
         return rows[:frames]

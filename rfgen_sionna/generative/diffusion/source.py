@@ -13,20 +13,23 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_grid
+from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
+from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
 from rfgen_sionna.generative.diffusion.stage import put_back, settled
+from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
-from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, Skeleton
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.generative.motion import Skeleton
+from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 MAX_DURATION = 120.0
-_OVERLAP = 40
-"""Poses that a stretch shares with the one before it."""
+REFINED = 0.9
+"""Noise level from which drafts are made anew, unless another is asked for."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,15 @@ class DiffusionSource:
     """"kinematic" (clean, as the synthesiser moves), "mocap" (as captured people do) or "any"."""
     frame_rate: float = RATE
     """Poses per second of what comes out [Hz]."""
-    refine: float | None = None
-    """For calls by action: noise level (0 .. 1) from which a kinematic draft is redone; None samples from noise."""
+    refine: float | None = REFINED
+    """Noise level (0 .. 1) from which a synthesised draft of the action is redone; None samples from noise, as is done
+    in any case where there is no draft: captured actions and manners, given parts or paths, `rhythm=False`."""
+
+    def __post_init__(self) -> None:
+        if self.manner not in SOURCES:
+            raise ValueError(f"manner: {self.manner!r}; allowed are {', '.join(SOURCES)}")
+        if self.refine is not None and not 0.0 < self.refine <= 1.0:
+            raise ValueError(f"refine: {self.refine!r}; allowed is more than 0 and at most 1, or None")
 
     @property
     def model(self) -> MotionModel:
@@ -69,14 +79,8 @@ class DiffusionSource:
         known = self.model.text.actions
         if action not in known:
             raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
-        if hand is None and action in ACTIONS and ACTIONS[action].one_handed:
-            hand = "right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left"
-        prompt = canonical(action, hand or "")
-        if self.refine is not None and action in ACTIONS:
-            draft = KinematicSource(FRAME_RATE)(action, duration, seed, hand=hand, speed=speed)
-            made = self.redo(draft, prompt, strength=self.refine, seed=seed, skeleton=skeleton)
-        else:
-            made = self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed)
+        prompt = canonical(action, hand or working_hand(action, "", seed))
+        made = self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed)
         return replace(made, action=action)
 
     def read(self, prompt: str) -> Understanding:
@@ -109,7 +113,7 @@ class DiffusionSource:
             negative: what it must not be.
             skeleton: of the person; None for a mean adult.
             speed: factor on the usual pace of a repeated action.
-            rhythm: whether a repeated action keeps a steady beat; without it the model finds its own.
+            rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
             keep: given poses or parts of the body, in the result's own place and time.
             path: (point, 2) places on the floor [m] that the person passes at constant speed.
 
@@ -153,25 +157,27 @@ class DiffusionSource:
         keeps = [keep] if isinstance(keep, Keep) else list(keep)
         if (keeps or path is not None) and frames > LONGEST + 1:
             raise ValueError(f"duration: {duration:g} s with keep or path; allowed are {LONGEST / FRAME_RATE:g} s")
+        free = not keeps and path is None
         wishes = [
-            self._wish(prompt, seed, negative, frames, speed, rhythm)
+            self._wish(
+                prompt, seed, negative, frames, speed, rhythm, drafted=free and rhythm and self.refine is not None
+            )
             for prompt, seed in zip(prompts, seeds, strict=True)
         ]
-        if keeps or path is not None:
+        if not free:
             size = min(max(frames, SHORTEST), LONGEST)
             known, given = hold(keeps, self.model.hands, size) if keeps else follow(path, size, duration)  # type: ignore[arg-type]
             if keeps and path is not None:
                 along, where = follow(path, size, duration)
-                free = given[:, list(PARTS).index("place")] == 0.0
-                known[free, :2] = along[free, :2]
-                given[free] = np.maximum(given[free], where[free])
+                open_ = given[:, list(PARTS).index("place")] == 0.0
+                known[open_, :2] = along[open_, :2]
+                given[open_] = np.maximum(given[open_], where[open_])
             wishes = [replace(w, known=known, given=given) for w in wishes]
-        rows = self._rows(wishes, frames)
-        held = bool(keeps) or path is not None
         out = []
-        for prompt, seed, features in zip(prompts, seeds, rows, strict=True):
-            rows_out = features if held else settled(features)
-            motion = finish(rows_out, self.model.hands, skeleton, self.frame_rate, free=not held)
+        made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
+        for prompt, seed, features in zip(prompts, seeds, made, strict=True):
+            rows = settled(features) if free else features
+            motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free)
             out.append(replace(motion, prompt=prompt, seed=seed, action=self.read(prompt).action))
         return out
 
@@ -204,7 +210,8 @@ class DiffusionSource:
             raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
         n = min(len(rows), LONGEST)
         start = recentred(rows)
-        wish = replace(self._wish(prompt, seed, negative, n, 1.0, False), draft=start[:n])
+        wish = replace(self._wish(prompt, seed, negative, n, 1.0, False, drafted=False), draft=start[:n])
+        wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
         made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
         made = put_back(made, rows)
         return replace(
@@ -214,26 +221,41 @@ class DiffusionSource:
             action=draft.action or self.read(prompt).action,
         )
 
-    def _wish(self, prompt: str, seed: int, negative: str, frames: int, speed: float, rhythm: bool) -> Wish:
+    def _wish(
+        self, prompt: str, seed: int, negative: str, frames: int, speed: float, rhythm: bool, *, drafted: bool
+    ) -> Wish:
         said = self.read(prompt)
         for sentence in said.warnings:
             _LOG.warning(sentence)
         # what isn't known is asked for by the nearest action's own words
         words = prompt if said.known or said.action not in CLAUSES else canonical(said.action, said.hand)
         action = said.action
-        if negative.strip():
-            left = self._left_open(said, negative)
-            if left:
-                shares = np.array([share for _, share in left])
-                drawn = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
-                action = left[drawn][0]
-                words = canonical(action, said.hand)
+        # what words leave open is drawn; a draft shows one action and can't be left open itself
+        left = self._left_open(said, negative) if negative.strip() else said.alternatives if drafted else []
+        if len(left) > 1 or (negative.strip() and left):
+            shares = np.array([share for _, share in left])
+            drawn = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
+            action = left[drawn][0]
+            words = canonical(action, said.hand)
         beat = None
         if rhythm and action in self.model.beats:
             rng = np.random.default_rng([seed, 23])
             beat = self.model.beats[action].draw(frames + LONGEST, FRAME_RATE, rng, speed * said.pace)
         manner = self.manner if action in CLAUSES else "mocap"
-        return Wish(words, seed, negative, beat, action=action, source=manner)
+        wish = Wish(words, seed, negative, beat, action=action, source=manner)
+        if not drafted or manner != "kinematic":
+            return wish
+        both = said.arms and action == said.action and action in ("walk", "walk_straight")
+        size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + SPARE
+        rows = draft_of(
+            (action, said.arms) if both else (action,),
+            size,
+            seed,
+            self.model.hands,
+            hand=said.hand,
+            speed=speed * said.pace,
+        )
+        return replace(wish, draft=rows, beat=beat_of(self.model, wish, rows))
 
     def _left_open(self, said: Understanding, negative: str) -> list[tuple[str, float]]:
         """(action, probability) of what the prompt leaves open and the negative prompt doesn't rule out; empty where it
@@ -243,37 +265,8 @@ class DiffusionSource:
         left = [(a, s) for a, s in options if a not in denied]
         return left if 0 < len(left) < len(options) else []
 
-    def _rows(self, wishes: Sequence[Wish], frames: int) -> list[FloatArray]:
-        """(frame, NUM_FEATURES) of each wish; long ones in stretches, each going on where the last one stopped."""
-        size = min(max(frames, SHORTEST), LONGEST)
-        done = [np.asarray(r) for r in self.sampler(self.model, [_part(w, 0, size) for w in wishes], size)]
-        while len(done[0]) < frames:
-            start = len(done[0]) - _OVERLAP
-            more = []
-            for wish, rows in zip(wishes, done, strict=True):
-                before = recentred(rows[start:])
-                known = np.zeros((LONGEST, before.shape[1]))
-                known[:_OVERLAP] = before
-                given = np.zeros((LONGEST, len(PARTS)))
-                given[:_OVERLAP] = 1.0
-                more.append(replace(_part(wish, start, LONGEST), known=known, given=given, seed=wish.seed + start))
-            for k, rows in enumerate(self.sampler(self.model, more, LONGEST)):
-                done[k] = np.concatenate([done[k], put_back(rows, done[k][start:])[_OVERLAP:]])
-        return [rows[:frames] for rows in done]
-
 
 SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"
-
-
-def canonical(action: str, hand: str = "") -> str:
-    """The plainest sentence for an action."""
-    if action not in ACTIONS:
-        return "a person does " + action.replace("_", " ")
-    return f"a person {ACTIONS[action].description}" + (f" with the {hand} hand" if hand else "")
-
-
-def _part(wish: Wish, start: int, frames: int) -> Wish:
-    return replace(wish, beat=None if wish.beat is None else wish.beat[start : start + frames])
 
 
 @lru_cache(maxsize=4)

@@ -21,12 +21,16 @@ _PLAIN = frozenset(
         ("man", "woman", "men", "women", "lady", "fellow", "guy", "kid", "boy", "girl", "human", "adult", "child"),
         ("old", "young", "tall", "short", "facing", "there", "again", "repeatedly"),
         ("do", "does", "doing", "make", "making", "perform", "performs", "performing"),
+        ("repetitive", "repetitively", "manner", "way", "several", "times", "time", "once", "twice", "living"),
+        ("when", "where", "what", "side", "view", "towards", "toward", "before", "some", "this", "these", "those"),
     )
     for word in group
 )
 """Words that say nothing about the action."""
 _SURE = 0.35
 """Probability from which the nearest action is taken without a warning."""
+_OPEN = 0.5
+"""Share of the likeliest action's probability from which another counts as meant, too."""
 _PACE = (0.8, 1.0, 1.2)
 """Factor on the usual speed for `text.PACES`."""
 
@@ -52,6 +56,12 @@ class Understanding:
     unknown: tuple[str, ...] = ()
     """Content words that no training sentence had."""
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def alternatives(self) -> list[tuple[str, float]]:
+        """(action, probability) of the actions that are nearly as likely as the likeliest, which comes first."""
+        pairs = zip(self.options, self.shares, strict=True)
+        return [(a, s) for a, s in pairs if a in CLAUSES and s >= _OPEN * self.share]
 
     @property
     def known(self) -> bool:

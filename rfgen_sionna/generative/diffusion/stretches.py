@@ -1,0 +1,65 @@
+"""Motions of any length: stretch by stretch, each going on where the last one stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
+from rfgen_sionna.generative.diffusion.features import PARTS, recentred
+from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
+from rfgen_sionna.generative.diffusion.stage import put_back
+from rfgen_sionna.records import FloatArray
+
+SPARE = 8
+"""Frames that drafts and beats go on for, because the network takes lengths in steps of this."""
+_OVERLAP = 40
+"""Poses that a stretch shares with the one before it."""
+
+
+def in_stretches(
+    model: MotionModel, sampler: Sampler, wishes: Sequence[Wish], frames: int, strength: float
+) -> list[FloatArray]:
+    """(frame, NUM_FEATURES) of each wish.
+
+    Args:
+        model: the trained model.
+        sampler: how the reverse process is run.
+        wishes: beats and drafts of them last as long as the motion, and `SPARE` frames.
+        frames: of each motion.
+        strength: noise level from which drafts are made anew.
+    """
+    drafted = [w.draft is not None for w in wishes]
+    if any(drafted) and not all(drafted):
+        # the two start at different noise
+        made: dict[int, FloatArray] = {}
+        for kind in (True, False):
+            at = [k for k, d in enumerate(drafted) if d is kind]
+            made |= zip(at, in_stretches(model, sampler, [wishes[k] for k in at], frames, strength), strict=True)
+        return [made[k] for k in range(len(wishes))]
+    if all(drafted):
+        sampler = replace(sampler, strength=strength)
+    size = min(max(frames, SHORTEST), LONGEST)
+    done = [np.asarray(r) for r in sampler(model, [_part(w, 0, size) for w in wishes], size)]
+    while len(done[0]) < frames:
+        start = len(done[0]) - _OVERLAP
+        more = []
+        for wish, rows in zip(wishes, done, strict=True):
+            before = recentred(rows[start:])
+            known = np.zeros((LONGEST, before.shape[1]))
+            known[:_OVERLAP] = before
+            given = np.zeros((LONGEST, len(PARTS)))
+            given[:_OVERLAP] = 1.0
+            more.append(replace(_part(wish, start, LONGEST), known=known, given=given, seed=wish.seed + start))
+        for k, rows in enumerate(sampler(model, more, LONGEST)):
+            done[k] = np.concatenate([done[k], put_back(rows, done[k][start:])[_OVERLAP:]])
+    return [rows[:frames] for rows in done]
+
+
+def _part(wish: Wish, start: int, frames: int) -> Wish:
+    stop = start + frames + SPARE
+    beat = None if wish.beat is None else wish.beat[start:stop]
+    draft = None if wish.draft is None else recentred(wish.draft[start:stop])
+    return replace(wish, beat=beat, draft=draft)

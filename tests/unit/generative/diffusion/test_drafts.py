@@ -1,0 +1,110 @@
+"""Drafts: what they show, the beat that they keep, and that prompts are made from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.diffusion.control import on_grid
+from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, phase_of
+from rfgen_sionna.generative.diffusion.features import joint_positions, recentred
+from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
+from rfgen_sionna.generative.diffusion.sampling import Wish
+from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from rfgen_sionna.generative.motion.skeleton import JOINT
+
+
+@pytest.fixture(scope="module")
+def source() -> DiffusionSource:
+    return DiffusionSource()
+
+
+def test_a_draft_walks_with_one_arm_up(source: DiffusionSource) -> None:
+    rows = draft_of(("walk", "left_arm_raised"), 100, 3, source.model.hands)
+    alone = draft_of(("walk",), 100, 3, source.model.hands)
+    assert rows.shape == alone.shape
+    assert np.allclose(rows[:, :9], alone[:, :9])
+    places, plain = joint_positions(rows), joint_positions(alone)
+    up, down = (p[:, JOINT["left_wrist"], 2] - p[:, JOINT["left_shoulder"], 2] for p in (places, plain))
+    assert np.median(up) > 0.2
+    assert np.median(down) < -0.2
+    assert np.allclose(places[:, JOINT["right_wrist"]], plain[:, JOINT["right_wrist"]])
+
+
+def test_a_draft_has_the_phase_of_what_it_repeats(source: DiffusionSource) -> None:
+    rows = draft_of(("jumping_jacks",), 121, 2, source.model.hands)
+    phase = phase_of(rows)
+    assert phase is not None
+    height = joint_positions(rows)[:, JOINT["left_wrist"], 2]
+    power = np.abs(np.fft.rfft(height - height.mean(), 4096))
+    repetitions = (phase[100] - phase[20]) / (2 * np.pi) / 4.0
+    assert repetitions == pytest.approx(np.argmax(power) * 20.0 / 4096, rel=0.06)
+    assert phase_of(rows[:10]) is None
+
+
+@pytest.mark.parametrize("action", ["jumping_jacks", "push", "walk_straight"])
+def test_a_moment_of_a_draft_has_its_beat_wherever_the_draft_begins(source: DiffusionSource, action: str) -> None:
+    rows = draft_of((action,), 150, 4, source.model.hands)
+    wish = Wish(canonical(action), 0, action=action)
+    whole, later = beat_of(source.model, wish, rows), beat_of(source.model, wish, recentred(rows[11:]))
+    assert whole is not None
+    assert later is not None
+    # cosine of the angle between the two phases
+    assert np.mean(np.sum(whole[31:120, :2] * later[20:109, :2], axis=-1)) > 0.8
+
+
+def test_a_held_pose_has_no_beat(source: DiffusionSource) -> None:
+    rows = draft_of(("y_pose",), 100, 1, source.model.hands)
+    assert beat_of(source.model, Wish(canonical("y_pose"), 0, action="y_pose"), rows) is None
+
+
+@pytest.mark.parametrize("action", ["circle_clockwise", "pull"])
+def test_motions_from_drafts_keep_their_rhythm_and_pace(source: DiffusionSource, action: str) -> None:
+    scores, apart = [], []
+    for seed in (1, 2):
+        made = on_grid(source.generate(canonical(action, "right"), seed=seed), source.model.hands)
+        draft = draft_of((action,), 121, seed, source.model.hands, hand="right")
+        scores.append(rhythm_score(made, 20.0))
+        mine, its = phase_of(made), phase_of(draft)
+        assert mine is not None
+        assert its is not None
+        assert (mine[100] - mine[20]) / (its[100] - its[20]) == pytest.approx(1.0, abs=0.05)
+        apart.append(np.sqrt(np.mean((recentred(made)[:120] - draft[:120]) ** 2)))
+    assert np.mean(scores) > 0.85
+    # made anew, not handed through
+    assert min(apart) > 0.01
+
+
+def test_what_words_leave_open_is_drawn(source: DiffusionSource) -> None:
+    assert {_up(source, seed) for seed in range(6)} == {"left", "right"}
+
+
+def _up(source: DiffusionSource, seed: int) -> str:
+    places = joint_positions(
+        on_grid(source.generate("a person raises one arm", seed=seed, duration=1.6), source.model.hands)
+    )
+    left, right = (places[:, JOINT[f"{s}_wrist"], 2].mean() for s in ("left", "right"))
+    return "left" if left > right else "right"
+
+
+def test_long_motions_from_drafts_have_no_seams(source: DiffusionSource) -> None:
+    motion = source.generate("a person walks back and forth", duration=14.0, seed=1)
+    assert motion.duration >= 14.0
+    speed = np.linalg.norm(np.diff(motion.translation, axis=0), axis=-1) * motion.frame_rate
+    turns = np.degrees(2 * np.arccos(np.clip(np.abs(np.sum(motion.rotations[1:] * motion.rotations[:-1], -1)), 0, 1)))
+    assert speed.max() < 3.0
+    assert turns.max() * motion.frame_rate < 2500.0
+
+
+def test_drafts_only_where_they_are_meant() -> None:
+    plain, drafted = DiffusionSource(refine=None), DiffusionSource()
+    words = "a person pushes with the right hand"
+    a, b = (s.generate(words, seed=1, duration=1.6) for s in (plain, drafted))
+    assert np.abs(a.rotations - b.rotations).max() > 0.01
+    # without a beat of its own choice there is no draft either
+    c, d = (s.generate(words, seed=1, duration=1.6, rhythm=False) for s in (plain, drafted))
+    assert np.array_equal(c.rotations, d.rotations)
+    with pytest.raises(ValueError, match=r"refine: 1\.5; allowed"):
+        DiffusionSource(refine=1.5)
+    with pytest.raises(ValueError, match="manner: 'wild'; allowed are kinematic, mocap, any"):
+        DiffusionSource(manner="wild")
