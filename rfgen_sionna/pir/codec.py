@@ -1,6 +1,6 @@
 """Physical units to image channels in −1 … 1 and back: what an image model calls a picture, declared once.
 
-A PIR spans seven orders of magnitude of energy and two of range. :class:`PirCodec` is the convention of our own image
+A PIR spans eight orders of magnitude of energy and two of range. :class:`PirCodec` is the convention of our own image
 models; :class:`AuthorsCodec` reads and writes the pictures of the RF LoRA that was published with the paper.
 """
 
@@ -43,7 +43,7 @@ class PirCodec:
     range plus `knee`, and 1e-4 of `max_speed` (single precision).
     """
 
-    energy_db: tuple[float, float] = (-160.0, -40.0)
+    energy_db: tuple[float, float] = (-180.0, -50.0)
     """Weakest and strongest energy of a pixel [dB]."""
     max_range: float = 120.0
     """[m]"""

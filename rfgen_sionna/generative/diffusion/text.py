@@ -90,7 +90,7 @@ class SentenceEncoder(nn.Module):
         # an empty sentence is one silent word
         mask = torch.cat([mask[:, :1] | ~mask.any(dim=-1, keepdim=True), mask[:, 1:]], dim=1)
         count = there.sum(dim=-1, keepdim=True).clamp(min=1).to(self.place.dtype)
-        x = self.pieces(ids).sum(dim=2) / count.sqrt() + self.place
+        x = self.pieces(ids).sum(dim=2) / count.sqrt() + self.place[: ids.shape[1]]
         x = self.layers(x, src_key_padding_mask=~mask)
         share = self.weight(x).squeeze(-1).masked_fill(~mask, -1e4).softmax(dim=-1)
         pooled = self.norm((share[..., None] * x).sum(dim=1))
