@@ -93,7 +93,7 @@ def render_pir(
         counts = _coherence_counts(shades, pixel[shades.ray], view, tracer.radar.wavelength)
         beams = Returns(pixel[shades.ray], shades.energy, shades.distance, shades.velocity)
         if bounces > 1:
-            more = reflections(stage, shades, directions, solid_angles)
+            more = reflections(stage, shades, directions, solid_angles, columns * SHADES)
             beams = beams.and_those(Returns(view.pixels(more.arrival), more.energy, more.distance, more.velocity))
     traced = np.flatnonzero(view.around(counts))
     split = view.split(patch_wavelengths * tracer.radar.wavelength, len(traced))

@@ -1,8 +1,9 @@
 """What smooth surfaces show a second time, of what scatters diffusely: reflections in floors, walls and panes.
 
 Three ways by a mirror m and a rough point P count: radar, m, P, m, radar; radar, P, m, radar; and that one backwards.
-The mirror reflects the coherent share (1 - S^2) \\|Gamma\\|^2 of the energy, as a plane; curved ones spread what they reflect,
-which is not counted. Mirrors in mirrors and the coherent returns of corners are left out.
+The mirror reflects the coherent share (1 - S^2) \\|Gamma\\|^2 of the energy, and is
+flat as far as neighbouring beams reach: curved ones spread what they reflect so that it hardly counts. Mirrors in
+mirrors and the coherent returns of corners are left out.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.tracing.diffuse import reflectance
@@ -17,6 +19,8 @@ from rfgen_sionna.tracing.footprints import Shades, Stage, diffuse_energy
 
 LEAST = 1e-3
 """Share of the energy that a surface must reflect coherently to count as a mirror."""
+_ALIGNED = float(np.cos(np.radians(0.5)))
+"""Normals of neighbouring beams on a flat surface differ by less."""
 _LIFT = 1e-4
 """Rays start this far above the surface that they leave [m]."""
 
@@ -37,12 +41,14 @@ class Reflections:
     """(way,) rate of that [m/s]."""
 
 
-def reflections(stage: Stage, shades: Shades, directions: FloatArray, solid_angles: FloatArray) -> Reflections:
+def reflections(
+    stage: Stage, shades: Shades, directions: FloatArray, solid_angles: FloatArray, columns: int
+) -> Reflections:
     """What the surfaces that beams meet show of others; `directions` and `solid_angles` [sr] are those of the beams
-    that `shades` was made from."""
+    that `shades` was made from, a grid of so many `columns`."""
     materials, towards = stage.materials, directions[shades.ray]
     mirror = (1.0 - shades.roughness) * _reflectance(stage, shades.object, shades.cos)
-    beam = np.flatnonzero(mirror > LEAST)
+    beam = np.flatnonzero((mirror > LEAST) & _flat(shades, len(directions), columns))
     share, first, normal = mirror[beam], shades.distance[beam], shades.normal[beam]
     outgoing = towards[beam] + 2.0 * shades.cos[beam, None] * normal
     start = stage.viewpoint + first[:, None] * towards[beam] + _LIFT * normal
@@ -79,6 +85,22 @@ def reflections(stage: Stage, shades: Shades, directions: FloatArray, solid_angl
         distance=np.concatenate([total, halves, halves]),
         velocity=np.concatenate([speed, rate, rate]),
     )
+
+
+def _flat(shades: Shades, beams: int, columns: int) -> NDArray[np.bool_]:
+    """(beam,) whether what lies around a beam's hit is the same object, as flat as a mirror."""
+    objects, normals = np.full(beams, -1), np.zeros((beams, 3))
+    objects[shades.ray], normals[shades.ray] = shades.object, shades.normal
+    objects, normals = objects.reshape(-1, columns), normals.reshape(-1, columns, 3)
+    flat = np.ones(objects.shape, dtype=np.bool_)
+    for one, other in (
+        ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
+        ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
+    ):
+        same = (objects[one] == objects[other]) & (np.einsum("rci,rci->rc", normals[one], normals[other]) > _ALIGNED)
+        flat[one] &= same
+        flat[other] &= same
+    return np.asarray(flat.ravel()[shades.ray])
 
 
 def _reflectance(stage: Stage, objects: IntArray, cos: FloatArray) -> FloatArray:

@@ -32,7 +32,7 @@ PER_SHARD = 16
 """Layouts of a shard."""
 LAYOUTS = 1_000_000
 """Seeds of the layouts of one data set: those of another seed don't overlap."""
-BODIES = ("a person standing", "a tall man walking", "a woman doing jumping jacks", "a person waving")
+BODIES = ("a person standing", "a tall man walking", "a woman doing jumping jacks", "a person raising the left arm")
 MISSING = (0.15, 0.5)
 """Share of the furniture that an incomplete render lacks."""
 
