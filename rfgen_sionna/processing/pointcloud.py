@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from rfgen_sionna.processing.angle import find_directions, unit_vectors
+from rfgen_sionna.processing.angle import Directions, find_directions, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
+from rfgen_sionna.processing.focus import focused
+from rfgen_sionna.processing.slots import ComplexChannels, empty_bands, in_bands, kept_bands, separated
 from rfgen_sionna.processing.spectrum import (
+    RangeDoppler,
     Window,
     check_cube,
     coupling,
     observation_time,
     range_doppler,
+    remove_static,
+    taper,
 )
 from rfgen_sionna.records import FloatArray
 
@@ -75,6 +80,13 @@ def point_cloud(
     Detection runs on the power averaged over the channels, at twice the FFT lengths; `guard` and `train` count
     resolution cells. Every local maximum over the threshold becomes one point in its strongest direction.
 
+    Speeds beyond `radar.max_velocity` fold. Tx elements in Doppler bands (DDM) of which one is empty tell the fold by
+    where it is empty, up to `doppler_bands` times that speed and as long as no other target of that range is a whole
+    number of bands faster. Elsewhere `ambiguities` tries folds; without it a speed within a cell of the limit is told
+    by its migration alone, and a faster one appears 2 `max_velocity` lower, its range off by the difference in
+    range-Doppler coupling (:func:`~rfgen_sionna.processing.spectrum.coupling`). Bands without an empty one tell nothing
+    by themselves; `ambiguities` asks the array then.
+
     Parameters
     ----------
     static
@@ -92,7 +104,8 @@ def point_cloud(
         For both transforms. Side lobes are detections where CFAR trains along range only and targets stand far out
         of the noise: Hann's first lie 31 dB below the peak, Blackman's 58 dB.
     ambiguities
-        See :func:`rfgen_sionna.processing.angle.find_directions`.
+        See :func:`rfgen_sionna.processing.angle.find_directions`. In Doppler bands folds are by a band each, and 0
+        with an empty band is all of them.
     """
     array, radar = as_beams(check_cube(frame, radar), radar)
     if radar.waveform.slope == 0:
@@ -108,7 +121,7 @@ def point_cloud(
         raise ValueError(f"dynamic_range_db is {dynamic_range_db!r}: more than 0 dB is needed")
     padding = 2
     chirps, _, _, samples = array.shape
-    maps = range_doppler(
+    whole = range_doppler(
         array,
         radar,
         range_window=window,
@@ -117,7 +130,10 @@ def point_cloud(
         velocity_bins=padding * chirps,
         correct_migration=True,
         static=static,
+        all_bands=True,
     )
+    own = kept_bands(radar, padding * chirps)
+    maps = RangeDoppler(whole.spectrum[own], whole.range, whole.velocity[own])
     power = maps.power
     guard, train = _window(power.shape, padding, guard, train)
     # Neighbouring virtual elements share their noise-free signal, not their noise: every channel is a look.
@@ -140,8 +156,8 @@ def point_cloud(
     place, peak = refine_peaks(power, cells)
     seen = place[:, 0] * (maps.range[1] - maps.range[0])
     velocity = maps.velocity[0] + place[:, 1] * (maps.velocity[1] - maps.velocity[0])
-    channels = maps.spectrum[cells[:, 1], :, :, cells[:, 0]]
-    found = find_directions(channels, radar, velocity, distance=np.maximum(seen, 1e-3), ambiguities=ambiguities)
+    found = _directions(whole, cells, own.start or 0, radar, seen, velocity, ambiguities)
+    found, seen, peak = _focused(array, radar, found, seen, peak, window, static, ambiguities)
     direction = unit_vectors(found.azimuth, found.elevation)
     distance = _distance(seen - coupling(radar, found.velocity), direction, radar)
     device = direction * distance[:, None]
@@ -156,6 +172,76 @@ def point_cloud(
         position=device @ radar.rotation.T + np.asarray(radar.position),
         time=observation_time(radar),
     )
+
+
+def _directions(
+    whole: RangeDoppler,
+    cells: NDArray[np.signedinteger[Any]],
+    first: int,
+    radar: Radar,
+    seen: FloatArray,
+    velocity: FloatArray,
+    ambiguities: int,
+) -> Directions:
+    """Directions of the peaks and the fold of their speeds; `first` is where the maps' bins begin in the `whole`."""
+    distance = np.maximum(seen, 1e-3)
+    rows, columns = cells[:, 0], cells[:, 1] + first
+    if not in_bands(radar):
+        channels = whole.spectrum[columns, :, :, rows]
+        return find_directions(channels, radar, velocity, distance=distance, ambiguities=ambiguities)
+    bins, bands = len(whole.velocity), radar.waveform.doppler_bands
+    most = ambiguities if ambiguities or not empty_bands(radar) else int(bands / 2)
+    best = find_directions(whole.spectrum[columns, :, :, rows], radar, velocity, distance=distance)
+    for fold in sorted(range(-most, most + 1), key=abs)[1:]:
+        there = columns + round(fold * bins / bands)
+        inside = (there >= 0) & (there < bins)
+        channels = whole.spectrum[np.clip(there, 0, bins - 1), :, :, rows]
+        trial = find_directions(channels, radar, velocity + 2 * fold * radar.max_velocity, distance=distance)
+        better = inside & (trial.power > best.power * (1 + 1e-6))
+        best = Directions(
+            *(
+                np.where(better, getattr(trial, name), getattr(best, name))
+                for name in ("azimuth", "elevation", "velocity", "power")
+            )
+        )
+    return best
+
+
+def _focused(
+    array: ComplexChannels,
+    radar: Radar,
+    found: Directions,
+    seen: FloatArray,
+    peak: FloatArray,
+    window: Window,
+    static: bool,
+    ambiguities: int,
+) -> tuple[Directions, FloatArray, FloatArray]:
+    """The same with those points looked at again whose speeds the maps' Doppler axis does not hold."""
+    limit, cell = radar.max_velocity, radar.velocity_resolution
+    fast = np.flatnonzero(np.abs(found.velocity) > limit - cell)
+    if not len(fast):
+        return found, seen, peak
+    samples = separated(array, radar)
+    samples = samples if static else remove_static(samples)
+    chirps, count = samples.shape[0], samples.shape[-1]
+    real = samples.real.dtype
+    tapered = samples * (taper(window, chirps).astype(real)[:, None, None, None] * taper(window, count).astype(real))
+    seen, peak = seen.copy(), peak.copy()
+    parts = {name: getattr(found, name).copy() for name in ("azimuth", "elevation", "velocity", "power")}
+    told = ambiguities > 0 or empty_bands(radar) > 0
+    for index in fast:
+        speed = float(found.velocity[index])
+        fold = 0.0 if told else -np.sign(speed) * 2 * limit
+        away = abs(speed) if told else 2 * limit
+        smear = 0.5 * away * radar.waveform.frame_length + 2 * radar.range_resolution
+        velocities = np.array([speed, speed + fold] if fold else [speed])
+        point = focused(tapered, radar, float(seen[index]), velocities, smear, 2 * count)
+        seen[index], peak[index] = point.range, point.power
+        again = find_directions(point.channels[None], radar, [point.velocity], distance=np.maximum([point.range], 1e-3))
+        for name, values in parts.items():
+            values[index] = getattr(again, name)[0]
+    return Directions(**parts), seen, peak
 
 
 def _window(

@@ -79,6 +79,11 @@ def decoder(radar: Radar) -> ComplexArray | None:
     return np.asarray(np.linalg.pinv(np.conj(wave.axis_weights[0])))
 
 
+def empty_bands(radar: Radar) -> int:
+    """How many of the Doppler bands that Tx elements share are nobody's (DDM); 0 elsewhere."""
+    return round(radar.waveform.doppler_bands) - radar.waveform.num_tx if in_bands(radar) else 0
+
+
 def kept_bands(radar: Radar, bins: int) -> slice:
     """The Doppler bins that a Tx element has to itself, of `bins` bins in ascending order."""
     if not in_bands(radar):

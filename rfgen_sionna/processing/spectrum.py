@@ -191,6 +191,7 @@ def range_doppler(
     correct_coupling: bool = False,
     correct_migration: bool = False,
     static: bool = True,
+    all_bands: bool = False,
 ) -> RangeDoppler:
     """Windowed FFT over sample and chirp, for every frame, Tx and Rx element.
 
@@ -213,6 +214,9 @@ def range_doppler(
         Right for the same velocities; takes about four times as long.
     static
         Whether what does not move is kept; see :func:`remove_static`.
+    all_bands
+        Of Tx elements in Doppler bands keep the whole Doppler axis: outside of its own band, around rest, an element's
+        spectrum holds the others' echoes, and those of targets that are too fast for the band.
     """
     array = separated(check_cube(cube, radar), radar)
     if not static:
@@ -223,7 +227,7 @@ def range_doppler(
     real = array.real.dtype
     slow = taper(velocity_window, chirps).astype(real)[:, None, None, None]
     fast = taper(range_window, samples).astype(real)
-    kept = kept_bands(radar, velocity_bins)
+    kept = slice(None) if all_bands else kept_bands(radar, velocity_bins)
     velocity = _doppler_axis(radar, velocity_bins)[kept]
     tapered = array * (slow * fast)
     if correct_migration:
