@@ -1,0 +1,187 @@
+"""RF LoRA: low-rank additions to the attention of an image model, their files, and which base they belong to."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+FORMAT = "rfgen-lora-1"
+WEIGHT_NAME = "pytorch_lora_weights.safetensors"
+"""What diffusers calls such files."""
+ATTENTION = ("to_q", "to_k", "to_v", "to_out.0")
+CONVOLUTIONS = ("conv1", "conv2", "conv_in", "conv_out")
+CODECS = ("rfgen", "authors")
+"""Conventions of the drawn images: :class:`PirCodec` and :class:`AuthorsCodec`."""
+_DOWN = re.compile(r"^(?P<layer>.+?)\.(?:lora_A|lora\.down|processor\.(?P<part>\w+)_lora\.down)(?:\.\w+)?\.weight$")
+
+
+class LoraError(ValueError):
+    """A LoRA can't be read, or belongs to another base."""
+
+
+@dataclass(frozen=True)
+class LoraFacts:
+    """What a LoRA's file tells of itself."""
+
+    codec: str = "rfgen"
+    base: str = ""
+    """Name of the base model it was trained on."""
+    steps: int = 0
+    rate: float = 0.0
+    seed: int = 0
+    word: str = ""
+    """Word that prompts begin with; empty where there is none."""
+
+
+def add_lora(net: Any, rank: int, *, convolutions: bool = False, seed: int = 0) -> list[nn.Parameter]:
+    """Give `net` (a U-Net or text encoder) an untrained LoRA and freeze everything else.
+
+    Returns:
+        the parameters to train.
+    """
+    from peft import LoraConfig
+
+    torch.manual_seed(seed)
+    targets = [*ATTENTION, *(CONVOLUTIONS if convolutions else ())]
+    if hasattr(net, "text_model") or type(net).__name__.startswith("CLIPText"):
+        targets = ["q_proj", "k_proj", "v_proj", "out_proj"]
+    net.requires_grad_(False)
+    net.add_adapter(LoraConfig(r=rank, lora_alpha=rank, init_lora_weights="gaussian", target_modules=targets))
+    trained = [p for p in net.parameters() if p.requires_grad]
+    for parameter in trained:
+        parameter.data = parameter.data.float()
+    return trained
+
+
+def lora_state(net: nn.Module, prefix: str) -> dict[str, Tensor]:
+    """The LoRA's weights under diffusers' names."""
+    from diffusers.utils import convert_state_dict_to_diffusers
+    from peft.utils import get_peft_model_state_dict
+
+    state = convert_state_dict_to_diffusers(get_peft_model_state_dict(net))
+    return {f"{prefix}.{k}": v.detach().float().cpu().contiguous() for k, v in state.items()}
+
+
+def save_lora(path: Path, state: dict[str, Tensor], facts: LoraFacts) -> None:
+    """Write a LoRA in half precision, as diffusers reads it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    header = {"format": FORMAT, **facts.__dict__}
+    partial = path.with_suffix(".part")
+    save_file({k: v.half() for k, v in state.items()}, partial, {"rfgen": json.dumps(header)})
+    partial.replace(path)
+
+
+def find_lora(source: str | Path) -> Path:
+    """The file of a LoRA: itself, the one in a folder, or the one in a repository of the hub.
+
+    Raises:
+        LoraError: there is none; the message says what was looked for.
+    """
+    path = Path(source)
+    if path.is_file():
+        if path.suffix != ".safetensors":
+            raise LoraError(f"lora: {path.name} is no .safetensors file; others may run code when they are read")
+        return path
+    if path.is_dir():
+        found = sorted(path.glob("*.safetensors"))
+        if (path / WEIGHT_NAME) in found:
+            return path / WEIGHT_NAME
+        if len(found) != 1:
+            names = ", ".join(f.name for f in found) or "none"
+            raise LoraError(f"lora: {path} holds {len(found)} .safetensors files ({names}); name the one that is meant")
+        return found[0]
+    if re.fullmatch(r"[\w.-]+/[\w.-]+", str(source)):
+        return _from_hub(str(source))
+    raise LoraError(f"lora: {source} is no file, no folder and no hub name (owner/name)")
+
+
+def _from_hub(name: str) -> Path:
+    from huggingface_hub import hf_hub_download, list_repo_files
+
+    try:
+        files = [f for f in list_repo_files(name) if f.endswith(".safetensors")]
+        if len(files) != 1 and WEIGHT_NAME in files:
+            files = [WEIGHT_NAME]
+        if len(files) != 1:
+            raise LoraError(f"lora: {name} holds {files}; download the one that is meant and give its path")
+        return Path(hf_hub_download(name, files[0]))
+    except LoraError:
+        raise
+    except Exception as error:
+        raise LoraError(
+            f"lora: {name} could not be fetched from the hub ({type(error).__name__}); check the name and the network, "
+            "or download it elsewhere and give its path"
+        ) from error
+
+
+def read_facts(path: Path) -> LoraFacts:
+    """What a LoRA's file tells of itself. Files not made here draw the authors' images: there are no others yet."""
+    try:
+        with safe_open(path, "pt") as file:
+            header: dict[str, Any] = json.loads((file.metadata() or {}).get("rfgen", "{}"))
+    except OSError:
+        raise
+    except Exception as error:
+        raise LoraError(f"lora: {path.name} is no safetensors file: {error}") from error
+    if header.pop("format", None) != FORMAT:
+        return LoraFacts(codec="authors")
+    return LoraFacts(**{k: v for k, v in header.items() if k in LoraFacts.__dataclass_fields__})
+
+
+def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str = "unet") -> None:
+    """Hold a LoRA's layers (diffusers' names, under `prefix`) against those of its base.
+
+    Raises:
+        LoraError: it has layers that the base has not, or of other sizes.
+    """
+    modules = dict(net.named_modules())
+    checked = 0
+    for key, weight in state.items():
+        if not key.startswith(f"{prefix}."):
+            continue
+        match = _DOWN.match(key[len(prefix) + 1 :])
+        if match is None:
+            continue
+        where = match["layer"]
+        if match["part"]:  # as older files name the layers of an attention
+            where += ".to_out.0" if match["part"] == "to_out" else f".{match['part']}"
+        layer = modules.get(where)
+        if layer is None:
+            raise LoraError(
+                f"lora: {name} was trained on another base: this one has no layer {where}; take the LoRA's own base"
+            )
+        wanted = weight.shape[1]
+        there = getattr(layer, "in_features", getattr(layer, "in_channels", None))
+        if there != wanted:
+            raise LoraError(
+                f"lora: {name} was trained on another base: {where} takes {wanted} inputs there and {there} "
+                "here; take the LoRA's own base"
+            )
+        checked += 1
+    if not checked:
+        raise LoraError(f"lora: {name} holds no LoRA of a U-Net (no layers under {prefix!r})")
+
+
+def load_lora(unet: Any, source: str | Path) -> LoraFacts:
+    """Merge a LoRA of the embedded model into its U-Net, in place.
+
+    Raises:
+        LoraError: it can't be found or read, or belongs to another base.
+    """
+    path = find_lora(source)
+    facts = read_facts(path)
+    state = load_file(path)
+    check_fits(state, unet, path.name)
+    layers = {k: v.to(next(unet.parameters()).dtype) for k, v in state.items() if k.startswith("unet.")}
+    unet.load_lora_adapter(layers, prefix="unet", adapter_name="rf")
+    unet.fuse_lora()
+    unet.unload_lora()
+    return facts

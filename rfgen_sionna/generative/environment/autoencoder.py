@@ -1,0 +1,121 @@
+"""Patches of 4 × 4 pixels as latents: a fixed linear map with the interface of diffusers' autoencoders.
+
+A principal component analysis of the renders' patches loses less than a small trained autoencoder does, costs nothing,
+and its inverse draws surfaces as flat as the latents say. diffusers' pipelines run on it as on any other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from diffusers import ConfigMixin, ModelMixin
+from diffusers.configuration_utils import register_to_config
+from diffusers.models.autoencoders.vae import DecoderOutput
+from diffusers.models.modeling_outputs import AutoencoderKLOutput
+from torch import Tensor
+
+from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.records import FloatArray
+
+
+class ExactLatents:
+    """The latents of an image: what diffusers calls their distribution has no spread here."""
+
+    def __init__(self, latents: Tensor) -> None:
+        self.mean = latents
+
+    def sample(self, generator: torch.Generator | None = None) -> Tensor:
+        """The latents, whatever the generator."""
+        return self.mean
+
+    def mode(self) -> Tensor:
+        """The latents."""
+        return self.mean
+
+
+class PatchAutoencoder(ModelMixin, ConfigMixin):
+    """Images (n, channels, 64, 64) to latents (n, latents, 16, 16) and back, in single precision whatever comes in: a
+    step of half precision is a tenth of a decibel.
+
+    Args:
+        in_channels: channels of the images.
+        latent_channels: components kept of each patch.
+        block_out_channels: diffusers counts its entries to learn the patch: 2^(entries − 1) pixels.
+        scaling_factor: latents have unit mean square already.
+        sample_size: edge of the images it was fitted on [pixels].
+    """
+
+    @register_to_config
+    def __init__(
+        self,
+        in_channels: int = 3,
+        out_channels: int = 3,
+        latent_channels: int = 32,
+        block_out_channels: tuple[int, ...] = (1, 1, 1),
+        scaling_factor: float = 1.0,
+        sample_size: int = 64,
+    ) -> None:
+        super().__init__()
+        if 2 ** (len(block_out_channels) - 1) != PATCH:
+            raise ValueError(f"block_out_channels has {len(block_out_channels)} entries; patches of {PATCH} need 3")
+        size = in_channels * PATCH**2
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("components", torch.eye(size)[:, :latent_channels].contiguous())
+        self.register_buffer("scale", torch.ones(latent_channels))
+        # ModelMixin asks its parameters for dtype and device.
+        self.anchor = torch.nn.Parameter(torch.zeros(1), requires_grad=False)
+
+    mean: Tensor
+    """(channels · PATCH²,) mean patch."""
+    components: Tensor
+    """(channels · PATCH², latents) orthonormal columns."""
+    scale: Tensor
+    """(latents,) what a latent of 1 stands for along its component."""
+
+    def encode(self, x: Tensor, return_dict: bool = True) -> Any:
+        """Latents of images (n, channels, row, column) whose edges are multiples of `PATCH`."""
+        patches = torch.nn.functional.pixel_unshuffle(x.to(self.mean), PATCH).movedim(1, -1)
+        latents = ((patches - self.mean) @ self.components / self.scale).movedim(-1, 1)
+        exact = ExactLatents(latents)
+        return AutoencoderKLOutput(latent_dist=exact) if return_dict else (exact,)
+
+    def decode(self, z: Tensor, return_dict: bool = True, generator: torch.Generator | None = None) -> Any:
+        """Images of latents (n, latents, row, column)."""
+        patches = (z.to(self.scale).movedim(1, -1) * self.scale) @ self.components.T + self.mean
+        image = torch.nn.functional.pixel_shuffle(patches.movedim(-1, 1), PATCH)
+        return DecoderOutput(sample=image) if return_dict else (image,)
+
+    def forward(self, x: Tensor) -> Any:
+        """What is left of images after encoding and decoding."""
+        return self.decode(self.encode(x).latent_dist.mode())
+
+    @classmethod
+    def fit(cls, images: FloatArray, latents: int, whitening: float = 0.5) -> PatchAutoencoder:
+        """Fitted on (image, channels, row, column).
+
+        Args:
+            images: what it should be able to draw.
+            latents: components kept.
+            whitening: 0 leaves the components their own spread, 1 gives each the same. In between, what is small in
+                the image is small in the latents too: it is settled in the last steps of sampling, once the coarse is
+                known, and errors of the network cost it less.
+        """
+        channels = images.shape[1]
+        own = cls(channels, channels, latents, sample_size=images.shape[-1])
+        total, square, count = 0.0, 0.0, 0
+        for part in np.array_split(images, max(1, len(images) // 256)):
+            x = torch.nn.functional.pixel_unshuffle(torch.from_numpy(np.ascontiguousarray(part)).double(), PATCH)
+            rows = x.movedim(1, -1).reshape(-1, channels * PATCH**2).numpy()
+            total, square, count = total + rows.sum(axis=0), square + rows.T @ rows, count + len(rows)
+        mean = np.asarray(total) / count
+        values, vectors = np.linalg.eigh(np.asarray(square) / count - np.outer(mean, mean))
+        keep = np.argsort(values)[::-1][:latents]
+        spread = np.sqrt(np.maximum(values[keep], 1e-12))
+        scale = spread**whitening
+        scale *= np.sqrt(np.mean((spread / scale) ** 2))
+        own.mean.copy_(torch.from_numpy(mean))
+        own.components.copy_(torch.from_numpy(np.ascontiguousarray(vectors[:, keep])))
+        own.scale.copy_(torch.from_numpy(scale))
+        return own

@@ -1,0 +1,189 @@
+"""What draws the images: the embedded model, or a Stable Diffusion base with an RF LoRA."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rfgen_sionna.generative.environment.model import EnvironmentModel, make_scheduler, read_model
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import Pir
+
+Progress = Callable[[int, int], None]
+
+FOV_DEG = (35.0, 110.0)
+"""Fields of view that the embedded model draws [degrees]; it was shown 40 … 100."""
+UNSURE = 0.5
+"""Probability of the likeliest place under which a prompt is warned about."""
+
+
+class UnknownPlaceWarning(UserWarning):
+    """A prompt names no place that the model knows."""
+
+
+class Backend(Protocol):
+    """Something that draws PIRs."""
+
+    def check_view(self, view: View) -> None:
+        """Refuse views that can't be drawn, with a ValueError."""
+        ...
+
+    def draw(
+        self,
+        prompt: str,
+        negative: str,
+        view: View,
+        sampler: Sampler,
+        seed: int,
+        known: Known | None,
+        progress: Progress | None,
+    ) -> Pir:
+        """A static PIR of `view`."""
+        ...
+
+
+def load_backend(
+    model: str | Path | None,
+    lora: str | Path | None,
+    device: str | None,
+    *,
+    half: bool | None = None,
+    compiled: bool = False,
+) -> Backend:
+    """The backend of a model; see :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`."""
+    if model is not None and not is_embedded(Path(model)):
+        from rfgen_sionna.generative.environment.foreign import StableDiffusionBackend
+
+        return StableDiffusionBackend(str(model), lora, pick_device(device), half=half, compiled=compiled)
+    return EmbeddedBackend(load_embedded(model, lora, device, half=half, compiled=compiled))
+
+
+def load_embedded(
+    model: str | Path | None,
+    lora: str | Path | None,
+    device: str | None,
+    *,
+    control: Path | bool | None = None,
+    half: bool | None = None,
+    compiled: bool = False,
+) -> EnvironmentModel:
+    """An environment model on its device, with its LoRA merged in."""
+    place = pick_device(device)
+    own = read_model(None if model is None else Path(model), control)
+    if lora is not None:
+        from rfgen_sionna.generative.environment.adapters import load_lora
+
+        load_lora(own.unet, lora)
+    own.to(place, precision(place, half))
+    if compiled:
+        own.unet.compile()
+        if own.control is not None:
+            own.control.compile()
+    return own
+
+
+def precision(device: str, half: bool | None) -> torch.dtype:
+    """What networks compute in on a device; None is half precision on CUDA alone."""
+    on_cuda = torch.device(device).type == "cuda"
+    if not (on_cuda if half is None else half):
+        return torch.float32
+    return torch.float16 if on_cuda else torch.bfloat16
+
+
+def pick_device(device: str | None) -> str:
+    """The device that is meant.
+
+    Raises:
+        ValueError: there is no such device here.
+    """
+    if device is None:
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        kind = torch.device(device).type
+    except RuntimeError:
+        raise ValueError(f"device: {device!r}; 'cpu', 'cuda' or 'cuda:1' and the like are allowed") from None
+    if kind == "cuda" and not torch.cuda.is_available():
+        raise ValueError(
+            f"device: {device!r}, but PyTorch finds no CUDA device here; take 'cpu', or a CUDA build of it"
+        )
+    return device
+
+
+def facts_of(view: View) -> ViewFacts:
+    """What a view tells the embedded model; the floor is z = 0."""
+    yaw, pitch, roll = view.orientation
+    return ViewFacts(view.fov_deg, view.position[2], pitch, yaw, roll)
+
+
+class EmbeddedBackend:
+    """Draws with our own model."""
+
+    def __init__(self, model: EnvironmentModel) -> None:
+        self.model = model
+        self.scheduler = make_scheduler()
+
+    def check_view(self, view: View) -> None:
+        """Refuse fields of view that it was never shown."""
+        for name, angle in zip(("horizontal", "vertical"), view.fov_deg, strict=True):
+            if not FOV_DEG[0] <= angle <= FOV_DEG[1]:
+                raise ValueError(
+                    f"fov_deg: {angle:.4g} degrees {name}; the environment model draws {FOV_DEG[0]:g} … {FOV_DEG[1]:g}"
+                )
+
+    def tokens(self, prompt: str, negative: str, view: View) -> tuple[Tensor, Tensor]:
+        """(1, token, WIDTH) what is wanted, and what guidance leads away from."""
+        place, chance = self.model.text.place_of(prompt)
+        if chance < UNSURE:
+            warnings.warn(
+                f"environment prompt {prompt!r} names no place that the model knows; it draws something like a {place} "
+                f"({', '.join(self.model.text.places)})",
+                UnknownPlaceWarning,
+                stacklevel=4,
+            )
+        facts = [facts_of(view)]
+        return self.model.text.embed([prompt], facts), self.model.text.embed([negative], facts)
+
+    def draw(
+        self,
+        prompt: str,
+        negative: str,
+        view: View,
+        sampler: Sampler,
+        seed: int,
+        known: Known | None,
+        progress: Progress | None,
+    ) -> Pir:
+        """A static PIR of `view`."""
+        tokens, against = self.tokens(prompt, negative, view)
+        guide = None
+        if known is not None:
+            guide = Guide(known=self.encode(known.pir), keep=torch.from_numpy(known.patches)[None, None])
+        noise = noise_like(1, self.model, seed)
+        channels = draw(self.model, self.scheduler, sampler, tokens, against, noise, guide, progress)[0]
+        pir = self.model.codec.decode(channels, blank(view, np.zeros(NATIVE), np.zeros(NATIVE)))
+        return replace(pir, velocity=np.zeros(NATIVE))
+
+    def encode(self, pir: Pir) -> Tensor:
+        """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""
+        image = torch.from_numpy(self.model.codec.encode(pir, clip=True))[None]
+        vae = self.model.vae
+        with torch.no_grad():
+            latents: Tensor = vae.encode(image.to(vae.device)).latent_dist.mode()
+        return latents.float()
+
+
+def is_embedded(path: Path) -> bool:
+    """Whether a name is a file or a folder of ours: not a folder or a hub name of a diffusers pipeline."""
+    if path.suffix == ".safetensors":
+        return True
+    return path.is_dir() and not (path / "model_index.json").is_file()

@@ -1,0 +1,57 @@
+"""Train path diffusion: `python -m rfgen_sionna.generative.environment.controlnet --data PAIRS --out FOLDER`.
+
+It learns from pairs of the same view: what a hurried tracer sees, and everything there is. The base model stays as it
+is. The same command goes on where it was stopped. Only the training split is looked at.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from rfgen_sionna.generative.environment.control_training import ControlRecipe, train_control
+from rfgen_sionna.generative.environment.corpus import read_corpus
+from rfgen_sionna.generative.environment.data import PirData
+from rfgen_sionna.generative.environment.model import read_model
+from rfgen_sionna.generative.environment.train import Device, progress_bar
+
+
+def main(
+    data: Annotated[Path, typer.Option(help="Folder of rendered pairs (… environment.render makes them).")],
+    out: Annotated[Path, typer.Option(help="Folder for checkpoints and the result.")],
+    base: Annotated[Path | None, typer.Option(help="Base model; none: the one that ships.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything.")] = 0,
+    steps: Annotated[
+        int, typer.Option(help="Optimiser steps; more or fewer may be asked for when going on.")
+    ] = ControlRecipe.steps,
+    items: Annotated[int, typer.Option(help="Pairs a step.")] = ControlRecipe.items,
+    rate: Annotated[float, typer.Option(help="Learning rate.")] = ControlRecipe.rate,
+    device: Device = "cpu",
+    threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
+) -> None:
+    """Train the ControlNet, or go on with it."""
+    import torch
+
+    torch.set_num_threads(threads)
+    model = read_model(base)
+    with progress_bar() as bar:
+        reading = bar.add_task("pairs", total=1, note="")
+        corpus = read_corpus(PirData.open(data).select(split="train"), model.codec, pairs=True)
+        bar.update(reading, completed=1, note=str(len(corpus)))
+        task = bar.add_task("images", total=steps, note="")
+        path = train_control(
+            corpus,
+            model,
+            out,
+            ControlRecipe(steps=steps, items=items, rate=rate, seed=seed),
+            device=device,
+            progress=lambda step, _, loss: bar.update(task, completed=step, note=f"loss {loss:.4f}"),
+        )
+    Console().print(f"ControlNet: {path}")
+
+
+if __name__ == "__main__":
+    typer.run(main)

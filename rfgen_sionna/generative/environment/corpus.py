@@ -1,0 +1,120 @@
+"""The data set as the image models see it: pictures, sentences, views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from rfgen_sionna.generative.environment.captions import caption
+from rfgen_sionna.generative.environment.data import PLACES
+from rfgen_sionna.generative.environment.text import Sentence, ViewFacts
+from rfgen_sionna.pir.codec import PirCodec
+
+if TYPE_CHECKING:
+    from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+    from rfgen_sionna.generative.environment.data import PirData
+
+_SAID = 0.25
+"""Share of the sentences that the data set itself holds; the others are worded anew each time."""
+
+
+@dataclass(frozen=True)
+class Corpus:
+    """Views, in memory."""
+
+    images: NDArray[np.float16]
+    """(view, 3, row, column) channels of :class:`PirCodec`."""
+    places: NDArray[np.intp]
+    """(view,) index into `names`."""
+    names: tuple[str, ...]
+    """Of the places."""
+    objects: list[list[str]]
+    """What is in view, for each view."""
+    captions: list[str]
+    views: list[ViewFacts]
+    incomplete: NDArray[np.float16] | None = None
+    """(view, 3, row, column) of pairs: what a hurried tracer would have seen."""
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+    @cached_property
+    def things(self) -> tuple[str, ...]:
+        """Every kind of furniture in view anywhere, sorted."""
+        return tuple(sorted({thing for row in self.objects for thing in row}))
+
+    def image(self, index: int, mirrored: bool) -> NDArray[np.float32]:
+        """(3, row, column) of one view, or its mirror image."""
+        x = self.images[index].astype(np.float32)
+        return x[..., ::-1] if mirrored else x
+
+    def sentence(self, index: int, rng: np.random.Generator) -> str:
+        """A wording for one view."""
+        if rng.uniform() < _SAID:
+            return self.captions[index]
+        return caption(self.names[self.places[index]], self.objects[index], rng)
+
+    def draw(self, rng: np.random.Generator) -> Sentence:
+        """A sentence and what it says, of any view."""
+        index = int(rng.integers(len(self)))
+        place, seen = self.names[self.places[index]], self.objects[index]
+        kept = [thing for thing in seen if rng.uniform() < 0.6]
+        text = caption(place, kept, rng)
+        said = tuple(thing for thing in self.things if thing in text)
+        return Sentence(text, int(self.places[index]), said)
+
+    def view(self, index: int, mirrored: bool) -> ViewFacts:
+        """How one view, or its mirror image, looks at its place."""
+        return self.views[index].mirrored() if mirrored else self.views[index]
+
+    def latents(self, vae: PatchAutoencoder) -> Tensor:
+        """(2, view, latent, row, column) of the images and of their mirror images, half precision."""
+        out = []
+        with torch.no_grad():
+            for mirrored in (False, True):
+                parts = []
+                for start in range(0, len(self), 256):
+                    x = self.images[start : start + 256].astype(np.float32)
+                    x = np.ascontiguousarray(x[..., ::-1]) if mirrored else x
+                    parts.append(vae.encode(torch.from_numpy(x)).latent_dist.mode().half())
+                out.append(torch.cat(parts))
+        return torch.stack(out)
+
+
+def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False) -> Corpus:
+    """All views of `data` as channels; energies, ranges and velocities beyond the convention are held at its ends.
+
+    Raises:
+        ValueError: `data` is empty.
+    """
+    if not len(data):
+        raise ValueError("data: no views are left; render some, or choose another split or place")
+    images, before = [], []
+    for start in range(0, len(data), 256):
+        index = np.arange(start, min(start + 256, len(data)))
+        images.append(
+            codec.encode_arrays(
+                data.energy(index), data.time_of_arrival(index), data.velocity(index), clip=True
+            ).astype(np.float16)
+        )
+        if pairs:
+            before.append(codec.encode_arrays(*data.incomplete(index), clip=True).astype(np.float16))
+    views = [
+        ViewFacts((float(f[0]), float(f[1])), float(h), float(p), float(y))
+        for f, h, p, y in zip(data.fov_deg, data.height, data.pitch, data.yaw, strict=True)
+    ]
+    return Corpus(
+        np.concatenate(images),
+        np.asarray(data.places, dtype=np.intp),
+        PLACES,
+        [list(row) for row in data.objects],
+        list(data.captions),
+        views,
+        np.concatenate(before) if pairs else None,
+    )

@@ -1,0 +1,113 @@
+"""Environment diffusion: from words to what surroundings return to a radar."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rfgen_sionna.generative.environment.views import NATIVE, imagined_so_far, resized
+from rfgen_sionna.pir.render import check_view
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.radar.pose import Vector, vector
+from rfgen_sionna.records import Pir
+
+if TYPE_CHECKING:
+    from rfgen_sionna.generative.environment.backend import Backend
+
+
+class EnvironmentDiffusion:
+    """Surroundings imagined from words, as a PIR in physical units.
+
+    Parameters
+    ----------
+    model
+        An environment model: file or folder of … `environment.train`, a local folder or hub name of a Stable Diffusion
+        base (then `lora` names an RF LoRA for it); None is the one that ships with the package.
+    lora
+        RF LoRA on top: a file of … `environment.lora`, a released one, or a folder or hub name that holds one.
+    device
+        "cpu", "cuda", …; None takes CUDA where there is one.
+    steps, guidance, sampler
+        Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps.
+    half
+        Compute in half precision, which processors with bfloat16 matrix units do twice as fast; None: on CUDA alone.
+    compile
+        Compile the network (CUDA); pays off for many images.
+
+    One environment is imagined once: the first view is kept under prompt, negative prompt and seed, and later views of
+    it show its points from where they stand; only what it didn't show is imagined, around what is known.
+    """
+
+    def __init__(
+        self,
+        model: str | Path | None = None,
+        lora: str | Path | None = None,
+        device: str | None = None,
+        *,
+        steps: int = 20,
+        guidance: float = 2.0,
+        sampler: str = "ddim",
+        half: bool | None = None,
+        compile: bool = False,
+    ) -> None:
+        from rfgen_sionna.generative.environment.backend import load_backend
+        from rfgen_sionna.generative.environment.sampling import Sampler
+
+        self.sampler = Sampler(sampler, steps, guidance)
+        self._backend: Backend = load_backend(model, lora, device, half=half, compiled=compile)
+        self._kept: dict[str, list[Pir]] = {}
+
+    def generate(
+        self,
+        prompt: str,
+        *,
+        negative: str = "",
+        fov_deg: float | tuple[float, float] = 60.0,
+        resolution: tuple[int, int] = NATIVE,
+        position: Vector = (0.0, 0.0, 1.0),
+        orientation: Vector = (0.0, 0.0, 0.0),
+        seed: int = 0,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Pir:
+        """What surroundings return.
+
+        Energy is |path gain|^2 for isotropic elements, time of arrival NaN where nothing returns, velocity 0. The floor
+        is z = 0.
+
+        Parameters
+        ----------
+        prompt, negative
+            What the surroundings are ("a living room with a sofa"), and what isn't there.
+        fov_deg
+            Horizontal field of view [degrees] with square pixels, or (horizontal, vertical).
+        resolution
+            (rows, columns).
+        position, orientation
+            Viewpoint [m] and its yaw, pitch, roll [rad].
+        seed
+            The same prompt, view and seed give the same image.
+        progress
+            Called with (step, steps).
+
+        Raises
+        ------
+        ValueError
+            If an argument is out of its range.
+        """
+        if not isinstance(prompt, str) or not prompt.strip():
+            raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
+        rows, columns, fov = check_view(resolution, fov_deg)
+        view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
+        self._backend.check_view(view)
+        key = json.dumps([prompt, negative, seed, asdict(self.sampler)])
+        kept = self._kept.setdefault(key, [])
+        for pir in kept:
+            if View.of(pir) == view:
+                return resized(pir, (rows, columns))
+        known = imagined_so_far(kept, view) if kept else None
+        pir = self._backend.draw(prompt, negative, view, self.sampler, seed, known, progress)
+        kept.append(pir)
+        return resized(pir, (rows, columns))

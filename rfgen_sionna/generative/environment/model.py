@@ -1,0 +1,248 @@
+"""The environment model in memory and on disk, and diffusers' own pipelines over it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from diffusers import (
+    ControlNetModel,
+    DDIMScheduler,
+    StableDiffusionControlNetPipeline,
+    StableDiffusionImg2ImgPipeline,
+    StableDiffusionPipeline,
+    UNet2DConditionModel,
+)
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from rfgen_sionna.generative.diffusion.text import WIDTH
+from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.pir.codec import PirCodec
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+FORMAT = "rfgen-environment-1"
+CONTROL_FORMAT = "rfgen-environment-control-1"
+BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
+LATENT_SIZE = 16
+
+
+class ModelFileError(ValueError):
+    """A file is no environment model, or one of another kind."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Sizes of the denoising network."""
+
+    channels: tuple[int, ...] = (96, 160, 256)
+    latents: int = 32
+    heads: int = 4
+
+    def unet(self) -> UNet2DConditionModel:
+        """A network with random weights; attention below full resolution, where the cost is small."""
+        return UNet2DConditionModel(
+            sample_size=LATENT_SIZE,
+            in_channels=self.latents,
+            out_channels=self.latents,
+            block_out_channels=self.channels,
+            down_block_types=("DownBlock2D", "CrossAttnDownBlock2D", "CrossAttnDownBlock2D"),
+            up_block_types=("CrossAttnUpBlock2D", "CrossAttnUpBlock2D", "UpBlock2D"),
+            mid_block_type="UNetMidBlock2DCrossAttn",
+            layers_per_block=1,
+            cross_attention_dim=WIDTH,
+            attention_head_dim=self.heads,
+            norm_num_groups=16,
+        )
+
+
+def make_scheduler() -> DDIMScheduler:
+    """The forward process and its sampler: v-prediction, scaled-linear betas, no signal at all in the last step."""
+    return DDIMScheduler(
+        num_train_timesteps=1000,
+        beta_start=0.00085,
+        beta_end=0.012,
+        beta_schedule="scaled_linear",
+        prediction_type="v_prediction",
+        rescale_betas_zero_snr=True,
+        timestep_spacing="trailing",
+        set_alpha_to_one=True,
+        clip_sample=False,
+        steps_offset=1,
+    )
+
+
+@dataclass(frozen=True)
+class EnvironmentModel:
+    """A trained model."""
+
+    unet: UNet2DConditionModel
+    vae: PatchAutoencoder
+    text: PlaceEncoder
+    codec: PirCodec
+    shape: Shape
+    facts: dict[str, Any] = field(default_factory=dict)
+    """Seed, steps, hours, data."""
+    control: ControlNetModel | None = None
+    control_facts: dict[str, Any] = field(default_factory=dict)
+    """Of the ControlNet; `share` is what of its gains holds on validation views."""
+
+    def parts(self) -> dict[str, Any]:
+        """What diffusers' pipelines take."""
+        return {
+            "vae": self.vae,
+            "text_encoder": None,
+            "tokenizer": None,
+            "unet": self.unet,
+            "scheduler": make_scheduler(),
+            "safety_checker": None,
+            "feature_extractor": None,
+            "requires_safety_checker": False,
+        }
+
+    def text_to_image(self) -> StableDiffusionPipeline:
+        """diffusers' text-to-image pipeline on this model; it takes `prompt_embeds` of :meth:`PlaceEncoder.embed`."""
+        return _quiet(StableDiffusionPipeline(**self.parts()))
+
+    def image_to_image(self) -> StableDiffusionImg2ImgPipeline:
+        """diffusers' image-to-image pipeline on this model."""
+        return _quiet(StableDiffusionImg2ImgPipeline(**self.parts()))
+
+    def controlled(self) -> StableDiffusionControlNetPipeline:
+        """diffusers' ControlNet pipeline on this model.
+
+        Raises:
+            ModelFileError: it has no ControlNet.
+        """
+        if self.control is None:
+            raise ModelFileError("control: this model has no ControlNet; train one with … environment.controlnet")
+        return _quiet(StableDiffusionControlNetPipeline(**self.parts(), controlnet=self.control))
+
+    def to(self, device: str | torch.device, dtype: torch.dtype) -> EnvironmentModel:
+        """Moved there, in place; `dtype` is that of the networks."""
+        for part in (self.unet, self.control):
+            if part is not None:
+                torch.nn.Module.to(part, device=device, dtype=dtype)  # diffusers' own warns about nothing
+        torch.nn.Module.to(self.vae, device=device)
+        self.text.to(device=device)
+        return self
+
+
+def new_control(unet: UNet2DConditionModel) -> ControlNetModel:
+    """An untrained ControlNet of `unet`, which reads images of the full resolution with channels in 0 … 1."""
+    return ControlNetModel.from_unet(unet, conditioning_embedding_out_channels=(16, 32, 96), conditioning_channels=3)
+
+
+def write_model(path: Path, model: EnvironmentModel) -> None:
+    """Write a model without its ControlNet, whole or not at all; weights in half precision."""
+    tensors = {f"unet.{k}": v for k, v in model.unet.state_dict().items()}
+    tensors |= {f"text.{k}": v for k, v in model.text.state_dict().items()}
+    header = {
+        "format": FORMAT,
+        "shape": asdict(model.shape),
+        "codec": asdict(model.codec),
+        "places": model.text.places,
+        "things": model.text.things,
+        "facts": model.facts,
+    }
+    exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
+    _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
+
+
+def write_control(path: Path, control: ControlNetModel, facts: dict[str, Any]) -> None:
+    """Write a ControlNet in half precision."""
+    _write(path, {k: v.half() for k, v in control.state_dict().items()}, {"format": CONTROL_FORMAT, "facts": facts})
+
+
+def read_model(path: Path | None = None, control: Path | bool | None = None) -> EnvironmentModel:
+    """Read a model, ready for sampling in single precision on the CPU.
+
+    Args:
+        path: the model's file or its folder; None is the one that ships with the package.
+        control: file of a ControlNet, or whether the one beside the model is wanted.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ModelFileError: it is no environment model of this version.
+    """
+    if path is None:
+        with as_file(files("rfgen_sionna.generative.environment") / "weights") as folder:
+            return read_model(folder, control)
+    file = path / BASE_FILE if path.is_dir() else path
+    header, tensors = _read(file, FORMAT, "an environment model (… environment.train makes one)")
+    shape = Shape(**_tuples(header["shape"]))
+    unet = shape.unet()
+    vae = PatchAutoencoder(latent_channels=shape.latents)
+    text = PlaceEncoder(header["places"], header["things"])
+    for name, module in (("unet", unet), ("vae", vae), ("text", text)):
+        module.load_state_dict({k[len(name) + 1 :]: v for k, v in tensors.items() if k.startswith(f"{name}.")})
+        module.eval().requires_grad_(False)
+    net: ControlNetModel | None = None
+    control_facts: dict[str, Any] = {}
+    if control:
+        where = control if isinstance(control, Path) else file.with_name(CONTROL_FILE)
+        net, control_facts = read_control(where, unet)
+    codec = PirCodec(**_tuples(header["codec"]))
+    return EnvironmentModel(unet, vae, text, codec, shape, header["facts"], net, control_facts)
+
+
+def read_control(path: Path, unet: UNet2DConditionModel) -> tuple[ControlNetModel, dict[str, Any]]:
+    """The ControlNet of `unet` in a file, or in a folder that diffusers saved, and what its file tells of it.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ModelFileError: it is no ControlNet of this base model.
+    """
+    if path.is_dir():
+        if (path / CONTROL_FILE).is_file():
+            return read_control(path / CONTROL_FILE, unet)
+        return ControlNetModel.from_pretrained(path).eval().requires_grad_(False), {}
+    header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (… environment.controlnet makes one)")
+    control = new_control(unet)
+    try:
+        control.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise ModelFileError(
+            f"control: {path.name} was trained on another base model; take the one beside it"
+        ) from error
+    return control.eval().requires_grad_(False), header["facts"]
+
+
+def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}
+
+
+def _write(path: Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".part")
+    save_file({k: v.detach().cpu().contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
+    partial.replace(path)
+
+
+def _read(path: Path, kind: str, what: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    if not path.is_file():
+        raise FileNotFoundError(f"model: {path} is not there; expected {what}")
+    try:
+        with safe_open(path, "pt") as file:
+            header = json.loads((file.metadata() or {}).get("rfgen", "{}"))
+            found = header.get("format")
+            tensors = {key: file.get_tensor(key).float() for key in file.keys()} if found == kind else {}  # noqa: SIM118
+    except Exception as error:
+        if isinstance(error, OSError):
+            raise
+        raise ModelFileError(f"model: {path.name} is no safetensors file: {error}") from error
+    if found != kind:
+        raise ModelFileError(f"model: {path.name} has format {found!r}; expected {what}")
+    return header, tensors
+
+
+def _quiet(pipeline: Any) -> Any:
+    pipeline.set_progress_bar_config(disable=True)
+    return pipeline

@@ -1,0 +1,246 @@
+"""Path diffusion: what a tracer left out of an image, as gains on what is there and energy where nothing was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
+from rfgen_sionna.generative.environment.control_training import condition_of
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.views import NATIVE, resized
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+
+STEPS, GUIDANCE, SAMPLES = 6, 1.0, 3
+"""Of the default drawing: few steps and the mean of a few samples err least."""
+MOST_GAIN_DB = 15.0
+"""By how much existing energy is raised or lowered at most."""
+CHANGED_DB, CHANGED_RANGE = 3.0, 0.3
+"""What a pixel's level and range [m] may do from frame to frame and still count as standing still."""
+_BATCH = 32
+_FLOOR_DB = -300.0
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """What the model makes of one frame, at its own resolution."""
+
+    gain: FloatArray
+    """(row, column) [dB]; 0 where nothing was."""
+    level: FloatArray
+    """(row, column) energy [dB] that is new, `_FLOOR_DB` where none is."""
+    arrival: FloatArray
+    """(row, column) [s] of the new energy."""
+
+
+class PathDiffusion:
+    """Completes mixed images (traced body, traced or imagined surroundings).
+
+    Parameters
+    ----------
+    model, control
+        The environment model and its ControlNet, files or folders; None are those that ship with the package.
+    lora
+        RF LoRA of the environment model.
+    device
+        "cpu", "cuda", …; None takes CUDA where there is one.
+    steps, guidance, sampler
+        Of the drawing. With guidance 1 negative prompts have no effect, so where one is given at least 1.5 is taken.
+    samples
+        Drawings that are averaged.
+    most_gain_db
+        Existing energy changes by no more.
+    half, compile
+        As in :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`.
+    """
+
+    def __init__(
+        self,
+        model: str | Path | None = None,
+        control: str | Path | None = None,
+        lora: str | Path | None = None,
+        device: str | None = None,
+        *,
+        steps: int = STEPS,
+        guidance: float = GUIDANCE,
+        sampler: str = "ddim",
+        samples: int = SAMPLES,
+        most_gain_db: float = MOST_GAIN_DB,
+        half: bool | None = None,
+        compile: bool = False,
+    ) -> None:
+        if not 1 <= samples <= 64:
+            raise ValueError(f"samples: {samples!r}; 1 … 64 are allowed")
+        if not (math.isfinite(most_gain_db) and most_gain_db >= 0):
+            raise ValueError(f"most_gain_db: {most_gain_db!r}; a finite level [dB] of at least 0 is needed")
+        self.sampler = Sampler(sampler, steps, guidance)
+        own = load_embedded(
+            model, lora, device, control=True if control is None else Path(control), half=half, compiled=compile
+        )
+        self.backend = EmbeddedBackend(own)
+        self.samples, self.most_gain_db = samples, most_gain_db
+
+    def refine(self, mixed: Pir, prompt: str, *, negative: str = "", strength: float = 1.0, seed: int = 0) -> Pir:
+        """One image completed; see :meth:`refine_sequence`."""
+        return self.refine_sequence([mixed], prompt, negative=negative, strength=strength, seed=seed)[0]
+
+    def refine_sequence(
+        self,
+        frames: Sequence[Pir],
+        prompt: str,
+        *,
+        negative: str = "",
+        strength: float = 1.0,
+        seed: int = 0,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> list[Pir]:
+        """Images of one view over time, completed coherently.
+
+        Where something returns already its energy is multiplied by a bounded gain, and its time of arrival and velocity
+        stay as they are. Where nothing did, energy may appear, which stands still. All frames share their noise, and a
+        pixel that stands still keeps one gain as long as it does, so that it has no Doppler.
+
+        Parameters
+        ----------
+        frames
+            Mixed images, of one view.
+        prompt, negative
+            The surroundings, and what isn't there.
+        strength
+            0 gives the frames back; up to 1, how much of the drawing is made anew.
+        seed
+            Of the noise.
+        progress
+            Called with (frames done, frames).
+
+        Raises
+        ------
+        ValueError
+            If the frames' views differ, or an argument is out of its range.
+        """
+        if isinstance(strength, bool) or not 0.0 <= strength <= 1.0:
+            raise ValueError(f"strength: {strength!r}; 0 … 1 is allowed")
+        if not frames:
+            raise ValueError("frames: none are given")
+        views = [View.of(frame) for frame in frames]
+        if any(view != views[0] for view in views):
+            raise ValueError("frames: their views differ; refine each view by itself")
+        self.backend.check_view(views[0])
+        if int(self.sampler.steps * strength) == 0:
+            return list(frames)
+        small = [resized(frame, NATIVE) for frame in frames]
+        guesses: list[_Guess] = []
+        for start in range(0, len(frames), max(1, _BATCH // self.samples)):
+            part = small[start : start + max(1, _BATCH // self.samples)]
+            guesses += self._guess(part, prompt, negative, strength, seed)
+            if progress is not None:
+                progress(len(guesses), len(frames))
+        return [self._applied(frame, guess) for frame, guess in zip(frames, _held(small, guesses), strict=True)]
+
+    def _guess(self, frames: Sequence[Pir], prompt: str, negative: str, strength: float, seed: int) -> list[_Guess]:
+        model, codec = self.backend.model, self.backend.model.codec
+        channels = np.stack([codec.encode(frame, clip=True) for frame in frames])
+        tokens, against = self.backend.tokens(prompt, negative, View.of(frames[0]))
+        sampler = self.sampler
+        if negative.strip() and sampler.guidance < 1.5:
+            sampler = replace(sampler, guidance=1.5)
+        many = len(frames) * self.samples
+        start = torch.cat([self.backend.encode(frame) for frame in frames])
+        drawn = draw(
+            model,
+            self.backend.scheduler,
+            sampler,
+            tokens.repeat(many, 1, 1),
+            against.repeat(many, 1, 1),
+            noise_like(self.samples, model, seed).repeat(len(frames), 1, 1, 1),
+            Guide(
+                condition_of(channels).repeat_interleave(self.samples, 0),
+                start.repeat_interleave(self.samples, 0),
+                strength,
+            ),
+        )
+        with torch.no_grad():
+            kept = model.vae.decode(start).sample.float().clamp(-1, 1).cpu().numpy()
+        drawn = drawn.reshape(len(frames), self.samples, *drawn.shape[1:])
+        share = float(model.control_facts.get("share", 1.0))
+        return [self._compare(frame, old, new, share) for frame, old, new in zip(frames, kept, drawn, strict=True)]
+
+    def _compare(self, frame: Pir, old: FloatArray, new: FloatArray, share: float) -> _Guess:
+        """Gains from what the model drew (sample, 3, row, column), against what it would have drawn unchanged."""
+        codec = self.backend.model.codec
+        before, _, _ = codec.decode_arrays(old, clip=True)
+        energy, arrival, _ = codec.decode_arrays(new, clip=True)
+        there = energy > 0
+        votes = there.mean(axis=0)
+        level = np.where(there, _decibels(energy), 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        was = frame.energy > 0
+        known = was & (before > 0) & (votes > 0)
+        gain = np.where(known, share * (level - _decibels(before)), 0.0)
+        appears = ~was & (votes > 0.5)
+        when = np.where(there, np.nan_to_num(arrival), 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        return _Guess(
+            np.clip(gain, -self.most_gain_db, self.most_gain_db),
+            np.where(appears, level, _FLOOR_DB),
+            np.where(appears, when, np.nan),
+        )
+
+    def _applied(self, frame: Pir, guess: _Guess) -> Pir:
+        """`frame` with the gains, and the new energy, of a guess at the model's own resolution."""
+        rows, columns = frame.energy.shape
+        where = np.meshgrid(
+            (np.arange(rows) + 0.5) * NATIVE[0] / rows - 0.5,
+            (np.arange(columns) + 0.5) * NATIVE[1] / columns - 0.5,
+            indexing="ij",
+        )
+        gain = map_coordinates(guess.gain, where, order=1, mode="nearest")
+        nearest = tuple(np.clip(np.rint(w), 0, NATIVE[k] - 1).astype(np.intp) for k, w in enumerate(where))
+        added = (frame.energy <= 0) & (guess.level[nearest] > _FLOOR_DB)
+        share = NATIVE[0] * NATIVE[1] / (rows * columns)
+        energy = np.where(added, share * 10 ** (guess.level[nearest] / 10), frame.energy * 10 ** (gain / 10))
+        return replace(
+            frame,
+            energy=energy,
+            time_of_arrival=np.where(added, guess.arrival[nearest], frame.time_of_arrival),
+            velocity=np.where(added, 0.0, frame.velocity),
+        )
+
+
+def _held(frames: Sequence[Pir], guesses: Sequence[_Guess]) -> list[_Guess]:
+    """Guesses in which each pixel keeps one gain, and one new energy, for as long as it stands still."""
+    if len(frames) < 2:
+        return list(guesses)
+    levels = np.stack([_decibels(frame.energy) for frame in frames])
+    reach = np.stack([0.5 * SPEED_OF_LIGHT * np.nan_to_num(frame.time_of_arrival) for frame in frames])
+    still = (np.abs(np.diff(levels, axis=0)) < CHANGED_DB) & (np.abs(np.diff(reach, axis=0)) < CHANGED_RANGE)
+    still &= np.stack([frame.velocity == 0 for frame in frames]).all(axis=0)
+    stretch = np.concatenate([np.zeros((1, *NATIVE), np.intp), np.cumsum(~still, axis=0)])
+    label = (stretch * NATIVE[0] * NATIVE[1] + np.arange(NATIVE[0] * NATIVE[1]).reshape(NATIVE)).ravel()
+    gain = _means(np.stack([g.gain for g in guesses]), label)
+    new = np.stack([g.level > _FLOOR_DB for g in guesses])
+    share = _means(new.astype(np.float64), label)
+    level = _means(np.where(new, np.stack([g.level for g in guesses]), 0.0), label) / np.maximum(share, 1e-9)
+    when = _means(np.where(new, np.stack([np.nan_to_num(g.arrival) for g in guesses]), 0.0), label)
+    there = share > 0.5
+    return [
+        _Guess(gain[k], np.where(there[k], level[k], _FLOOR_DB), np.where(there[k], when[k] / share[k], np.nan))
+        for k in range(len(frames))
+    ]
+
+
+def _means(values: FloatArray, label: NDArray[np.intp]) -> FloatArray:
+    """`values` with each replaced by the mean over its label."""
+    count = np.bincount(label)
+    sums = np.bincount(label, weights=values.ravel())
+    return np.asarray((sums / np.maximum(count, 1))[label].reshape(values.shape))
+
+
+def _decibels(energy: FloatArray) -> FloatArray:
+    return np.asarray(10 * np.log10(np.maximum(energy, 1e-30)))

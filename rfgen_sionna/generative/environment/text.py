@@ -1,0 +1,161 @@
+"""What a prompt and a view tell the image model: tokens of words, and one token of numbers.
+
+The sentence encoder is the motion model's kind, trained here to say which place a sentence names and what stands there.
+It ships with the weights and needs no download.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
+
+from rfgen_sionna.generative.diffusion.text import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
+from rfgen_sionna.generative.diffusion.text_training import roughened
+
+TOKENS = MAX_WORDS + 2
+"""Tokens a prompt and its view take: the numbers, the sentence as a whole, its words."""
+_BANDS = WIDTH // 16
+
+
+@dataclass(frozen=True)
+class ViewFacts:
+    """How a view looks at its place."""
+
+    fov_deg: tuple[float, float]
+    """Horizontal, vertical [degrees]."""
+    height: float
+    """Of the radar over the floor [m]."""
+    pitch: float
+    """[rad]; positive looks down."""
+    yaw: float
+    """[rad]; positive is to the left."""
+    roll: float = 0.0
+    """[rad]"""
+
+    def mirrored(self) -> ViewFacts:
+        """Of the image whose columns are swapped."""
+        return ViewFacts(self.fov_deg, self.height, self.pitch, -self.yaw, -self.roll)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Eight numbers of the order of 1."""
+        return (
+            self.fov_deg[0] / 60.0 - 1.0,
+            self.fov_deg[1] / 60.0 - 1.0,
+            self.height - 1.0,
+            2.0 * self.pitch,
+            math.cos(self.yaw),
+            math.sin(self.yaw),
+            math.cos(self.roll),
+            math.sin(self.roll),
+        )
+
+
+def view_tokens(views: Sequence[ViewFacts]) -> Tensor:
+    """(view, 1, WIDTH) sines and cosines of each view's numbers at several frequencies; nothing is learned."""
+    x = torch.tensor([view.numbers for view in views], dtype=torch.float32)
+    phase = x[:, :, None] * (0.5 * math.pi * 2.0 ** (torch.arange(_BANDS) - 1.0))
+    return torch.cat([phase.sin(), phase.cos()], dim=-1).reshape(len(views), 1, WIDTH) * math.sqrt(2.0)
+
+
+class PlaceEncoder(SentenceEncoder):
+    """The encoder of sentences about places.
+
+    Args:
+        places: names of the places it tells apart.
+        things: names of the furniture it tells apart.
+    """
+
+    def __init__(self, places: Sequence[str], things: Sequence[str]) -> None:
+        super().__init__()
+        self.places, self.things = tuple(places), tuple(things)
+        self.named = nn.Linear(WIDTH, len(self.places))
+        self.mentioned = nn.Linear(WIDTH, len(self.things))
+        self.register_buffer("spread", torch.ones(2))
+
+    spread: Tensor
+    """Root mean square of pooled states and of word states over the training sentences."""
+
+    @torch.no_grad()
+    def embed(self, texts: Sequence[str], views: Sequence[ViewFacts]) -> Tensor:
+        """(text, TOKENS, WIDTH) of sentences and views; an empty sentence is zeros but for its view."""
+        reading = self(tokenise(list(texts)).to(self.place.device))
+        said = torch.tensor([bool(t.strip()) for t in texts], device=self.place.device)[:, None, None]
+        pooled = reading.pooled[:, None] / self.spread[0] * said
+        tokens = reading.tokens / self.spread[1] * said
+        return torch.cat([view_tokens(views).to(pooled), pooled, tokens], dim=1)
+
+    @torch.no_grad()
+    def place_of(self, text: str) -> tuple[str, float]:
+        """The likeliest place of a sentence, and its probability."""
+        chances = self.named(self(tokenise([text]).to(self.place.device)).pooled).softmax(dim=-1)[0]
+        best = int(chances.argmax())
+        return self.places[best], float(chances[best])
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A sentence and what it says."""
+
+    text: str
+    place: int
+    """Index of the place; −1 where it names none."""
+    things: tuple[str, ...] = ()
+
+
+def train_text(
+    draw: Callable[[np.random.Generator], Sentence],
+    places: Sequence[str],
+    things: Sequence[str],
+    *,
+    seed: int = 0,
+    steps: int = 500,
+    batch: int = 64,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> PlaceEncoder:
+    """A trained encoder.
+
+    Args:
+        draw: makes a sentence.
+        places, things: what sentences may name.
+        seed: of weights and sentences.
+        steps, batch: optimiser steps and sentences a step.
+        progress: called with (step, steps, loss).
+    """
+    torch.manual_seed(seed)
+    rng = np.random.default_rng([seed, 311])
+    model = PlaceEncoder(places, things)
+    column = {name: i for i, name in enumerate(model.things)}
+    optimiser = torch.optim.AdamW(model.parameters(), lr=1e-3, weight_decay=0.05)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, total_steps=steps, pct_start=0.1)
+    for step in range(steps):
+        drawn = [draw(rng) for _ in range(batch)]
+        ids = tokenise([roughened(rng, s.text) for s in drawn])
+        longest = int((ids > 0).any(dim=-1).sum(dim=1).max())
+        reading = model(ids[:, :longest])
+        place = torch.tensor([s.place for s in drawn])
+        things_said = torch.zeros(batch, len(model.things))
+        for row, sentence in enumerate(drawn):
+            for thing in sentence.things:
+                if thing in column:
+                    things_said[row, column[thing]] = 1.0
+        loss = cross_entropy(model.named(reading.pooled), place, label_smoothing=0.02, ignore_index=-1)
+        loss = loss + 4.0 * binary_cross_entropy_with_logits(model.mentioned(reading.pooled), things_said)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+        if progress is not None:
+            progress(step + 1, steps, float(loss.detach()))
+    model.eval().requires_grad_(False)
+    with torch.no_grad():
+        reading = model(tokenise([draw(rng).text for _ in range(512)]))
+        words = reading.tokens[reading.mask]
+        model.spread.copy_(torch.stack([reading.pooled.square().mean().sqrt(), words.square().mean().sqrt()]))
+    return model

@@ -1,0 +1,144 @@
+"""RF LoRA: base, LoRA, ControlNet one after another; Stable Diffusion's architecture; what belongs to another base."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraError, find_lora, read_facts
+from rfgen_sionna.generative.environment.bases import EmbeddedBase, StableDiffusionBase
+from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.lora_training import LoraRecipe, choose_rate, train_lora
+from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, Shape, write_model
+from rfgen_sionna.generative.environment.refine import PathDiffusion
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning", "ignore::DeprecationWarning")
+SHORT = LoraRecipe(frames=8, steps=3, items=4)
+
+
+@pytest.fixture(scope="module")
+def lora(corpus: Corpus, model_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A LoRA of the embedded model, three steps old."""
+    out = tmp_path_factory.mktemp("lora")
+    outcome = choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), corpus, corpus, out, SHORT, [0.05, 1e-6])
+    assert set(outcome.losses) == {0.05, 1e-6}
+    assert outcome.losses[outcome.rate] == min(outcome.losses.values())
+    choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), corpus, corpus, out / "strong", SHORT, [0.05])
+    return out / "strong" / WEIGHT_NAME
+
+
+def test_a_lora_changes_what_is_drawn_and_only_that_model(lora: Path, model_folder: Path) -> None:
+    plain, adapted = (EnvironmentDiffusion(model_folder, each, steps=2) for each in (None, lora))
+    a, b = (each.generate("a bedroom", seed=1) for each in (plain, adapted))
+    assert not np.array_equal(a.energy, b.energy)
+    again = EnvironmentDiffusion(model_folder, lora, steps=2).generate("a bedroom", seed=1)
+    np.testing.assert_array_equal(again.energy, b.energy)
+
+
+def test_base_then_lora_then_control_net(lora: Path, model_folder: Path, corpus: Corpus) -> None:
+    adapted, plain = (PathDiffusion(model_folder, lora=each, steps=2, samples=1) for each in (lora, None))
+    mixed = EnvironmentDiffusion(model_folder, lora, steps=2).generate("a bedroom", seed=1)
+    a, b = (each.refine(mixed, "a bedroom", seed=2) for each in (adapted, plain))
+    assert not np.array_equal(a.energy, b.energy)
+    assert not np.array_equal(a.energy, mixed.energy)
+
+
+def test_training_goes_on_where_it_was_stopped(corpus: Corpus, model_folder: Path, tmp_path: Path) -> None:
+    def train(out: Path, steps: int) -> dict[str, Any]:
+        recipe = LoraRecipe(frames=8, steps=steps, items=2, save_every=2)
+        return train_lora(EmbeddedBase(model_folder, "cpu"), corpus, out, recipe, 1e-3)[0]
+
+    train(tmp_path / "stopped", 2)
+    stopped, whole = train(tmp_path / "stopped", 4), train(tmp_path / "whole", 4)
+    assert stopped.keys() == whole.keys()
+    for key, values in stopped.items():
+        np.testing.assert_array_equal(values.numpy(), whole[key].numpy())
+
+
+def test_a_lora_of_another_base_is_refused(lora: Path, model: Any, corpus: Corpus, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
+    write_model(tmp_path / BASE_FILE, replace(model, unet=shape.unet(), shape=shape))
+    with pytest.raises(LoraError, match=r"another base.*own base"):
+        EnvironmentDiffusion(tmp_path, lora)
+
+
+def test_a_lora_that_is_not_there_is_told(tmp_path: Path, lora: Path) -> None:
+    with pytest.raises(LoraError, match="no file, no folder"):
+        find_lora(tmp_path / "none.safetensors")
+    with pytest.raises(LoraError, match=r"holds 0 \.safetensors"):
+        find_lora(tmp_path)
+    (tmp_path / "weights.bin").write_bytes(b"x")
+    with pytest.raises(LoraError, match="may run code"):
+        find_lora(tmp_path / "weights.bin")
+    assert find_lora(lora.parent) == lora
+
+
+def test_the_paper_is_the_preset_and_two_per_cent_are_trained() -> None:
+    from rfgen_sionna.generative.environment.adapters import add_lora
+
+    assert (LoraRecipe.frames, LoraRecipe.steps, LoraRecipe.paper_rate) == (800, 100, 1e-4)
+    unet = Shape().unet()
+    everything = sum(p.numel() for p in unet.parameters())
+    assert sum(p.numel() for p in add_lora(unet, LoraRecipe.rank)) < 0.02 * everything
+
+
+@pytest.mark.parametrize("kind", ["stable_diffusion", "stable_diffusion_xl"])
+def test_one_step_saving_and_loading_on_stable_diffusion(
+    kind: str, corpus: Corpus, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    folder = request.getfixturevalue(kind)
+    recipe = LoraRecipe(frames=4, steps=1, items=1, text_encoder=True, word="rfpir")
+    outcome = choose_rate(lambda: StableDiffusionBase(str(folder), "cpu"), corpus, corpus, tmp_path, recipe, [0.05])
+    assert outcome.state
+    assert any(key.startswith("text_encoder.") for key in outcome.state)
+    facts = read_facts(tmp_path / WEIGHT_NAME)
+    assert (facts.codec, facts.word, facts.steps) == ("rfgen", "rfpir", 1)
+    plain, adapted = (EnvironmentDiffusion(folder, each, steps=2) for each in (None, tmp_path))
+    a, b = (each.generate("a bedroom", seed=1) for each in (plain, adapted))
+    assert a.energy.shape == (64, 64)
+    assert not np.array_equal(a.time_of_arrival, b.time_of_arrival, equal_nan=True)
+    turned = adapted.generate("a bedroom", seed=1, orientation=(0.2, 0.0, 0.0))
+    assert np.isfinite(turned.energy).all()
+
+
+def test_released_loras_draw_in_the_authors_convention(stable_diffusion: Path, tmp_path: Path) -> None:
+    import torch
+    from safetensors.torch import save_file
+
+    from rfgen_sionna.generative.environment.adapters import add_lora, lora_state
+    from rfgen_sionna.generative.environment.foreign import load_pipeline
+    from rfgen_sionna.records import SPEED_OF_LIGHT
+
+    pipeline = load_pipeline(str(stable_diffusion), torch.float32)
+    add_lora(pipeline.unet, 2)
+    state = {k.replace("unet.", "lora_unet_"): v for k, v in lora_state(pipeline.unet, "unet").items()}
+    # kohya's names, as trainers outside of diffusers write them
+    kohya = {}
+    for key, value in state.items():
+        layer, end = key.split(".lora.down" if ".lora.down" in key else ".lora.up")
+        kind = "lora_down" if ".lora.down" in key else "lora_up"
+        kohya[f"{layer.replace('.', '_')}.{kind}{end}"] = value
+        kohya[f"{layer.replace('.', '_')}.alpha"] = torch.tensor(2.0)
+    save_file(kohya, tmp_path / "released.safetensors")
+    pir = EnvironmentDiffusion(stable_diffusion, tmp_path / "released.safetensors", steps=2).generate("a room", seed=0)
+    distance = 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival
+    assert np.nanmin(distance) >= 5.0
+    assert np.nanmax(distance) <= 10.0 * np.sqrt(1 + 2 * np.tan(np.radians(30)) ** 2)
+
+
+def test_an_embedded_lora_does_not_fit_stable_diffusion(lora: Path, stable_diffusion: Path) -> None:
+    with pytest.raises(LoraError, match="another base"):
+        EnvironmentDiffusion(stable_diffusion, lora)
+
+
+def test_the_base_has_no_text_encoder_to_adapt(corpus: Corpus, model_folder: Path, tmp_path: Path) -> None:
+    recipe = LoraRecipe(frames=4, steps=1, items=1, text_encoder=True)
+    with pytest.raises(ValueError, match="text_encoder"):
+        choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), corpus, corpus, tmp_path, recipe, [1e-3])
+    assert (model_folder / CONTROL_FILE).is_file()
