@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.records import RadarPaths as RadarPaths
     from rfgen_sionna.scene import load_scene as load_scene
     from rfgen_sionna.scene import material as material
+    from rfgen_sionna.scene.furnished import furnished as furnished
     from rfgen_sionna.simulation import Simulator as Simulator
     from rfgen_sionna.tracing.sionna_paths import from_sionna as from_sionna
     from rfgen_sionna.tracing.sionna_target import add_actor as add_actor
@@ -38,6 +39,7 @@ _HOMES = {
     "Simulator": "simulation",
     "add_actor": "tracing.sionna_target",
     "from_sionna": "tracing.sionna_paths",
+    "furnished": "scene.furnished",
     "generate": "pipeline",
     "load_scene": "scene",
     "material": "scene",
