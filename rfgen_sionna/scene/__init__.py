@@ -5,7 +5,7 @@ Importing it imports neither Mitsuba nor Sionna; they start when a scene is firs
 
 from rfgen_sionna.scene.actor import Actor, rotation_matrix
 from rfgen_sionna.scene.clearance import check_radar_clear
-from rfgen_sionna.scene.devices import add_radar, tabulated
+from rfgen_sionna.scene.devices import add_radar, radar_alone, tabulated
 from rfgen_sionna.scene.errors import (
     BackendError,
     CoarseMeshWarning,
@@ -42,6 +42,7 @@ __all__ = [
     "face_normals",
     "load_scene",
     "material",
+    "radar_alone",
     "rotation_matrix",
     "tabulated",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -59,8 +61,10 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
     include the element patterns. Call the solver with `synthetic_array=False`: the other way Sionna takes a plane wave
     across the array, which errs by degrees of phase at indoor ranges.
 
-    Several radars of one kind may stand in a scene, each with its own pose. Sionna keeps one transmit and one receive
-    array for all devices of a scene, so that radars of different kinds need a scene each.
+    Several radars of one kind may stand in a scene, each with its own pose. Sionna keeps one transmit array, one
+    receive array and one frequency for all devices of a scene: radars of different kinds take turns in it, see
+    :func:`radar_alone`. A :class:`~rfgen_sionna.simulation.Simulator` has a radar of its own: any number of them, of
+    any kinds, may share a scene.
 
     Parameters
     ----------
@@ -89,7 +93,8 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
         if known and not fits:
             raise ValueError(
                 f"radar '{radar.name}': the scene's {end}_array serves the devices {', '.join(known)} and has other "
-                "elements; Sionna keeps one array per scene: load the scene anew for this radar"
+                "elements; Sionna keeps one array per scene: radars of different kinds take turns, in "
+                "radar_alone(scene, radar)"
             )
     if not tx_fits:
         inside.tx_array = RadarArray(radar, "tx")
@@ -98,3 +103,46 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
     devices = RadarTransmitter(radar, f"{name}_tx"), RadarReceiver(radar, f"{name}_rx")
     inside.add(list(devices))
     return devices
+
+
+@contextmanager
+def radar_alone(
+    scene: RadarScene | Any, radar: Radar, name: str | None = None
+) -> Iterator[tuple[RadarTransmitter, RadarReceiver]]:
+    """A radar as the scene's only transmitter and receiver, for as long as the `with` block lasts.
+
+    So radars of different kinds and bands share a scene, one solver call each:
+
+    >>> for radar in radars:  # doctest: +SKIP
+    ...     with radar_alone(scene, radar):
+    ...         paths.append(solver(scene.sionna, synthetic_array=False))
+
+    Afterwards devices, arrays and frequency are what they were. The frequency of a
+    :class:`~rfgen_sionna.scene.load.RadarScene` is the radar's centre frequency meanwhile; that of a `sionna.rt.Scene`
+    is left alone, as its materials may have none there.
+
+    Parameters
+    ----------
+    scene, radar, name
+        As for :func:`add_radar`.
+    """
+    ensure_backend()
+    inside = scene.sionna if isinstance(scene, RadarScene) else scene
+    others = [*inside.transmitters.values(), *inside.receivers.values()]
+    arrays = {end: getattr(inside, f"{end}_array") for end in ("tx", "rx")}
+    before = scene.frequency if isinstance(scene, RadarScene) else None
+    inside.remove([device.name for device in others])
+    devices: tuple[RadarTransmitter, RadarReceiver] | tuple[()] = ()
+    try:
+        if isinstance(scene, RadarScene):
+            scene.tune(radar.center_frequency)
+        devices = add_radar(scene, radar, name)
+        yield devices
+    finally:
+        inside.remove([device.name for device in devices])
+        for end, array in arrays.items():
+            if array is not None:
+                setattr(inside, f"{end}_array", array)
+        inside.add(others)
+        if before is not None:
+            scene.tune(before)

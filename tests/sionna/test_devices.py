@@ -9,7 +9,7 @@ import pytest
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
-from rfgen_sionna.scene import add_radar, load_scene, tabulated
+from rfgen_sionna.scene import add_radar, load_scene, radar_alone, tabulated
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
 
@@ -193,6 +193,49 @@ def test_several_radars_of_one_kind_stand_in_a_scene(rt):
             mirrored = listener.rx_world * [1, 1, -1]
             lengths = np.linalg.norm(sender.tx_world[:, None] - mirrored[None], axis=-1)
             np.testing.assert_allclose(SPEED_OF_LIGHT * tau[..., 0], lengths, atol=1e-6)
+
+
+def test_radars_of_different_kinds_take_turns_in_a_scene(rt):
+    """77 and 24 GHz, each with its own pose, elements, pattern and frequency; what stood there before stands again."""
+    scene = load_scene("simple_reflector")
+    left = Radar.load("awr1843", position=(-0.2, 0.1, 2.0), look_at=(0, 0, 0))
+    scene.tune(left.center_frequency)
+    add_radar(scene, left, "left")
+    alone = gains(solve(rt, scene))
+    arrays = scene.sionna.tx_array, scene.sionna.rx_array
+    for radar in (Radar.load("position2go", **POSE), Radar.load("mmwcas", position=(0.1, 0.0, 1.5), look_at=(0, 0, 0))):
+        with radar_alone(scene, radar, "other") as (transmitter, receiver):
+            assert list(scene.sionna.transmitters) == ["other_tx"]
+            assert list(scene.sionna.receivers) == ["other_rx"]
+            assert (transmitter.radar, receiver.radar) == (radar, radar)
+            assert float(scene.sionna.frequency[0]) == pytest.approx(radar.center_frequency, rel=1e-7)
+            a, tau = gains(solve(rt, scene))
+        assert a.shape == (len(radar.tx_names), len(radar.rx_names), 1)
+        np.testing.assert_allclose(SPEED_OF_LIGHT * tau[..., 0], image_lengths(radar), atol=1e-6)
+        own = load_scene("simple_reflector")
+        own.tune(radar.center_frequency)
+        add_radar(own, radar)
+        np.testing.assert_allclose(a, gains(solve(rt, own))[0], rtol=1e-5)
+    with pytest.raises(RuntimeError, match="solver"), radar_alone(scene, radar):  # an error leaves no trace either
+        raise RuntimeError("solver")
+    assert list(scene.sionna.transmitters) == ["left_tx"]
+    assert list(scene.sionna.receivers) == ["left_rx"]
+    assert (scene.sionna.tx_array, scene.sionna.rx_array) == arrays
+    for found, wanted in zip(gains(solve(rt, scene)), alone, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-6)
+
+
+def test_simulators_of_different_radars_share_a_scene():
+    """At 77 and 24 GHz in turns: to the bit what each gives in a scene of its own, although both tune the materials."""
+    kinds = ("awr1843", "position2go")
+    radars = [Radar.load(name, **POSE | {"position": (0.1 * n, 0.0, HEIGHT)}) for n, name in enumerate(kinds)]
+    alone = [Simulator(load_scene("simple_reflector"), radar) for radar in radars]
+    wanted = [simulation.adc(0.05, seed=3).data for simulation in alone]
+    scene = load_scene("simple_reflector")
+    together = [Simulator(scene, radar) for radar in radars]
+    runs = [simulation.frames(0.05, seed=3) for simulation in together]
+    for number in (1, 0):
+        np.testing.assert_array_equal(next(runs[number]).samples.astype(np.complex64), wanted[number][0])
 
 
 def test_what_sionna_cannot_hold_is_refused(rt):
