@@ -25,7 +25,7 @@ from rfgen_sionna.generative.environment.shooting import (
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.actor import Actor
-from rfgen_sionna.scene.furnished import FurnishedScene, furnished
+from rfgen_sionna.scene.furnished import furnished
 
 Kind = Literal["environment", "pairs"]
 PER_SHARD = 16
@@ -228,8 +228,3 @@ def check_folder(folder: Path, settings: Settings) -> None:
                 f"{file} was made with other settings:\n  {made}\nnot with\n  {settings.command()}\n"
                 "choose another --out, or the same options (a larger --count goes on)"
             )
-
-
-def scene_of(place: str, layout: int) -> FurnishedScene:
-    """The scene that views of a data set show."""
-    return furnished(place, layout)

@@ -214,14 +214,3 @@ def sheet(
     x, y = np.meshgrid(np.linspace(x0, x1, cells[0] + 1), np.linspace(y0, y1, cells[1] + 1), indexing="ij")
     points = np.stack([x, y, height(x, y)], -1).reshape(-1, 3)
     return Part(points, np.ascontiguousarray(grid_faces(cells[0] + 1, cells[1] + 1)[:, ::-1]))
-
-
-def extruded(outline: ArrayLike, thickness: float) -> Part:
-    """A plate from an outline (point, 2) [m] that sees all of its rim from the middle, in the plane y = 0 as (x, z),
-    half of its `thickness` [m] on either side."""
-    flat = np.asarray(outline, np.float64)
-    x, z = flat.T
-    if (x * np.roll(z, -1) - np.roll(x, -1) * z).sum() > 0:  # seen along +y, (x, z) runs the other way round
-        flat = flat[::-1]
-        x, z = flat.T
-    return loft(np.stack([np.stack([x, np.full(len(x), y), z], -1) for y in (-thickness / 2, thickness / 2)]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Ground, Plan, Wall
 from rfgen_sionna.scene.furnished.piece import merge
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, joined, lathe, quad, tube
+from rfgen_sionna.scene.furnished.shapes import Part, box, cushion, grid_faces, joined, lathe, quad, tube
 
 DOOR_SPACE = 0.75
 """What a door needs in front of it [m]."""
@@ -191,8 +191,3 @@ def _door(rng: np.random.Generator, a: float, b: float, top: float) -> list[Part
         tube([(x, -0.01, 1.03), (x, 0.045, 1.03), (x + 0.11, 0.05, 1.03)], 0.009).of("metal"),
     ]
     return parts
-
-
-def pillar(x: float, y: float, size: float, height: float, finish: str) -> Part:
-    """A square column."""
-    return block(size, size, height, x, y).of(finish)

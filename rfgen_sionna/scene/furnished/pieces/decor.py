@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, lathe, leaves, ring, tube
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, lathe, leaves, tube
 
 
 def floor_lamp(rng: np.random.Generator) -> Piece:
@@ -167,8 +167,3 @@ def sink(rng: np.random.Generator) -> Piece:
         parts.append(block(width / 2 - 0.01, 0.02, h - 0.2, x, depth / 2 - 0.02, 0.12).of("board"))
         parts.append(block(0.1, 0.02, 0.014, x, depth / 2 - 0.004, h - 0.14).of("metal"))
     return piece("sink", parts)
-
-
-def wall_ring(radius: float, thickness: float) -> Part:
-    """A tyre or a hoop that hangs at a wall, its axis along y."""
-    return ring(radius, thickness).turned(90, "x")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.layout import FACING, Plan, from_item
+from rfgen_sionna.scene.furnished.layout import FACING, Plan
 from rfgen_sionna.scene.furnished.piece import Piece, pick
 from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
 from rfgen_sionna.scene.furnished.places.homes import doors_and_windows, room, wall_decoration, warm
@@ -156,10 +156,3 @@ def classroom(rng: np.random.Generator) -> Plan:
     wall_decoration(plan, int(rng.integers(0, 3)))
     strip_lights(plan)
     return plan
-
-
-def beside(plan: Plan, thing: Piece, of: int, side: float) -> bool:
-    """Next to a piece that has been placed, flush with its back."""
-    item = plan.items[of]
-    off = side * (item.size[0] / 2 + thing.width / 2 + 0.05)
-    return plan.put(thing, *from_item(item, off, -(item.size[1] - thing.depth) / 2), item.yaw)
