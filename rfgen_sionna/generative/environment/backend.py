@@ -145,8 +145,8 @@ class EmbeddedBackend:
         place, chance = self.model.text.place_of(prompt)
         if chance < UNSURE:
             warnings.warn(
-                f"environment prompt {prompt!r} names no place that the model knows; it draws something like a {place} "
-                f"({', '.join(self.model.text.places)})",
+                f"environment prompt {prompt!r} names no place that the model knows; the nearest is taken: {place} "
+                f"(of {', '.join(self.model.text.places)})",
                 UnknownPlaceWarning,
                 stacklevel=4,
             )

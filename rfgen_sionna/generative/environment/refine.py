@@ -230,7 +230,11 @@ def _held(frames: Sequence[Pir], guesses: Sequence[_Guess]) -> list[_Guess]:
     when = _means(np.where(new, np.stack([np.nan_to_num(g.arrival) for g in guesses]), 0.0), label)
     there = share > 0.5
     return [
-        _Guess(gain[k], np.where(there[k], level[k], _FLOOR_DB), np.where(there[k], when[k] / share[k], np.nan))
+        _Guess(
+            gain[k],
+            np.where(there[k], level[k], _FLOOR_DB),
+            np.where(there[k], when[k] / np.maximum(share[k], 1e-9), np.nan),
+        )
         for k in range(len(frames))
     ]
 

@@ -91,7 +91,7 @@ def train(
     shape: Shape | None = None,
     codec: PirCodec | None = None,
     device: str = "cpu",
-    save_every: int = 100,
+    save_every: int = 50,
     progress: Progress | None = None,
 ) -> Path:
     """Train, or go on where `out` stopped, and write `environment.safetensors` there.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,24 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
 
 
-def wall(distance: float, view: View, level: float = -130.0) -> Pir:
-    """A wall square to the x axis, and a floor at z = 0."""
+def a_wall(distance: float, view: View, level: float = -130.0, fading: bool = True) -> Pir:
+    """A wall square to the x axis, and a floor at z = 0; levels [dB] are those at 3 m if they fade with range."""
     directions = view.directions
     with np.errstate(divide="ignore"):
         ahead = np.where(directions[..., 0] > 0, (distance - view.position[0]) / directions[..., 0], np.inf)
         below = np.where(directions[..., 2] < 0, -view.position[2] / directions[..., 2], np.inf)
     reach = np.minimum(ahead, below)
     there = np.isfinite(reach)
-    energy = np.where(there, 10 ** (level / 10) * (3.0 / np.where(there, reach, 1.0)) ** 2, 0.0)
+    fall = (3.0 / np.where(there, reach, 1.0)) ** 2 if fading else 1.0
+    energy = np.where(there, 10 ** (level / 10) * fall, 0.0)
     arrival = np.where(there, 2 * reach / SPEED_OF_LIGHT, np.nan)
     return Pir(energy, arrival, np.zeros(reach.shape), view.fov_deg, view.position, view.orientation)
+
+
+@pytest.fixture(scope="session")
+def wall() -> Callable[..., Pir]:
+    """Makes a view of a wall and a floor."""
+    return a_wall
 
 
 @pytest.fixture(scope="session")
@@ -39,9 +47,9 @@ def corpus() -> Corpus:
     for k in range(16):
         facts = ViewFacts((60.0, 60.0), float(rng.uniform(0.8, 1.5)), float(rng.uniform(-0.1, 0.3)), 0.0)
         view = View((64, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, 0.0))
-        pir = wall(3.0 + 3.0 * (k % 2) + float(rng.uniform(0, 0.5)), view)
+        pir = a_wall(3.0 + 3.0 * (k % 2) + float(rng.uniform(0, 0.5)), view)
         images.append(codec.encode(pir))
-        weaker.append(codec.encode(wall(3.0, view, -136.0)))
+        weaker.append(codec.encode(a_wall(3.0, view, -136.0)))
         views.append(facts)
     return Corpus(
         np.array(images, np.float16),

@@ -1,0 +1,116 @@
+"""Examine the environment model: `python -m rfgen_sionna.generative.environment.evaluate --data FOLDER --out FOLDER`.
+
+Writes `metrics.json` and a picture of rendered beside drawn views. With `--pairs` path diffusion is examined, with
+`--lora-base` an RF LoRA on a place that this base hasn't seen. The judge learns from the training split; what is
+measured comes from the test split.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import typer
+
+from rfgen_sionna.generative.environment.backend import load_embedded
+from rfgen_sionna.generative.environment.corpus import Corpus, read_corpus
+from rfgen_sionna.generative.environment.data import PirData
+from rfgen_sionna.generative.environment.evaluation import examine
+from rfgen_sionna.generative.environment.judge import Judge, train_judge
+from rfgen_sionna.generative.environment.lora_evaluation import examine_lora
+from rfgen_sionna.generative.environment.path_evaluation import examine_paths
+from rfgen_sionna.generative.environment.pictures import sheet
+from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.sampling import Sampler
+from rfgen_sionna.generative.environment.train import Data, Out, progress_bar
+
+_BANK = 2500
+"""Training images among which copies are looked for."""
+
+
+def load_judge(out: Path, train: Corpus, steps: int, bar: Any) -> Judge:
+    """The judge, trained or from `out`."""
+    path = out / "judge.pt"
+    if path.is_file():
+        judge = train_judge(train.images[:64], np.arange(64) % len(train.names), steps=1, items=2)
+        judge.net.load_state_dict(torch.load(path, weights_only=True))
+        return judge
+    task = bar.add_task("judge", total=steps, note="")
+    judge = train_judge(
+        train.images, train.places, steps=steps, progress=lambda step, _: bar.update(task, completed=step)
+    )
+    torch.save(judge.net.state_dict(), path)
+    return judge
+
+
+def main(
+    data: Data,
+    out: Out,
+    model: Annotated[Path | None, typer.Option(help="Model; none: the one that ships.")] = None,
+    pairs: Annotated[Path | None, typer.Option(help="Folder of pairs; none: path diffusion isn't examined.")] = None,
+    control: Annotated[Path | None, typer.Option(help="ControlNet; none: the one beside the model.")] = None,
+    lora_base: Annotated[Path | None, typer.Option(help="Model that has not seen --lora-place.")] = None,
+    lora_place: Annotated[str, typer.Option(help="That place.")] = "garage",
+    seeds: Annotated[int, typer.Option(help="How many seeds.")] = 3,
+    each: Annotated[int, typer.Option(help="Views of each place, half and seed.")] = 25,
+    pair_count: Annotated[int, typer.Option(help="Pairs on which path diffusion is examined.")] = 150,
+    strength: Annotated[float, typer.Option(help="Strength of path diffusion.")] = 1.0,
+    steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
+    guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
+    split: Annotated[str, typer.Option(help="test; or validation, to choose settings with.")] = "test",
+    judge_steps: Annotated[int, typer.Option(help="Optimiser steps of the judge.")] = 1500,
+    half: Annotated[bool, typer.Option(help="Draw in half precision.")] = False,
+    threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
+) -> None:
+    """Examine the models and write figures and a picture."""
+    torch.set_num_threads(threads)
+    out.mkdir(parents=True, exist_ok=True)
+    own = load_embedded(model, None, None, half=half)
+    views = PirData.open(data)
+    held = views.select(split=split)
+    train, test = (read_corpus(part, own.codec) for part in (views.select(split="train"), held))
+    bank = train.images[np.random.default_rng(0).permutation(len(train))[:_BANK]]
+    sampler = Sampler("ddim", steps, guidance)
+    report: dict[str, Any] = {"model": own.facts, "sampler": {"steps": steps, "guidance": guidance}, "split": split}
+
+    def write() -> None:
+        (out / "metrics.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
+
+    with progress_bar() as bar:
+        judge = load_judge(out, train, judge_steps, bar)
+        report["judge on held-out renders"] = float((judge.look(test.images)[1] == test.places).mean())
+        report["surroundings"] = []
+        for seed in range(seeds):
+            task = bar.add_task(f"surroundings, seed {seed}", total=None, note="")
+
+            def note(done: int, total: int, task: Any = task) -> None:
+                bar.update(task, completed=done, total=total)
+
+            figures, images, which = examine(
+                own, test, held.layout, bank, judge, sampler=sampler, each=each, seed=seed,
+                note=note,
+            )  # fmt: skip
+            report["surroundings"].append(figures)
+            write()
+            if seed == 0:
+                sheet(test, which.first, images, own.codec, out / "environment-model.png")
+        if pairs is not None:
+            task = bar.add_task("path diffusion", total=1, note="")
+            sets = PirData.open(pairs)
+            few, many = (read_corpus(sets.select(split=name), own.codec, pairs=True) for name in (split, "train"))
+            refiner = PathDiffusion(model, control, half=half)
+            report["path diffusion"] = examine_paths(refiner, few, many, strength=strength, count=pair_count, seed=0)
+            bar.update(task, completed=1)
+            write()
+        if lora_base is not None:
+            task = bar.add_task("RF LoRA", total=1, note="")
+            report["RF LoRA"] = examine_lora(lora_base, views, lora_place, judge, out / "lora", sampler=sampler)
+            bar.update(task, completed=1)
+            write()
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,92 @@
+"""Examination of RF LoRA: how far it brings a base to a place that this base has never seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.generative.diffusion.metrics import frechet
+from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME
+from rfgen_sionna.generative.environment.backend import load_embedded
+from rfgen_sionna.generative.environment.bases import EmbeddedBase
+from rfgen_sionna.generative.environment.corpus import read_corpus
+from rfgen_sionna.generative.environment.data import PirData
+from rfgen_sionna.generative.environment.evaluation import drawn_like
+from rfgen_sionna.generative.environment.judge import Judge
+from rfgen_sionna.generative.environment.lora_training import LoraRecipe, choose_rate
+from rfgen_sionna.generative.environment.sampling import Sampler
+
+RATES = (1e-4, 2e-3)
+"""The paper's, and what small networks need."""
+_LEARNT_FROM = 800
+
+
+def examine_lora(
+    base: Path,
+    views: PirData,
+    place: str,
+    judge: Judge,
+    out: Path,
+    *,
+    sampler: Sampler,
+    rates: Sequence[float] = RATES,
+    items: int = 16,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Fréchet distances to held-out renders of a place: of the base, with each rate's LoRA, of other real renders.
+
+    Args:
+        base: a model that hasn't seen the place.
+        views: the data set.
+        place: the place.
+        judge: trained on training renders.
+        out: folder for checkpoints.
+        sampler: how to draw.
+        rates: learning rates; which is kept is decided on the validation split.
+        items: views a step.
+        seed: of everything.
+    """
+    model = load_embedded(base, None, "cpu")
+    learn, check, test = (
+        read_corpus(views.select(split=name, place=place), model.codec) for name in ("train", "validation", "test")
+    )
+    recipe = LoraRecipe(frames=_LEARNT_FROM, items=items, seed=seed)
+    everything = np.arange(len(test))
+    real = judge.look(test.images)[0]
+    other = judge.look(check.images)[0]
+    noise_seed = seed + 1
+
+    def distance(lora: Path | None) -> tuple[float, float]:
+        drawn = drawn_like(load_embedded(base, lora, "cpu"), test, everything, sampler, noise_seed)
+        features, named = judge.look(drawn)
+        return frechet(features, real), float((named == test.places).mean())
+
+    before = distance(None)
+    report: dict[str, Any] = {
+        "place": place,
+        "views of the test split": len(test),
+        "frames": min(_LEARNT_FROM, len(learn)),
+        "steps": recipe.steps,
+        "frechet, base": before[0],
+        "recognised, base": before[1],
+        "frechet, real validation against real test": frechet(other, real),
+        "rates": {},
+    }
+    for rate in rates:
+        folder = out / f"{rate:g}"
+        outcome = choose_rate(lambda: EmbeddedBase(base, "cpu"), learn, check, folder, recipe, [rate])
+        after = distance(folder / WEIGHT_NAME)
+        report["share of the parameters"] = outcome.share
+        report["rates"][f"{rate:g}"] = {
+            "validation loss": outcome.losses[rate],
+            "validation loss of the base": outcome.before,
+            "frechet": after[0],
+            "recognised": after[1],
+            "fall": 1.0 - after[0] / before[0],
+        }
+    chosen = min(report["rates"], key=lambda rate: report["rates"][rate]["validation loss"])
+    report["chosen on validation"] = chosen
+    return report

@@ -1,0 +1,103 @@
+"""What is measured on images of surroundings, drawn beside rendered. Sets of arrays (image, row, column)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import wasserstein_distance
+
+from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+
+LAW_BINS = np.arange(1.0, 8.5 + 0.25, 0.5)
+"""Edges of the ranges in which levels are compared [m]."""
+FARTHEST = 10.0
+"""Ranges beyond it don't count in the histogram [m]: indoor radars end there, and a street's end would drown rooms."""
+BEND = 0.01
+"""Second difference of range, relative to range, up to which a pixel counts as smooth."""
+
+
+@dataclass(frozen=True)
+class Physical:
+    """Images in physical units."""
+
+    level: FloatArray
+    """(image, row, column) energy [dB], NaN where nothing returns."""
+    range: FloatArray
+    """(image, row, column) [m], NaN where nothing returns."""
+
+    @classmethod
+    def of(cls, channels: NDArray[np.floating], codec: PirCodec) -> Physical:
+        """Of images (image, 3, row, column) in −1 … 1."""
+        energy, arrival, _ = codec.decode_arrays(np.asarray(channels, dtype=np.float64), clip=True)
+        level = 10 * np.log10(np.where(energy > 0, energy, np.nan))
+        return cls(level, 0.5 * SPEED_OF_LIGHT * arrival)
+
+
+def range_distance(a: Physical, b: Physical, farthest: float = FARTHEST) -> float:
+    """Wasserstein distance [m] of the pixels' ranges up to `farthest`."""
+    x, y = (np.asarray(p.range[p.range <= farthest]) for p in (a, b))
+    return float(wasserstein_distance(x, y))
+
+
+def range_law(x: Physical) -> FloatArray:
+    """(bin,) mean level [dB] of the pixels in each range bin of `LAW_BINS`; NaN where there are fewer than 100."""
+    out = []
+    for low, high in pairwise(LAW_BINS.tolist()):
+        inside = (x.range >= low) & (x.range < high)
+        out.append(float(x.level[inside].mean()) if inside.sum() >= 100 else np.nan)
+    return np.array(out)
+
+
+def law_distance(a: Physical, b: Physical) -> float:
+    """Mean difference [dB] of two laws of level against range, without regard to sign."""
+    return float(np.nanmean(np.abs(range_law(a) - range_law(b))))
+
+
+def smooth_share(x: Physical) -> float:
+    """Share of the returning pixels whose surface doesn't bend: second differences of range along rows and columns."""
+    r = x.range
+    middle = r[:, 1:-1, 1:-1]
+    across = np.abs(r[:, 1:-1, 2:] + r[:, 1:-1, :-2] - 2 * middle)
+    down = np.abs(r[:, 2:, 1:-1] + r[:, :-2, 1:-1] - 2 * middle)
+    known = np.isfinite(across) & np.isfinite(down)
+    return float(((across < BEND * middle) & (down < BEND * middle))[known].mean())
+
+
+def nearest(images: NDArray[np.floating], bank: NDArray[np.floating]) -> FloatArray:
+    """(image,) rms distance of each image's channels to the nearest of the bank."""
+    own = bank.reshape(len(bank), -1).astype(np.float32)
+    square = np.einsum("ij,ij->i", own, own)
+    rows = images.reshape(len(images), -1).astype(np.float32)
+    cross = rows @ own.T
+    closest = own[np.argmin(square - 2 * cross, axis=1)]
+    return np.asarray(np.sqrt(np.mean((rows - closest) ** 2, axis=1)), dtype=np.float64)
+
+
+def floor_share(
+    x: Physical, height: FloatArray, pitch: FloatArray, fov_deg: FloatArray, tolerance: float = 0.05
+) -> float:
+    """Share of the pixels in the lowest eighth of each image that lie on the floor, within `tolerance` of their range.
+
+    Where the floor is seen follows from field of view, pitch and height alone: an image that ignores one of them has it
+    elsewhere. Views that look up from there are left out.
+    """
+    rows, columns = x.range.shape[1:]
+    hits, count = 0.0, 0
+    for r, h, p, fov in zip(x.range, height, pitch, fov_deg, strict=True):
+        half = np.tan(np.radians(fov) / 2)
+        y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
+        z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
+        grid_z, grid_y = np.meshgrid(z, y, indexing="ij")
+        up = (-np.sin(p) + np.cos(p) * grid_z) / np.sqrt(1 + grid_y**2 + grid_z**2)
+        low = np.s_[-(rows // 8) :]
+        if up[low].max() > -0.1:
+            continue
+        expected = h / -up[low]
+        with np.errstate(invalid="ignore"):
+            hits += float((np.abs(r[low] - expected) < tolerance * expected).mean())
+        count += 1
+    return hits / count if count else float("nan")

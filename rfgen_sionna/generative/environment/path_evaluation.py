@@ -1,0 +1,178 @@
+"""Examination of path diffusion on held-out pairs, beside what a straight line and interpolation do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+
+
+@dataclass(frozen=True)
+class AffineBaseline:
+    """Levels through a straight line, and where nothing returns the nearest pixel's."""
+
+    slope: float
+    offset: float
+    """[dB]"""
+
+    @classmethod
+    def fit(cls, pairs: Corpus, codec: PirCodec) -> AffineBaseline:
+        """Least squares over the pixels that return something in both images of training pairs."""
+        x, y = _levels(pairs, codec)
+        known = np.isfinite(x) & np.isfinite(y)
+        slope, offset = np.polyfit(x[known], y[known], 1)
+        return cls(float(slope), float(offset))
+
+    def __call__(self, level: FloatArray) -> FloatArray:
+        """(row, column) levels [dB] of a completed image."""
+        seen = np.isfinite(level)
+        if not seen.any():
+            return level
+        nearest = tuple(distance_transform_edt(~seen, return_distances=False, return_indices=True))
+        return np.asarray(self.slope * level[nearest] + self.offset)
+
+
+def pir_of(channels: NDArray[np.floating], view: ViewFacts, codec: PirCodec) -> Pir:
+    """One image of a corpus as a PIR."""
+    like = Pir(
+        np.zeros(channels.shape[1:]),
+        np.zeros(channels.shape[1:]),
+        np.zeros(channels.shape[1:]),
+        view.fov_deg,
+        (0.0, 0.0, view.height),
+        (view.yaw, view.pitch, view.roll),
+    )
+    return codec.decode(channels.astype(np.float64), like, clip=True)
+
+
+def energy_error(level: FloatArray, truth: FloatArray, absent: float) -> float:
+    """Mean difference [dB] without regard to sign over the pixels of which either returns something; nothing counts as
+    `absent` [dB]."""
+    either = np.isfinite(level) | np.isfinite(truth)
+    a, b = (np.where(np.isfinite(x), x, absent) for x in (level, truth))
+    return float(np.abs(a - b)[either].mean())
+
+
+def examine_paths(
+    refiner: PathDiffusion,
+    test: Corpus,
+    train: Corpus,
+    *,
+    strength: float,
+    count: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Figures over `count` held-out pairs: errors of the incomplete image, of the baseline, of the refined image.
+
+    Intervals are the 2.5 and 97.5 % quantiles of 2,000 bootstrap draws of the views.
+    """
+    codec = refiner.backend.model.codec
+    baseline = AffineBaseline.fit(train, codec)
+    rng = np.random.default_rng([seed, 83])
+    absent = codec.energy_db[0]
+    rows = []
+    assert_pairs(test)
+    for i in rng.permutation(len(test))[:count].tolist():
+        given = pir_of(test.incomplete[i], test.views[i], codec)  # type: ignore[index]
+        truth = pir_of(test.images[i], test.views[i], codec)
+        refined = refiner.refine(given, test.captions[i], strength=strength, seed=seed)
+        again = refiner.refine(truth, test.captions[i], strength=strength, seed=seed)
+        level, goal, new = (_decibels(p) for p in (given, truth, refined))
+        there = truth.energy > 0
+        rows.append(
+            (
+                energy_error(level, goal, absent),
+                energy_error(baseline(level), goal, absent),
+                energy_error(new, goal, absent),
+                _range_error(given, truth, there),
+                _range_error(refined, truth, there),
+                float(np.abs(_decibels(again) - goal)[there].mean()),
+            )
+        )
+    table = np.array(rows)
+    given_error, base_error, own_error = table[:, 0], table[:, 1], table[:, 2]
+
+    def fall(reference: FloatArray) -> dict[str, Any]:
+        draws = rng.integers(len(table), size=(2000, len(table)))
+        falls = 1.0 - own_error[draws].mean(axis=1) / reference[draws].mean(axis=1)
+        low, high = np.quantile(falls, [0.025, 0.975])
+        return {
+            "fall": float(1.0 - own_error.mean() / reference.mean()),
+            "interval": [float(low), float(high)],
+        }
+
+    return {
+        "pairs": len(table),
+        "strength": strength,
+        "energy error of the incomplete image [dB]": float(given_error.mean()),
+        "energy error of affine and interpolation [dB]": float(base_error.mean()),
+        "energy error refined [dB]": float(own_error.mean()),
+        "against the incomplete image": fall(given_error),
+        "against affine and interpolation": fall(base_error),
+        "range error of the incomplete image [m]": float(table[:, 3].mean()),
+        "range error refined [m]": float(table[:, 4].mean()),
+        "change of a complete image [dB]": float(table[:, 5].mean()),
+    }
+
+
+def calibrated_share(refiner: PathDiffusion, pairs: Corpus, *, count: int, seed: int) -> float:
+    """What of the drawn gains holds: their least-squares factor on validation pairs, 0 … 1."""
+    plain = replace_share(refiner, 1.0)
+    codec = refiner.backend.model.codec
+    rng = np.random.default_rng([seed, 89])
+    over, under = 0.0, 1e-12
+    assert_pairs(pairs)
+    for i in rng.permutation(len(pairs))[:count].tolist():
+        given = pir_of(pairs.incomplete[i], pairs.views[i], codec)  # type: ignore[index]
+        truth = pir_of(pairs.images[i], pairs.views[i], codec)
+        refined = plain.refine(given, pairs.captions[i], seed=seed)
+        both = (given.energy > 0) & (truth.energy > 0)
+        drawn, wanted = (_decibels(p)[both] - _decibels(given)[both] for p in (refined, truth))
+        wanted = np.clip(wanted, -refiner.most_gain_db, refiner.most_gain_db)
+        over += float(drawn @ wanted)
+        under += float(drawn @ drawn)
+    return float(np.clip(over / under, 0.0, 1.0))
+
+
+def replace_share(refiner: PathDiffusion, share: float) -> PathDiffusion:
+    """The same refiner with another share of its gains."""
+    from copy import copy
+
+    from rfgen_sionna.generative.environment.backend import EmbeddedBackend
+
+    other = copy(refiner)
+    model = refiner.backend.model
+    other.backend = EmbeddedBackend(replace(model, control_facts={**model.control_facts, "share": share}))
+    return other
+
+
+def assert_pairs(pairs: Corpus) -> None:
+    """Refuse a corpus without incomplete images, with a ValueError."""
+    if pairs.incomplete is None or not len(pairs):
+        raise ValueError("data: pairs of incomplete and complete views are needed (… environment.render, kind 'pairs')")
+
+
+def _levels(pairs: Corpus, codec: PirCodec) -> tuple[FloatArray, FloatArray]:
+    assert_pairs(pairs)
+    before, _, _ = codec.decode_arrays(pairs.incomplete.astype(np.float64), clip=True)  # type: ignore[union-attr]
+    after, _, _ = codec.decode_arrays(pairs.images.astype(np.float64), clip=True)
+    return tuple(10 * np.log10(np.where(e > 0, e, np.nan)) for e in (before, after))  # type: ignore[return-value]
+
+
+def _decibels(pir: Pir) -> FloatArray:
+    return np.asarray(10 * np.log10(np.where(pir.energy > 0, pir.energy, np.nan)))
+
+
+def _range_error(pir: Pir, truth: Pir, there: NDArray[np.bool_]) -> float:
+    """Mean difference of range [m] where both return something."""
+    both = there & np.isfinite(pir.time_of_arrival) & np.isfinite(truth.time_of_arrival)
+    return float(0.5 * SPEED_OF_LIGHT * np.abs(pir.time_of_arrival - truth.time_of_arrival)[both].mean())

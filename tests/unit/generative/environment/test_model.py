@@ -1,0 +1,193 @@
+"""The model under diffusers' interfaces, its training and its files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.control_training import ControlRecipe, condition_of, train_control
+from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.model import (
+    BASE_FILE,
+    CONTROL_FILE,
+    EnvironmentModel,
+    ModelFileError,
+    Shape,
+    make_scheduler,
+    read_model,
+)
+from rfgen_sionna.generative.environment.sampling import DeviceMemoryError, Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.text import TOKENS, ViewFacts, train_text, view_tokens
+from rfgen_sionna.generative.environment.training import Recipe, train
+
+VIEW = ViewFacts((60.0, 60.0), 1.0, 0.1, 0.3)
+STEPS = 3
+
+
+def words(model: EnvironmentModel, text: str = "a bedroom") -> torch.Tensor:
+    return model.text.embed([text], [VIEW])
+
+
+def ours(model: EnvironmentModel, guide: Guide | None = None) -> np.ndarray:
+    sampler = Sampler("ddim", STEPS, 2.0)
+    return draw(model, make_scheduler(), sampler, words(model), words(model, ""), noise_like(1, model, 5), guide)
+
+
+def settings(model: EnvironmentModel) -> dict[str, Any]:
+    return {
+        "prompt_embeds": words(model),
+        "negative_prompt_embeds": words(model, ""),
+        "num_inference_steps": STEPS,
+        "guidance_scale": 2.0,
+        "output_type": "np",
+    }
+
+
+def channels(pictures: np.ndarray) -> np.ndarray:
+    return 2.0 * pictures.transpose(0, 3, 1, 2) - 1.0
+
+
+def test_patches_are_kept_but_for_the_components_left_out(corpus: Corpus) -> None:
+    images = torch.from_numpy(corpus.images.astype(np.float32))
+    whole, part = (PatchAutoencoder.fit(corpus.images.astype(np.float64), count) for count in (48, 8))
+    assert torch.abs(whole(images).sample - images).max() < 1e-4
+    latents = part.encode(images).latent_dist.mode()
+    assert latents.shape == (16, 8, 16, 16)
+    assert float(latents.square().mean()) == pytest.approx(1.0, abs=0.15)
+    # the components that are kept are the largest: nothing else loses less
+    assert torch.square(part(images).sample - images).mean() < 1e-3
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
+def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corpus: Corpus) -> None:
+    noise = noise_like(1, model, 5)
+    picture = model.text_to_image()(**settings(model), latents=noise, height=64, width=64).images
+    assert np.abs(channels(picture) - ours(model)).max() < 1e-4
+    condition = condition_of(corpus.images[:1])
+    picture = model.controlled()(**settings(model), latents=noise, image=condition).images
+    drawn = ours(model, Guide(control=condition))
+    assert np.abs(channels(picture) - drawn).max() < 1e-4
+    assert np.abs(drawn - ours(model)).max() > 1e-3, "the ControlNet has a say"
+    picture = model.image_to_image()(**settings(model), image=condition, strength=0.7).images
+    assert picture.shape == (1, 64, 64, 3)
+
+
+def test_image_to_image_ends_at_the_image_and_known_patches_stay(model: EnvironmentModel, corpus: Corpus) -> None:
+    image = torch.from_numpy(corpus.images[:1].astype(np.float32))
+    start = model.vae.encode(image).latent_dist.mode()
+    kept = model.vae.decode(start).sample.clamp(-1, 1).numpy()
+    assert np.abs(ours(model, Guide(start=start, strength=0.0)) - kept).max() < 1e-5
+    keep = torch.zeros(1, 1, 16, 16, dtype=torch.bool)
+    keep[..., :8] = True
+    drawn = ours(model, Guide(known=start, keep=keep))
+    assert np.abs(drawn - kept)[..., :32].max() < 1e-5
+    assert np.abs(drawn - kept)[..., 32:].max() > 1e-2
+
+
+@pytest.mark.parametrize("kind", ["dpm", "euler"])
+def test_few_step_samplers_run(model: EnvironmentModel, kind: str) -> None:
+    drawn = draw(
+        model, make_scheduler(), Sampler(kind, 2, 1.0), words(model), words(model, ""), noise_like(1, model, 5)
+    )
+    assert np.isfinite(drawn).all()
+
+
+def test_the_first_images_do_not_depend_on_how_many_are_drawn(model: EnvironmentModel) -> None:
+    assert torch.equal(noise_like(1, model, 2)[0], noise_like(3, model, 2)[0])
+    assert not torch.equal(noise_like(1, model, 2), noise_like(1, model, 3))
+
+
+def test_what_a_view_is_reaches_the_model(model: EnvironmentModel) -> None:
+    assert words(model).shape == (1, TOKENS, 128)
+    first = view_tokens([VIEW])
+    for other in (
+        replace(VIEW, fov_deg=(65.0, 60.0)),
+        replace(VIEW, height=1.2),
+        replace(VIEW, pitch=0.2),
+        replace(VIEW, yaw=0.6),
+        replace(VIEW, roll=0.2),
+    ):
+        assert torch.abs(view_tokens([other]) - first).max() > 0.05
+    assert VIEW.mirrored().mirrored() == VIEW
+    silent = model.text.embed([""], [VIEW])
+    assert torch.equal(silent[:, :1], words(model)[:, :1])
+    assert torch.count_nonzero(silent[:, 1:]) == 0
+
+
+def test_running_out_of_memory_says_what_to_do(model: EnvironmentModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise torch.OutOfMemoryError("CUDA out of memory")
+
+    monkeypatch.setattr(type(model.unet), "forward", full)
+    with pytest.raises(DeviceMemoryError, match=r"device='cpu'"):
+        ours(model)
+
+
+def test_files_of_other_kinds_are_refused(model_folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(ModelFileError, match=r"environment\.train makes one"):
+        read_model(model_folder / CONTROL_FILE)
+    with pytest.raises(ModelFileError, match=r"environment\.controlnet makes one"):
+        read_model(model_folder, model_folder / BASE_FILE)
+    (tmp_path / BASE_FILE).write_bytes(b"not a model at all, not a model")
+    with pytest.raises(ModelFileError, match="no safetensors file"):
+        read_model(tmp_path)
+
+
+def test_the_sentence_encoder_learns_what_is_named(corpus: Corpus) -> None:
+    encoder = train_text(corpus.draw, corpus.names, corpus.things, steps=40, batch=24)
+    assert encoder.place_of("a living room with a sofa")[0] == "living room"
+    assert encoder.place_of("bedroom, a lamp")[0] == "bedroom"
+
+
+def test_training_goes_on_where_it_was_stopped(model: EnvironmentModel, corpus: Corpus, tmp_path: Path) -> None:
+    class Stop(Exception):  # noqa: N818 - no error
+        pass
+
+    def stop(step: int, *_: Any) -> None:
+        if step == 3:
+            raise Stop
+
+    def run(out: Path, progress: Any = None, seed: int = 0) -> Any:
+        recipe = Recipe(steps=4, items=2, seed=seed, later="bedroom", later_from=1)
+        train(corpus, model.vae, model.text, out, recipe, shape=model.shape, save_every=1, progress=progress)
+        return torch.load(out / "checkpoint.pt", weights_only=True)
+
+    with pytest.raises(Stop):
+        run(tmp_path / "stopped", stop)
+    assert torch.load(tmp_path / "stopped" / "checkpoint.pt", weights_only=True)["step"] == 2
+    with pytest.raises(ValueError, match="use another folder"):
+        run(tmp_path / "stopped", seed=1)
+    gone_on, whole = run(tmp_path / "stopped"), run(tmp_path / "whole")
+    for part in ("net", "mean"):
+        assert all(torch.equal(v, whole[part][k]) for k, v in gone_on[part].items())
+    assert (tmp_path / "whole" / "without-later.safetensors").is_file()
+    assert read_model(tmp_path / "whole").facts["steps"] == 4
+
+
+def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corpus: Corpus, tmp_path: Path) -> None:
+    base = read_model(_written(model, tmp_path / "base"))
+    before = {k: v.clone() for k, v in base.unet.state_dict().items()}
+    path = train_control(corpus, base, tmp_path / "out", ControlRecipe(steps=2, items=2))
+    assert all(torch.equal(v, before[k]) for k, v in base.unet.state_dict().items())
+    own = read_model(tmp_path / "base", path)
+    assert own.control_facts["steps"] == 2
+    assert any(float(b.weight.abs().max()) > 0 for b in own.control.controlnet_down_blocks), "zero convolutions moved"
+    shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
+    other = _written(replace(model, shape=shape, unet=shape.unet()), tmp_path / "other")
+    with pytest.raises(ModelFileError, match="another base model"):
+        read_model(other, path)
+    with pytest.raises(ValueError, match="pairs"):
+        train_control(replace(corpus, incomplete=None), base, tmp_path / "none", ControlRecipe(steps=1))
+
+
+def _written(model: EnvironmentModel, folder: Path) -> Path:
+    from rfgen_sionna.generative.environment.model import write_model
+
+    write_model(folder / BASE_FILE, model)
+    return folder

@@ -1,0 +1,102 @@
+"""Path diffusion changes energies within bounds, adds where nothing was, and never moves what is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import Pir
+
+VIEW = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+
+
+@pytest.fixture(scope="module")
+def refiner(model_folder: Path) -> PathDiffusion:
+    return PathDiffusion(model_folder, steps=2, samples=2, most_gain_db=4.0)
+
+
+@pytest.fixture
+def mixed(wall: Callable[..., Pir]) -> Pir:
+    """A wall with a hole in it."""
+    pir = wall(4.0, VIEW)
+    hole = np.zeros(VIEW.resolution, dtype=np.bool_)
+    hole[10:20, 10:20] = True
+    return replace(
+        pir,
+        energy=np.where(hole, 0.0, pir.energy),
+        time_of_arrival=np.where(hole, np.nan, pir.time_of_arrival),
+        velocity=np.where(hole, 0.0, 0.5),
+    )
+
+
+def test_no_strength_gives_the_image_back(refiner: PathDiffusion, mixed: Pir) -> None:
+    assert refiner.refine(mixed, "a bedroom", strength=0.0) is mixed
+
+
+def test_what_is_there_keeps_its_delay_and_changes_within_bounds(refiner: PathDiffusion, mixed: Pir) -> None:
+    refined = refiner.refine(mixed, "a bedroom", seed=1)
+    there = mixed.energy > 0
+    np.testing.assert_array_equal(refined.time_of_arrival[there], mixed.time_of_arrival[there])
+    np.testing.assert_array_equal(refined.velocity[there], mixed.velocity[there])
+    gain = 10 * np.log10(refined.energy[there] / mixed.energy[there])
+    assert 0.05 < np.abs(gain).max() <= 4.0 + 1e-9
+    new = ~there & (refined.energy > 0)
+    assert new.any(), "energy where nothing was"
+    assert np.isfinite(refined.time_of_arrival[new]).all()
+    assert not refined.velocity[new].any()
+
+
+def test_the_same_seed_refines_the_same(refiner: PathDiffusion, mixed: Pir) -> None:
+    a, b, c = (refiner.refine(mixed, "a bedroom", seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(a.energy, b.energy)
+    assert not np.array_equal(a.energy, c.energy)
+
+
+def test_a_negative_prompt_has_its_say(refiner: PathDiffusion, mixed: Pir) -> None:
+    a, b = (refiner.refine(mixed, "a bedroom", negative=words) for words in ("", "a sofa"))
+    assert not np.array_equal(a.energy, b.energy)
+
+
+def test_what_stands_still_keeps_one_gain(refiner: PathDiffusion, wall: Callable[..., Pir]) -> None:
+    """Something passes by on the left: the gain of the right half doesn't flicker."""
+    frames = []
+    for k in range(3):
+        pir = wall(4.0, VIEW)
+        energy, arrival = pir.energy.copy(), pir.time_of_arrival.copy()
+        energy[20:40, 6 * k : 6 * k + 8] = 1e-11
+        arrival[20:40, 6 * k : 6 * k + 8] = 1.5e-8
+        frames.append(replace(pir, energy=energy, time_of_arrival=arrival, time=0.1 * k))
+    refined = refiner.refine_sequence(frames, "a bedroom", seed=1)
+    assert [r.time for r in refined] == [0.0, 0.1, 0.2]
+    gains = np.stack([10 * np.log10(r.energy / f.energy) for r, f in zip(refined, frames, strict=True)])
+    assert np.ptp(gains[:, :, 32:], axis=0).max() < 1e-9
+    alone = [refiner.refine(frame, "a bedroom", seed=1) for frame in frames]
+    loose = np.stack([10 * np.log10(r.energy / f.energy) for r, f in zip(alone, frames, strict=True)])
+    assert np.ptp(loose[:, :, 32:], axis=0).max() > 1e-6
+
+
+def test_finer_images_get_the_same_gains(refiner: PathDiffusion, wall: Callable[..., Pir]) -> None:
+    fine = wall(4.0, replace(VIEW, resolution=(128, 128)))
+    refined = refiner.refine(fine, "a bedroom", seed=1)
+    assert refined.energy.shape == (128, 128)
+    np.testing.assert_array_equal(refined.time_of_arrival, fine.time_of_arrival)
+
+
+def test_arguments_out_of_range_are_refused(refiner: PathDiffusion, mixed: Pir, model_folder: Path) -> None:
+    with pytest.raises(ValueError, match="strength"):
+        refiner.refine(mixed, "a bedroom", strength=1.5)
+    with pytest.raises(ValueError, match="frames: none"):
+        refiner.refine_sequence([], "a bedroom")
+    with pytest.raises(ValueError, match="views differ"):
+        refiner.refine_sequence([mixed, replace(mixed, position=(1.0, 0.0, 1.0))], "a bedroom")
+    with pytest.raises(ValueError, match="samples"):
+        PathDiffusion(model_folder, samples=0)
+    with pytest.raises(ValueError, match="most_gain_db"):
+        PathDiffusion(model_folder, most_gain_db=-1.0)

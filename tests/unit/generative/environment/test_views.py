@@ -1,0 +1,110 @@
+"""Several views of one environment: what one has shown stands where geometry puts it in the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.views import imagined_so_far, reproject, resized
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
+
+FROM = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+Wall = Callable[..., Pir]
+
+
+def distance(pir: Pir) -> np.ndarray:
+    return 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival
+
+
+def test_an_image_seen_from_its_own_place_is_itself(wall: Wall) -> None:
+    shown = wall(5.0, FROM)
+    energy, reach = reproject([shown], FROM)
+    assert np.allclose(reach, distance(shown), rtol=0.01)
+    assert np.abs(10 * np.log10(energy / shown.energy)).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("position", "orientation"),
+    [((1.5, 0.0, 1.0), (0.0, 0.0, 0.0)), ((0.0, 0.4, 1.2), (0.1, 0.0, 0.0)), ((0.0, 0.0, 1.0), (0.25, 0.1, 0.0))],
+)
+def test_surfaces_stand_where_they_stood(
+    wall: Wall, position: tuple[float, float, float], orientation: tuple[float, float, float]
+) -> None:
+    view = replace(FROM, position=position, orientation=orientation)
+    _, reach = reproject([wall(5.0, FROM)], view)
+    seen = np.isfinite(reach)
+    assert seen.mean() > 0.5
+    assert np.median(np.abs(reach - distance(wall(5.0, view)))[seen]) < 0.03
+
+
+def test_diffuse_energy_per_pixel_falls_with_the_square_of_the_range(wall: Wall) -> None:
+    # a wall of one level per pixel, seen from half as far: four times the energy in each pixel of the same angle
+    near = replace(FROM, position=(2.5, 0.0, 1.0))
+    energy, reach = reproject([wall(5.0, FROM, fading=False)], near)
+    middle = np.s_[28:36, 28:36]
+    assert np.median(reach[middle]) == pytest.approx(2.5, abs=0.02)
+    assert 10 * np.log10(np.median(energy[middle]) / 1e-13) == pytest.approx(10 * np.log10(4.0), abs=0.1)
+
+
+def test_what_was_not_seen_is_not_known(wall: Wall) -> None:
+    turned = replace(FROM, orientation=(np.radians(30.0), 0.0, 0.0))
+    known = imagined_so_far([wall(5.0, FROM)], turned)
+    assert known is not None
+    # half of the view is the other half of the first: the right one, as it turned to the left
+    assert known.patches[:, 9:].mean() > 0.95
+    assert known.patches[:, :6].mean() < 0.05
+    assert imagined_so_far([wall(5.0, FROM)], replace(FROM, orientation=(np.pi, 0.0, 0.0))) is None
+
+
+def test_other_pixels_keep_the_energy_of_the_whole(wall: Wall) -> None:
+    pir = wall(5.0, FROM)
+    for resolution in ((128, 128), (32, 32), (16, 64)):
+        other = resized(pir, resolution)
+        assert other.energy.shape == resolution
+        assert other.energy.sum() == pytest.approx(pir.energy.sum(), rel=0.02)
+        assert np.nanmedian(distance(other)) == pytest.approx(np.nanmedian(distance(pir)), rel=0.02)
+
+
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+def test_views_of_one_environment_agree_where_they_overlap(model_folder: Path) -> None:
+    rooms = EnvironmentDiffusion(model_folder, steps=2)
+    first = rooms.generate("a bedroom", seed=3)
+    assert rooms.generate("a bedroom", seed=3) is first, "one generation per environment and view"
+    second = rooms.generate("a bedroom", seed=3, orientation=(0.3, 0.0, 0.0))
+    known = imagined_so_far([first], View.of(second))
+    assert known is not None
+    seen = np.kron(known.patches, np.ones((4, 4))) > 0
+    both = seen & np.isfinite(second.time_of_arrival) & np.isfinite(known.pir.time_of_arrival)
+    alone = EnvironmentDiffusion(model_folder, steps=2).generate("a bedroom", seed=3, orientation=(0.3, 0.0, 0.0))
+    agreed, imagined = (np.abs(distance(p) - distance(known.pir))[both] for p in (second, alone))
+    assert np.nanmedian(agreed) < 0.25 * np.nanmedian(imagined)
+
+
+def test_arguments_out_of_range_are_refused(model_folder: Path) -> None:
+    rooms = EnvironmentDiffusion(model_folder, steps=2)
+    with pytest.raises(ValueError, match="prompt"):
+        rooms.generate(" ")
+    with pytest.raises(ValueError, match="fov_deg: 150 degrees"):
+        rooms.generate("a bedroom", fov_deg=150.0)
+    with pytest.raises(ValueError, match="position"):
+        rooms.generate("a bedroom", position=(0.0, np.nan, 0.0))
+    with pytest.raises(ValueError, match="sampler"):
+        EnvironmentDiffusion(model_folder, sampler="magic")
+    with pytest.raises(ValueError, match=r"device: 'gpu'"):
+        EnvironmentDiffusion(model_folder, device="gpu")
+    with pytest.raises(FileNotFoundError, match="is not there"):
+        EnvironmentDiffusion(model_folder / "none.safetensors")
+
+
+def test_a_base_that_cannot_be_had_says_what_to_do(tmp_path: Path) -> None:
+    from rfgen_sionna.generative.environment.foreign import ModelError
+
+    (tmp_path / "model_index.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(ModelError, match="give the path of a downloaded pipeline"):
+        EnvironmentDiffusion(tmp_path)
