@@ -1,0 +1,155 @@
+"""Whole runs: an adult in the living room from mesh to ADC cube, start-up, and memory over many frames."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.scene import Actor
+from rfgen_sionna.signal import synthesize
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.tracer import Tracer
+from tests.benchmarks.measuring import Peak, best_of, resident, timed
+from tests.benchmarks.subjects import SPEED, ball
+
+FIRST = """
+import time
+begin = time.perf_counter()
+import rfgen_sionna as rfgen
+imported = time.perf_counter() - begin
+radar = rfgen.Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+person = rfgen.Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=1.0)
+made = time.perf_counter() - begin
+next(rfgen.Simulator(None, radar, [person]).frames(0.1))
+print(imported, made, time.perf_counter() - begin)
+"""
+
+
+def _walk(duration: float, scene: Any) -> tuple[Radar, Simulator]:
+    import rfgen_sionna as rfgen
+
+    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+    person = rfgen.Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=duration)
+    return radar, Simulator(rfgen.load_scene(scene) if scene else None, radar, [person])
+
+
+def person(quick: bool) -> dict[str, Any]:
+    """An adult of 27,420 facets who walks in free space: an instant, a frame with its knots, its samples."""
+    radar, simulator = _walk(2.0, None)
+    tracer = Tracer(simulator.scene, radar, simulator.actors)
+    run, length = tracer.follow(), radar.waveform.frame_length
+    times = iter(np.arange(100) * 1e-3 + 0.2)
+
+    def instant() -> None:
+        t = float(next(times))
+        tracer.trace(t, t, run)
+
+    repeats = 3 if quick else 7
+    instant_seconds = best_of(instant, repeats)
+    starts = iter(0.1 * np.arange(1, 12))
+
+    def frame() -> Any:
+        start = float(next(starts))
+        return tracer.trace(start, start + length, run)
+
+    frame_seconds = best_of(frame, repeats)
+    traced = frame()
+
+    def samples() -> Any:
+        return synthesize(radar, traced.moving, traced.moving.times[0], eps=3e-4, device="cpu")
+
+    return {
+        "facets": len(simulator.actors[0].faces), "instant_seconds": instant_seconds, "frame_seconds": frame_seconds,
+        "instants": traced.report.instants, "knots": traced.report.knots, "paths": traced.moving.num_paths,
+        "synthesis_seconds": best_of(samples, repeats),
+    }  # fmt: skip
+
+
+def room(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
+    """Frames of the walker in the living room, 12 x 128 x 256 samples, noise included; 100 of them unless quick."""
+    count = 4 if quick else 100
+    with Peak() as peak:
+        (_, simulator), made = _swapped(timed(lambda: _walk(0.1 * count + 0.1, "living_room")))
+        frames = simulator.frames(0.1 * count)
+        first, _ = timed(lambda: next(frames))
+        seconds = []
+        for index in range(1, count):
+            seconds.append(timed(lambda: next(frames))[0])
+            progress(f"living room: frame {index + 1} of {count}")
+    return {
+        "frames": count, "scene_and_person_seconds": made, "first_frame_seconds": first,
+        "frame_seconds": float(np.median(seconds)), "all_seconds": first + sum(seconds),
+        "seconds_for_100": first + 99 * float(np.mean(seconds)), "peak_mb": peak.megabytes,
+    }  # fmt: skip
+
+
+def _swapped(pair: tuple[float, Any]) -> tuple[Any, float]:
+    return pair[1], pair[0]
+
+
+def memory(frames: int) -> dict[str, Any]:
+    """Resident memory over many frames of a ball that a plate hides now and then."""
+    simulator = small_run(frames)
+    held = []
+    for index, _ in enumerate(simulator.frames(frames * simulator.radar.waveform.frame_period)):
+        if index % max(1, frames // 20) == 0:
+            held.append(resident())
+    known = [each for each in held if each is not None]
+    if not known:
+        return {"frames": frames, "grown_mb": None}
+    settled = known[len(known) // 4 :]
+    return {"frames": frames, "grown_mb": max(settled[-3:]) - min(settled[:3]), "resident_mb": known[-1]}
+
+
+def small_run(frames: int) -> Simulator:
+    """A run that is quick for each frame: few loops, few samples, a coarse ball that swings."""
+    radar = Radar.load("awr1843", "mmmesh")
+    radar = replace(radar, waveform=replace(radar.waveform, num_loops=4, num_samples=32, frame_period=0.01))
+    duration = frames * radar.waveform.frame_period
+    swinging = Actor.from_mesh(
+        ball(2, 0.1), material="pec", name="ball", trajectory=lambda t: (2.0, 0.3 * np.sin(2 * np.pi * t), 0.0)
+    )
+    other = Actor.from_mesh(ball(2, 0.1), material="wood", position=(1.5, 0.1, 0), name="other",
+                            velocity=(SPEED / duration, 0, 0))  # fmt: skip
+    return Simulator(None, radar, [swinging, other])
+
+
+def start_up() -> dict[str, Any]:
+    """A fresh process: import, body, first frame with what has to be compiled; twice, the second finds kernels kept."""
+    found = []
+    for _ in range(2):
+        text = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True, check=True).stdout
+        found.append([float(each) for each in text.split()])
+    keys = ("import_seconds", "with_person_seconds", "first_frame_seconds")
+    return {"first": dict(zip(keys, found[0], strict=True)), "second": dict(zip(keys, found[1], strict=True))}
+
+
+def memory_apart(frames: int) -> dict[str, Any]:
+    """:func:`memory` in a process of its own: what other benchmarks hold doesn't count."""
+    root = Path(__file__).resolve().parents[2]
+    code = (
+        f"import sys; sys.path.insert(0, {str(root)!r}); import json, warnings; warnings.simplefilter('ignore');"
+        f"from tests.benchmarks.pipeline import memory; print(json.dumps(memory({frames})))"
+    )
+    text = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root).stdout
+    found: dict[str, Any] = json.loads(text.splitlines()[-1])
+    return found
+
+
+def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
+    progress("pipeline: the person")
+    found = {"person": person(quick)}
+    found["living_room"] = room(quick, progress)
+    progress("pipeline: memory over many frames")
+    found["memory"] = memory_apart(60 if quick else 1000)
+    progress("pipeline: a fresh process")
+    found["start_up"] = start_up()
+    return found
