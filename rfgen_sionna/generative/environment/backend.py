@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -40,15 +40,15 @@ class Backend(Protocol):
 
     def draw(
         self,
-        prompt: str,
+        prompts: Sequence[str],
         negative: str,
         view: View,
         sampler: Sampler,
-        seed: int,
+        seeds: Sequence[int],
         known: Known | None,
         progress: Progress | None,
-    ) -> Pir:
-        """A static PIR of `view`."""
+    ) -> list[Pir]:
+        """Static PIRs of `view`, one for each prompt and seed."""
         ...
 
 
@@ -148,30 +148,32 @@ class EmbeddedBackend:
                 f"environment prompt {prompt!r} names no place that the model knows; the nearest is taken: {place} "
                 f"(of {', '.join(self.model.text.places)})",
                 UnknownPlaceWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
         facts = [facts_of(view)]
         return self.model.text.embed([prompt], facts), self.model.text.embed([negative], facts)
 
     def draw(
         self,
-        prompt: str,
+        prompts: Sequence[str],
         negative: str,
         view: View,
         sampler: Sampler,
-        seed: int,
+        seeds: Sequence[int],
         known: Known | None,
         progress: Progress | None,
-    ) -> Pir:
-        """A static PIR of `view`."""
-        tokens, against = self.tokens(prompt, negative, view)
+    ) -> list[Pir]:
+        """Static PIRs of `view`, one for each prompt and seed."""
+        told = [self.tokens(prompt, negative, view) for prompt in prompts]
+        tokens, against = (torch.cat(parts) for parts in zip(*told, strict=True))
         guide = None
         if known is not None:
-            guide = Guide(known=self.encode(known.pir), keep=torch.from_numpy(known.patches)[None, None])
-        noise = noise_like(1, self.model, seed)
-        channels = draw(self.model, self.scheduler, sampler, tokens, against, noise, guide, progress)[0]
-        pir = self.model.codec.decode(channels, blank(view, np.zeros(NATIVE), np.zeros(NATIVE)))
-        return replace(pir, velocity=np.zeros(NATIVE))
+            latents, keep = self.encode(known.pir), torch.from_numpy(known.patches)[None, None]
+            guide = Guide(known=latents.repeat(len(prompts), 1, 1, 1), keep=keep)
+        noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
+        drawn = draw(self.model, self.scheduler, sampler, tokens, against, noise, guide, progress)
+        like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
+        return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
 
     def encode(self, pir: Pir) -> Tensor:
         """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""

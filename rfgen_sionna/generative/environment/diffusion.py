@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -97,17 +97,54 @@ class EnvironmentDiffusion:
         ValueError
             If an argument is out of its range.
         """
-        if not isinstance(prompt, str) or not prompt.strip():
-            raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
         rows, columns, fov = check_view(resolution, fov_deg)
         view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
-        self._backend.check_view(view)
-        key = json.dumps([prompt, negative, seed, asdict(self.sampler)])
-        kept = self._kept.setdefault(key, [])
+        self._check(prompt, view)
+        kept = self._kept.setdefault(json.dumps([prompt, negative, seed, asdict(self.sampler)]), [])
         for pir in kept:
             if View.of(pir) == view:
                 return resized(pir, (rows, columns))
         known = imagined_so_far(kept, view) if kept else None
-        pir = self._backend.draw(prompt, negative, view, self.sampler, seed, known, progress)
+        (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [seed], known, progress)
         kept.append(pir)
         return resized(pir, (rows, columns))
+
+    def generate_many(
+        self,
+        prompts: Sequence[str],
+        *,
+        seeds: Sequence[int],
+        negative: str = "",
+        fov_deg: float | tuple[float, float] = 60.0,
+        resolution: tuple[int, int] = NATIVE,
+        position: Vector = (0.0, 0.0, 1.0),
+        orientation: Vector = (0.0, 0.0, 0.0),
+        batch: int = 16,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> list[Pir]:
+        """Many surroundings of one view, drawn `batch` at a time, which costs less for each; none is kept.
+
+        The arguments are those of :meth:`generate`, with a seed for each prompt; `progress` is called with
+        (drawn, to be drawn).
+        """
+        if len(prompts) != len(seeds):
+            raise ValueError(
+                f"seeds: {len(seeds)} for {len(prompts)} prompts, {batch} at a time; one for each is needed"
+            )
+        rows, columns, fov = check_view(resolution, fov_deg)
+        view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
+        for prompt in prompts:
+            self._check(prompt, view)
+        out: list[Pir] = []
+        for start in range(0, len(prompts), max(1, batch)):
+            part = slice(start, start + max(1, batch))
+            drawn = self._backend.draw(prompts[part], negative, view, self.sampler, seeds[part], None, None)
+            out += [resized(pir, (rows, columns)) for pir in drawn]
+            if progress is not None:
+                progress(len(out), len(prompts))
+        return out
+
+    def _check(self, prompt: str, view: View) -> None:
+        if not isinstance(prompt, str) or not prompt.strip():
+            raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
+        self._backend.check_view(view)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,22 @@ class StableDiffusionBackend:
 
     def draw(
         self,
+        prompts: Sequence[str],
+        negative: str,
+        view: View,
+        sampler: Sampler,
+        seeds: Sequence[int],
+        known: Known | None,
+        progress: Progress | None,
+    ) -> list[Pir]:
+        """Static PIRs of `view`, one after another: such bases fill a device with one image."""
+        return [
+            self._draw(prompt, negative, view, sampler, seed, known, progress)
+            for prompt, seed in zip(prompts, seeds, strict=True)
+        ]
+
+    def _draw(
+        self,
         prompt: str,
         negative: str,
         view: View,
@@ -113,7 +130,6 @@ class StableDiffusionBackend:
         known: Known | None,
         progress: Progress | None,
     ) -> Pir:
-        """A static PIR of `view`."""
         pipe = self.pipeline
         words = f"{self.facts.word} {prompt}".strip()
         settings: dict[str, Any] = {

@@ -9,14 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
-from diffusers import (
-    ControlNetModel,
-    DDIMScheduler,
-    StableDiffusionControlNetPipeline,
-    StableDiffusionImg2ImgPipeline,
-    StableDiffusionPipeline,
-    UNet2DConditionModel,
-)
+from diffusers import ControlNetModel, DDIMScheduler, UNet2DConditionModel
 from safetensors import safe_open
 from safetensors.torch import save_file
 
@@ -26,6 +19,11 @@ from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.pir.codec import PirCodec
 
 if TYPE_CHECKING:
+    from diffusers import (
+        StableDiffusionControlNetPipeline,
+        StableDiffusionImg2ImgPipeline,
+        StableDiffusionPipeline,
+    )
     from torch import Tensor
 
 FORMAT = "rfgen-environment-1"
@@ -109,10 +107,14 @@ class EnvironmentModel:
 
     def text_to_image(self) -> StableDiffusionPipeline:
         """diffusers' text-to-image pipeline on this model; it takes `prompt_embeds` of :meth:`PlaceEncoder.embed`."""
+        from diffusers import StableDiffusionPipeline
+
         return _quiet(StableDiffusionPipeline(**self.parts()))
 
     def image_to_image(self) -> StableDiffusionImg2ImgPipeline:
         """diffusers' image-to-image pipeline on this model."""
+        from diffusers import StableDiffusionImg2ImgPipeline
+
         return _quiet(StableDiffusionImg2ImgPipeline(**self.parts()))
 
     def controlled(self) -> StableDiffusionControlNetPipeline:
@@ -123,6 +125,8 @@ class EnvironmentModel:
         """
         if self.control is None:
             raise ModelFileError("control: this model has no ControlNet; train one with … environment.controlnet")
+        from diffusers import StableDiffusionControlNetPipeline
+
         return _quiet(StableDiffusionControlNetPipeline(**self.parts(), controlnet=self.control))
 
     def to(self, device: str | torch.device, dtype: torch.dtype) -> EnvironmentModel:

@@ -86,6 +86,17 @@ def test_views_of_one_environment_agree_where_they_overlap(model_folder: Path) -
     assert np.nanmedian(agreed) < 0.25 * np.nanmedian(imagined)
 
 
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+def test_many_at_once_are_the_same_as_one_by_one(model_folder: Path) -> None:
+    rooms = EnvironmentDiffusion(model_folder, steps=2)
+    many = rooms.generate_many(["a bedroom", "an office"], seeds=[3, 4], batch=2)
+    for pir, prompt, seed in zip(many, ("a bedroom", "an office"), (3, 4), strict=True):
+        alone = rooms.generate(prompt, seed=seed)
+        assert np.nanmax(np.abs(distance(alone) - distance(pir))) < 1e-3
+    with pytest.raises(ValueError, match="seeds: 1 for 2"):
+        rooms.generate_many(["a bedroom", "an office"], seeds=[3])
+
+
 def test_arguments_out_of_range_are_refused(model_folder: Path) -> None:
     rooms = EnvironmentDiffusion(model_folder, steps=2)
     with pytest.raises(ValueError, match="prompt"):
