@@ -57,8 +57,8 @@ class Settings:
     def __post_init__(self) -> None:
         if self.kind not in ("environment", "pairs"):
             raise DataError(f"kind is {self.kind!r}: allowed are 'environment' and 'pairs'")
-        if not self.places or (unknown := [name for name in self.places if name not in PLACES]):
-            raise DataError(f"places holds {(unknown or ['nothing'])[0]!r}: allowed are {', '.join(PLACES)}")
+        if unknown := [name for name in self.places or ("nothing",) if name not in PLACES]:
+            raise DataError(f"places holds {unknown[0]!r}: allowed are {', '.join(PLACES)}")
         if not 0.0 <= self.people <= 1.0:
             raise DataError(f"people is {self.people}: a share of 0 … 1 is needed")
         if self.views < 1 or not all(4 <= n <= 1024 for n in self.resolution):

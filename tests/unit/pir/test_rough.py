@@ -81,7 +81,7 @@ def test_roughness_divides_the_energy(radar, share):
 
 
 def test_lambertian_wall_falls_off_as_the_law_says(radar):
-    """Energy of a pixel on a large matt wall: (lambda / 4 pi)^2 |Gamma|^2 cos(theta) / pi times solid angle over R^2."""
+    """A pixel on a large matt wall: (lambda / 4 pi)^2 |Gamma|^2 cos(theta) / pi times its solid angle over R^2."""
     wall = Actor.from_mesh(plate(8.0, 0.6, 2), material=rough(1.0, "metal"), position=(2.5, 0, HEIGHT))
     pir = Simulator(None, radar, [wall], rtol=0.1).pir(0.0, (3, 61), (90, 3))
     y = np.tan(np.radians(45)) * (1 - 2 * (np.arange(61) + 0.5) / 61)
