@@ -35,12 +35,15 @@ class Accuracy:
         return _ratio(self.amount, np.maximum(self.level, self.least))
 
     @property
+    def scale(self) -> float:
+        """The strongest surface's return, or what all facets return without interfering, whichever is more: of a street
+        seen at grazing incidence next to nothing is left but the rims, and no tolerance can be relative to that."""
+        return max(float(self.level.max(initial=0.0)), float(np.linalg.norm(self.incoherent)))
+
+    @property
     def total(self) -> float:
-        """Error of all surfaces together, relative to the strongest of them or to what all facets return without
-        interfering, whichever is more: of a street seen at grazing incidence next to nothing is left but the rims, and
-        no tolerance can be relative to that."""
-        scale = max(float(self.level.max(initial=0.0)), float(np.linalg.norm(self.incoherent)))
-        return float(_ratio(np.linalg.norm(self.amount), np.float64(scale)))
+        """Error of all surfaces together, relative to `scale`."""
+        return float(_ratio(np.linalg.norm(self.amount), np.float64(self.scale)))
 
     @property
     def share(self) -> FloatArray:

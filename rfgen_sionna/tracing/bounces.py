@@ -22,13 +22,15 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats
+from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats, least_widths
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 SKIPPED = 0.5
 """Share of the tolerance that the returns left out may make up together."""
 IMAGE_SAMPLES = 200
 """Vertices of an image in a plate that moves that tell how many knots delays need."""
+REST = 3
+"""Stretches of time for which what was too weak is not looked at again, up to twice that, in turns."""
 MOST_IMAGES = 12
 """Plates whose images do."""
 
@@ -75,6 +77,9 @@ class Bounces:
         self._viewpoint = np.asarray(radar.position)
         self._flats: tuple[FlatPart, ...] | None = None
         self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
+        self._stretch = 0
+        # Until when what is too weak is left alone: plates, and kind, surface and plates of groups.
+        self._until: dict[tuple[int, ...], int] = {}
         self._plates: dict[float, tuple[Plate | None, ...]] = {}
         names = surfaces.object_names, surfaces.part_names
         self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, LandingBand)
@@ -87,7 +92,8 @@ class Bounces:
         if self._flats is None:
             vertices = [*self._surfaces.static_vertices, *positions(t)]
             every = (*self._surfaces.static, *self._surfaces.moving)
-            self._flats = find_flats(every, vertices, self._radar.wavelength)
+            counts = len(self._surfaces.static), len(self._surfaces.moving)
+            self._flats = find_flats(every, vertices, least_widths(*counts, self._radar.wavelength))
         return len(self._flats) > 0
 
     def followed(self, vertices: Sequence[FloatArray], t: float) -> list[FloatArray]:
@@ -156,7 +162,7 @@ class Bounces:
         own = self._owner[facets.number]
         lit, once = {}, []
         for number, plate in enumerate(self.at(t)):
-            if plate is None:
+            if plate is None or self._until.get((number,), -1) > self._stretch:
                 continue
             reached = shower.candidates(number)
             reached = reached[own[reached] != number]
@@ -166,7 +172,7 @@ class Bounces:
             if not wall[number]:
                 of = own[reached]
                 chosen = reached[(fraction[reached] > 0) & ((of < 0) | (rank[of] < rank[number]))]
-                once.append(shower.land(chosen, number, DIRECT))
+                once.append(shower.land(self._strong(chosen, facets, number, DIRECT), number, DIRECT))
         twice = []
         if self._max_bounces > 2:
             for number, first in lit.items():
@@ -174,12 +180,23 @@ class Bounces:
                     # Among things that stay, only one and the same: by two walls a body is not followed.
                     if other < number or (still[number] and still[other] and (number != other or wall[number])):
                         continue
-                    found = shower.land(np.intersect1d(first, last, assume_unique=True), number, other)
+                    both = np.intersect1d(first, last, assume_unique=True)
+                    found = shower.land(self._strong(both, facets, number, other), number, other)
                     twice.append(found)
                     if other != number:
                         twice.append(found.swapped())
         looked_at = sum(len(each) for each in lit.values())
         return Bounced(joined(once), joined(twice), looked_at, shower.sent)
+
+    def _strong(self, index: NDArray[np.intp], facets: Facets, first: int, last: int) -> NDArray[np.intp]:
+        """Those of the facets `index` whose surface was not too weak by these plates lately."""
+        surface = facets.surface[index]
+        resting = [
+            number
+            for number in np.unique(surface).tolist()
+            if self._until.get((int(last != DIRECT), number, first, last), -1) > self._stretch
+        ]
+        return index[~np.isin(surface, resting)] if resting else index
 
     def trace(
         self,
@@ -194,7 +211,7 @@ class Bounces:
 
         `facets` and `seen` are those of each of the `instants` [s]; delays are for the `knots` [s].
         """
-        middle, paths, error = len(instants) // 2, [], 0.0
+        middle, paths, error, used = len(instants) // 2, [], 0.0, set[int]()
         weak, usual = self._weak(float(instants[middle]), facets[middle], seen[middle], usual)
         for way in WAYS:
             landings = [each.twice if all(way) else each.once for each in seen]
@@ -207,12 +224,19 @@ class Bounces:
                 LandedFacets.landed(there, keys, each, way == (False, True))
                 for there, each in zip(facets, landings, strict=True)
             ]
+            used.update(keys[:, 1:].ravel().tolist())
             ones = np.ones((len(instants), len(keys)))
             column = keys[:, 0].astype(np.intp)
             more, missed = self._returns(way, knots, instants, shown, ones, column, centroids, usual)
             paths.append(more)
             error += missed
         self._returns.finish(error)
+        self._stretch += 1
+        idle = [(number,) for number in range(len(self.flats)) if number not in used]
+        for key in (*idle, *((kind, *group) for kind, those in enumerate(weak) for group in those)):
+            if self._until.get(key, -1) <= self._stretch:
+                # Not all at once: what comes back is looked at in turns.
+                self._until[key] = self._stretch + REST + sum(key) % REST
         return paths, error
 
     def _weak(

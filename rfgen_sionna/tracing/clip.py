@@ -18,18 +18,19 @@ def cut(
 
     Returns triangles and the `owner` of each, those of the triangle that it is cut from.
     """
-    size = _areas(corners)
+    size = areas(corners)
     least = np.zeros(int(owner.max(initial=-1)) + 1)
     np.maximum.at(least, owner, LEAST_AREA * size)
     for side, offset in zip(sides, offsets, strict=True):
         if len(corners) == 0:
             break
         corners, owner = _halve(corners, owner, corners @ side - offset)
-    kept = _areas(corners) > least[owner]
+    kept = areas(corners) > least[owner]
     return corners[kept], owner[kept]
 
 
-def _areas(corners: FloatArray) -> FloatArray:
+def areas(corners: FloatArray) -> FloatArray:
+    """(triangle,) [m^2]."""
     edges = corners[:, 1:] - corners[:, :1]
     return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
 

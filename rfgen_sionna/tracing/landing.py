@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -124,7 +125,8 @@ def _rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp
         return np.full(len(wanted), -1, dtype=np.intp)
     base = int(max(keys[:, 1:].max(), wanted[:, 1:].max(initial=0))) + 2
     powers = np.array([base * base, base, 1])
-    known, sought = (keys + [0, 1, 1]) @ powers, (wanted + [0, 1, 1]) @ powers
+    shift = np.array([0, 1, 1])
+    known, sought = (keys + shift) @ powers, (wanted + shift) @ powers
     place = np.minimum(np.searchsorted(known, sought), len(known) - 1)
     return np.where(known[place] == sought, place, -1)
 
@@ -266,6 +268,43 @@ class Shower:
         if len(mixed):
             found[mixed] = share(mixed, FINE)
         return found
+
+    def near(self, pieces: Landing, bodies: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """Pieces with a leg that comes near a body, whose (vertex, 3) positions [m] are given."""
+        middle = pieces.pieces.mean(axis=1) - self._view
+        touched = np.zeros(len(middle), np.bool_)
+        radius = np.linalg.norm(pieces.pieces - self._view - middle[:, None], axis=2).max(axis=1, initial=0.0)
+        spheres = []
+        for points in bodies:
+            centre = 0.5 * (points.min(axis=0) + points.max(axis=0)) - self._view
+            spheres.append((centre, float(np.linalg.norm(points - self._view - centre, axis=1).max())))
+        for side in (pieces.first[pieces.owner], pieces.last[pieces.owner]):
+            normal, here = self._normals[side], self._heights[side][:, None]
+            straight = (side == DIRECT)[:, None]
+            there = np.einsum("pi,pi->p", middle, normal)[:, None] + here
+            place = (there * (-here * normal) + here * (middle - there * normal)) / np.maximum(here + there, 1e-12)
+            turn = np.where(straight, 0.0, place)
+            for centre, size in spheres:
+                for start, end in ((np.zeros_like(turn), turn), (turn, middle)):
+                    leg = end - start
+                    along = np.einsum("pi,pi->p", centre - start, leg)
+                    along = np.clip(along / np.maximum((leg**2).sum(axis=1), 1e-12), 0.0, 1.0)
+                    gap = np.linalg.norm(start + along[:, None] * leg - centre, axis=1)
+                    touched |= gap < size + radius
+        return np.flatnonzero(touched)
+
+    def again(self, rays: RayScene, pieces: Landing, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
+        """(chosen,) share that is seen of some pieces in another ray scene, and the number of rays sent."""
+        other = copy(self)
+        other._rays, other.sent = rays, 0
+        share = np.zeros(len(chosen))
+        first, last = (side[pieces.owner[chosen]] for side in (pieces.first, pieces.last))
+        facet = pieces.facet[pieces.owner[chosen]]
+        for pair in np.unique(np.stack([first, last], axis=1), axis=0):
+            index = np.flatnonzero((first == pair[0]) & (last == pair[1]))
+            corners = pieces.pieces[chosen[index]] - self._view
+            share[index] = other._share(corners, facet[index], int(pair[0]), int(pair[1]))
+        return share, other.sent
 
     def _through(self, targets: FloatArray, facet: NDArray[np.intp], plate: int) -> NDArray[np.bool_]:
         """(target,) whether the way from the viewpoint by the plate to points of facets, relative to it, is free."""

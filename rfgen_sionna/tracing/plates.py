@@ -19,8 +19,10 @@ from rfgen_sionna.tracing.mirrors import FLAT, Mirror, flat_groups
 from rfgen_sionna.tracing.surfaces import Surface
 
 WIDTH = 1.0
-"""How many wavelengths a plate is wide at least, on the average over its length: what is smaller has no shadow to
-speak of."""
+"""How many wavelengths a plate that moves is wide at least: what is smaller has no shadow to speak of."""
+LEG = 1.0
+"""Of a plate that stays the first Fresnel zone at such a distance [m] must fit in: what is smaller, such as the backs
+of books, shows too little of a body."""
 CREASE = np.radians(25.0)
 """Faces that meet at a smaller angle stand for one bent surface, which is no mirror."""
 SMOOTH = 0.1
@@ -103,25 +105,25 @@ class FlatPart:
         )
 
 
-def find_flats(surfaces: Sequence[Surface], vertices: Sequence[FloatArray], wavelength: float) -> tuple[FlatPart, ...]:
-    """Flat parts of the surfaces that are wide against the `wavelength` [m] and end in edges, not in a bend."""
+def find_flats(
+    surfaces: Sequence[Surface], vertices: Sequence[FloatArray], least: Sequence[float]
+) -> tuple[FlatPart, ...]:
+    """Flat parts of the surfaces that end in edges, not in a bend, and are at least as wide, on the average over their
+    length, as `least` (surface,) [m] says."""
     found = []
-    for position, (surface, points) in enumerate(zip(surfaces, vertices, strict=True)):
+    for position, (surface, points, width) in enumerate(zip(surfaces, vertices, least, strict=True)):
         faces = surface.faces
         cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
         group, bends = flat_groups(points, surface, CREASE)
         area = np.bincount(group, 0.5 * np.linalg.norm(cross, axis=1))
-        for label in np.flatnonzero(area > (WIDTH * wavelength) ** 2):
+        for label in np.flatnonzero(area > width**2):
             chosen = np.flatnonzero(group == label)
             used = np.unique(faces[chosen]).astype(np.intp)
             centre = points[used].mean(axis=0)
             _, _, axes = np.linalg.svd(points[used] - centre, full_matrices=False)
             place = (points[used] - centre) @ axes[:2].T
             extent = np.ptp(place, axis=0)
-            if (
-                area[label] < WIDTH * wavelength * extent.max()
-                or np.abs((points[used] - centre) @ axes[2]).max() > FLAT
-            ):
+            if area[label] < width * extent.max() or np.abs((points[used] - centre) @ axes[2]).max() > FLAT:
                 continue
             if bends[label] > SMOOTH * 2.0 * extent.sum():
                 continue
@@ -140,6 +142,11 @@ def find_flats(surfaces: Sequence[Surface], vertices: Sequence[FloatArray], wave
                     )
                 )
     return tuple(found)
+
+
+def least_widths(static: int, moving: int, wavelength: float) -> list[float]:
+    """Widths [m] for :func:`find_flats` of so many surfaces that stay and that move."""
+    return [2.0 * float(np.sqrt(wavelength * LEG))] * static + [WIDTH * wavelength] * moving
 
 
 def _windows(place: FloatArray, used: NDArray[np.intp], faces: IntArray, area: float) -> tuple[NDArray[np.intp], ...]:

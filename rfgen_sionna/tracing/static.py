@@ -43,6 +43,10 @@ class StaticTrace:
     """Rays sent."""
     error: float
     """Estimated error of the coherent return, relative to what `tracing.accuracy.Accuracy.total` says."""
+    level: float
+    """What that is."""
+    levels: FloatArray
+    """(surface,) coherent return of each surface."""
 
     @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -160,7 +164,9 @@ def trace_static(
         band.half_band,
         (surfaces.object_names, surfaces.part_names),
     )
-    return StaticTrace(paths, facets, seen.fraction, seen.guides, viewpoint, rays_sent, found.total)
+    return StaticTrace(
+        paths, facets, seen.fraction, seen.guides, viewpoint, rays_sent, found.total, found.scale, found.level
+    )
 
 
 def _seen_facets(

@@ -24,6 +24,7 @@ from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.static import StaticTrace, trace_static
+from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.surfaces import collect_surfaces
 
 if TYPE_CHECKING:
@@ -82,8 +83,9 @@ class Tracer:
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
     and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab,
     and where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a
-    second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`). What goes through surfaces is not traced, nor are
-    other further bounces: among the static surfaces, from body to body, by two walls.
+    second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`), and so do flat parts of anything: corner reflectors,
+    boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
+    Of further bounces those from bent surface to bent surface are not traced, nor bodies by two different walls.
 
     Parameters
     ----------
@@ -102,9 +104,10 @@ class Tracer:
     seed
         Seed of the phases of what rough surfaces return diffusely.
     max_bounces
-        Number of surfaces on a path, 1 … 3: 1 is direct returns alone, 2 has ghosts by way of a wall on the way there
-        or back, 3 on both. Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna
-        pattern, are left out. If the radar moves it is 1.
+        Number of surfaces on a path, 1 … 3: 1 is direct returns alone, 2 has those by way of a wall or another flat
+        thing on the way there or back, such as ghosts and the returns of dihedrals, 3 on both, such as trihedrals'.
+        Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna pattern, are left
+        out. If the radar moves it is 1.
     """
 
     def __init__(
@@ -135,6 +138,21 @@ class Tracer:
         return trace_static(
             self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
         )
+
+    @cached_property
+    def static_bounces(self) -> StaticBounces | None:
+        """What static surfaces show of one another, traced at first use; None where there is nothing."""
+        if self.max_bounces < 2 or self._static_rays is None:
+            return None
+        return trace_static_bounces(
+            self.surfaces, self._static_rays, self.radar, self._band, self.static, self.rtol, self.max_bounces
+        )
+
+    @cached_property
+    def _still(self) -> RadarPaths:
+        """All paths of the static scene without actors."""
+        bounces = self.static_bounces
+        return self.static.paths if bounces is None else RadarPaths.concatenate([self.static.paths, bounces.paths])
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -245,8 +263,10 @@ class Tracer:
     ) -> Traced:
         """Delays at `knots`, visibility and gains at `instants` [s]."""
         static = self.static
+        bounces = self.static_bounces
         shares: dict[float, FloatArray] = {}
-        sent = [static.rays]
+        bounced: dict[float, FloatArray] = {}
+        sent = [static.rays, 0 if bounces is None else bounces.rays]
 
         def look(t: float) -> RayScene:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
@@ -254,6 +274,9 @@ class Tracer:
             if t not in shares and self.actors:
                 shares[t], count = static.visible(rays, self._vertices(t))
                 sent.append(count)
+                if bounces is not None:
+                    bounced[t], count = bounces.visible(rays, self._vertices(t))
+                    sent.append(count)
                 if watch is not None:
                     watch(t, rays)
             return rays
@@ -265,14 +288,18 @@ class Tracer:
         shadow, shaded = static.shadow(
             instants, np.stack([shares.get(t, static.fraction) for t in instants.tolist()], axis=1)
         )
+        if bounces is not None and bounced:
+            more, index = bounces.shadow(instants, np.stack([bounced[t] for t in instants.tolist()], axis=1))
+            shadow = RadarPaths.concatenate([shadow, more])
+            shaded = np.concatenate([shaded, static.paths.num_paths + index])
         report = TraceReport(
             facets=len(static.facets) + moving.facets,
             rays=sum(sent) + moving.rays,
             instants=len(instants),
             knots=len(knots),
-            error=max(static.error, moving.error),
+            error=max(static.error + (0.0 if bounces is None else bounces.error), moving.error),
         )
-        return Traced(static.paths, shadow, shaded, moving.paths, report, moving.places)
+        return Traced(self._still, shadow, shaded, moving.paths, report, moving.places)
 
     def rays_at(self, t: float) -> RayScene:
         """Static and moving meshes as they are at `t` [s], until it is asked for another time."""

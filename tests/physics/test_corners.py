@@ -9,10 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain
+from tests.sionna.rectangles import scene_of
 
 ISOTROPIC = {"pattern": {"kind": "sionna:iso"}}
 RADARS = {24: "position2go", 77: "awr1843"}
@@ -214,3 +215,45 @@ def test_a_ball_alone_has_no_second_bounce():
     """Its faces are flat, but stand for a surface that is bent."""
     ball = Actor.from_mesh(sphere(3, 0.2), material="pec", position=(2, 0, 0), name="ball")
     assert set(bounced(radar_of(77), [ball], rtol=1e-2).bounces) == {1}
+
+
+def room_corner(gigahertz=77, size=0.1, distance=3.0, tilt=7):
+    """A dihedral of static plates, and the same as an actor."""
+    actor, sides = placed("dihedral", size, distance, Rotation.from_euler("z", tilt, degrees=True))
+    plates = {
+        f"plate{number}": (
+            [side.corner, side.corner + side.u, side.corner + side.u + side.v, side.corner + side.v],
+            "pec",
+            0.01,
+        )
+        for number, side in enumerate(sides)
+    }
+    return actor, load_scene(scene_of(1e9 * gigahertz, **plates).sionna)
+
+
+def test_static_plates_return_as_an_actor_s():
+    """A dihedral of furniture: the same paths by the static scene's way of tracing."""
+    radar = radar_of(77)
+    actor, scene = room_corner(size=0.4)
+    here, there = bounced(radar, [], scene=scene, rtol=1e-2), bounced(radar, [actor], rtol=1e-2)
+    assert set(here.kind[here.bounces == 2]) == {PathKind.MULTI_BOUNCE}
+    one, other = (channel(each.select(each.bounces == 2)) for each in (here, there))
+    assert abs(one / other - 1).max() < 0.01
+    assert set(bounced(radar, [], scene=scene, max_bounces=1).bounces) == {1}
+
+
+def test_a_body_before_static_plates_hides_what_they_return():
+    """A board in the bisecting plane takes all, half of one leaves what the whole less the other half leaves."""
+    radar = radar_of(77)
+    _, scene = room_corner(size=0.4)
+    free = channel(bounced(radar, [], scene=scene, count=2, rtol=1e-2))
+
+    def left(height, up):
+        board = trimesh.creation.box((0.6, 0.002, height))
+        actor = Actor.from_mesh(board, material="clothing", position=(2.6995, 0, up), name="board")
+        paths = bounced(radar, [actor], scene=scene, count=2, rtol=1e-2)
+        return channel(paths.select(paths.object_id < 2))
+
+    assert abs(left(0.6, 0.0) / free).max() < 0.05
+    halves = left(0.3, 0.15) + left(0.3, -0.15)
+    assert abs(halves / free - 1).max() < 0.1

@@ -1,0 +1,254 @@
+"""What the static scene's flat parts show of one another and of the furniture: room corners, shelves, table tops.
+
+Which pairs and triples of surfaces count is estimated before anything is integrated. Between flat parts it is the image
+of the image: Fresnel coefficients, spreading, the size of the plate against the Fresnel zone, and how far beside the
+plates' outlines the point of reflection lies, where only a wave from the rim is left. What is bent returns by way of a
+plate as much as it does directly, at the image's distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.clip import areas
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.ghost_levels import ghost_levels
+from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
+from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.mirrors import WIDTH
+from rfgen_sionna.tracing.obliquity import strongest_reflection
+from rfgen_sionna.tracing.plates import Plate, find_flats
+from rfgen_sionna.tracing.static import StaticTrace
+from rfgen_sionna.tracing.surfaces import Surfaces
+
+PLATE = 1.0
+"""How many wavelengths a flat part that others show is wide at least; narrower ones count as bent."""
+SKIPPED = 0.5
+"""Share of the tolerance that all that is left out may make up."""
+
+
+@dataclass(frozen=True)
+class StaticBounces:
+    """Paths of two and three bounces within the static scene without actors, a single knot."""
+
+    paths: RadarPaths
+    error: float
+    """Relative to what the error of :class:`~rfgen_sionna.tracing.static.StaticTrace` is relative to."""
+    rays: int
+    landings: tuple[Landing, ...]
+    """Pieces of the paths, way by way."""
+    shower: Shower
+
+    @cached_property
+    def _pieces(self) -> Landing:
+        """All pieces, `owner` being the path."""
+        firsts = np.cumsum([0] + [len(each.facet) for each in self.landings])
+        return Landing(
+            np.concatenate([each.facet for each in self.landings]),
+            np.concatenate([each.first for each in self.landings]),
+            np.concatenate([each.last for each in self.landings]),
+            np.concatenate([each.pieces for each in self.landings]),
+            np.concatenate([each.owner + first for each, first in zip(self.landings, firsts, strict=False)]),
+            np.concatenate([each.share for each in self.landings]),
+        )
+
+    def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
+        """(path,) what is left of each with the actors where `rays` has them, against what there is without; and the
+        number of rays sent. `actors` are the (vertex, 3) positions [m] of each."""
+        found, pieces = np.ones(self.paths.num_paths), self._pieces
+        near = self.shower.near(pieces, actors)
+        if len(near) == 0:
+            return found, 0
+        share, sent = self.shower.again(rays, pieces, near)
+        size = areas(pieces.pieces)
+        whole = np.bincount(pieces.owner, size * pieces.share, len(found))
+        lost = np.bincount(pieces.owner[near], size[near] * (pieces.share[near] - share), len(found))
+        found = 1.0 - lost / np.maximum(whole, 1e-300)
+        return np.clip(found, 0.0, None), sent
+
+    def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
+        """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadow`, for (path, time) of :meth:`visible`."""
+        index = np.flatnonzero((fraction != 1.0).any(axis=1))
+        weight, chosen, count = fraction[index] - 1.0, self.paths.select(index), len(knots)
+
+        def steady(values: FloatArray, axis: int) -> FloatArray:
+            return np.repeat(values, count, axis=axis)
+
+        return replace(
+            chosen,
+            a=chosen.a * weight,
+            dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
+            tau=steady(chosen.tau, 3),
+            tau_rate=steady(chosen.tau_rate, 3),
+            times=knots,
+            direction=steady(chosen.direction, 1),
+            arrival=steady(chosen.arrival, 1),
+        ), index
+
+
+def trace_static_bounces(
+    surfaces: Surfaces, rays: RayScene, radar: Radar, band: BandTracer, static: StaticTrace, rtol: float, most: int
+) -> StaticBounces | None:
+    """Paths of two, and with `most` of 3 of three, bounces within the static scene, of which `rays` holds nothing else;
+    None where there are none."""
+    view, facets = np.asarray(radar.position), static.facets
+    points = surfaces.static_vertices
+    flats = find_flats(surfaces.static, points, [PLATE * radar.wavelength] * len(points))
+    plates = [flat.at(points[flat.surface], view) for flat in flats]
+    owner = np.full(sum(len(each.faces) for each in (*surfaces.static, *surfaces.moving)), -1, np.int32)
+    for number, flat in enumerate(flats):
+        owner[flat.faces] = number
+    corners = np.concatenate([view[None], *points])
+    reach = min(radar.max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
+    least = WIDTH * 0.5 * np.sqrt(radar.wavelength * reach)
+    wide = [
+        number
+        for number, (flat, plate) in enumerate(zip(flats, plates, strict=True))
+        if plate is not None
+        and float((plate.high - plate.low).min()) >= least
+        and flat.area >= least * float((plate.high - plate.low).max())
+    ]
+    if not wide or len(facets) == 0:
+        return None
+    allowed = SKIPPED * rtol * static.level
+    shower = Shower(rays, plates, owner, view, facets, radar.max_range)
+    own = owner[facets.number]
+    order = np.argsort(own, kind="stable")
+    starts = np.searchsorted(own[order], np.arange(-1, len(flats) + 1))
+    of_flat = [order[starts[f + 1] : starts[f + 2]] for f in range(len(flats))]
+    bent = order[starts[0] : starts[1]]
+    levels = _Images(plates, wide, radar, band)
+    lit = np.zeros((len(flats), len(facets)), np.bool_)
+    for m in wide:
+        lit[m, shower.candidates(m)] = True
+    once: list[Landing] = []
+    twice: list[Landing] = []
+    area = np.array([flat.area for flat in flats])
+    present = np.array([f for f in range(len(flats)) if plates[f] is not None and len(of_flat[f])], dtype=np.intp)
+    for m in wide:
+        smaller = present[(area[present] < area[m]) | ((area[present] == area[m]) & (present > m))]
+        for f in smaller[levels(smaller, m, DIRECT) > allowed].tolist():
+            once.append(shower.land(of_flat[f][lit[m, of_flat[f]]], m, DIRECT))
+        if most > 2:
+            for other in wide:
+                if other < m:
+                    continue
+                others = present[(present != m) & (present != other)]
+                for f in others[levels(others, m, other) > allowed].tolist():
+                    found = shower.land(of_flat[f][(lit[m] & lit[other])[of_flat[f]]], m, other)
+                    twice += [found] if other == m else [found, found.swapped()]
+    for number in np.unique(facets.surface[bent]):
+        index = bent[facets.surface[bent] == number]
+        mirrors = [plate for m in wide if (plate := plates[m]) is not None]
+        relative = ghost_levels(radar, band.importance, mirrors, points[number], most)
+        strong = static.levels[number] * relative > allowed
+        for m, each in zip(wide, strong, strict=True):
+            if each[0]:
+                once.append(shower.land(index[lit[m, index]], m, DIRECT))
+            if each[1]:
+                twice.append(shower.land(index[lit[m, index]], m, m))
+    return _integrated(surfaces, radar, static, rtol, shower, plates, (joined(once), joined(twice)))
+
+
+def _integrated(
+    surfaces: Surfaces,
+    radar: Radar,
+    static: StaticTrace,
+    rtol: float,
+    shower: Shower,
+    plates: Sequence[Plate | None],
+    landings: tuple[Landing, Landing],
+) -> StaticBounces | None:
+    facets = static.facets
+    mirrors = tuple(plate or next(each for each in plates if each is not None) for plate in plates)
+    names = surfaces.object_names, surfaces.part_names
+    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, LandingBand)
+    usual, now = np.full(len(surfaces.static), static.level), np.zeros(1)
+    paths, error, used = [], 0.0, []
+    for way in WAYS:
+        landing = landings[1] if all(way) else landings[0]
+        if len(landing.facet) == 0:
+            continue
+        shown = LandedFacets.landed(facets, landing.keys, landing, way == (False, True))
+
+        def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
+            return facets.centroids[chosen]
+
+        found, missed = returns(way, now, now, [shown], np.ones((1, len(shown))), landing.facet, centroids, usual)
+        paths.append(found)
+        used.append(landing)
+        error += missed
+    if not paths:
+        return None
+    return StaticBounces(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
+
+
+class _Images:
+    """Roughly how strong the radar sees itself by two or three flat parts."""
+
+    def __init__(self, plates: Sequence[Plate | None], wide: Sequence[int], radar: Radar, band: BandTracer) -> None:
+        self._plates, self._band = plates, band
+        self._view, self._wavelength, self._reach = np.asarray(radar.position), radar.wavelength, radar.max_range
+        blank = next(each for each in plates if each is not None)
+        filled = [each or blank for each in plates]
+        self._normal = np.stack([each.normal for each in filled])
+        self._height = np.array([float(each.height(self._view)) for each in filled])
+        self._axes = np.stack([each.axes for each in filled])
+        middle = [0.5 * (each.low + each.high) for each in filled]
+        self._middle = np.stack(middle) - np.einsum("fai,i->fa", self._axes, self._view)
+        self._half = np.stack([0.5 * (each.high - each.low) for each in filled])
+        self._size = 4.0 * self._half.prod(axis=1)
+        materials = [each.material for each in filled]
+        every = np.arange(len(filled), dtype=np.int32)
+        angles = np.array([1.0, 0.7, 0.4, 0.15])
+        self._reflection = np.max(
+            [
+                strongest_reflection(materials, every, np.full(len(filled), cos), np.array([radar.center_frequency]))
+                for cos in angles
+            ],
+            axis=0,
+        )
+
+    def _beside(self, plate: NDArray[np.intp] | int, points: FloatArray, length: FloatArray) -> FloatArray:
+        """Share of the wave that is left where the point of reflection is so far beside the outline's rectangle."""
+        place = (
+            np.einsum("...ai,fi->fa", self._axes[plate], points)
+            if np.ndim(plate) == 0
+            else np.einsum("fai,fi->fa", self._axes[plate], points)
+        )
+        outside = np.maximum(np.abs(place - self._middle[plate]) - self._half[plate], 0.0)
+        zone = 0.5 * np.sqrt(self._wavelength * length)
+        tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(outside, 1e-12))
+        return np.asarray(np.minimum(tail, 1.0).prod(axis=1))
+
+    def __call__(self, flat: NDArray[np.intp], first: int, last: int) -> FloatArray:
+        """(flat,) levels of radar, plate `first`, flat parts, plate `last` or straight, radar."""
+        tx = -2.0 * self._height[first] * self._normal[first]
+        rx = np.zeros(3) if last == DIRECT else -2.0 * self._height[last] * self._normal[last]
+        normal, height = self._normal[flat], self._height[flat]
+        to_tx, to_rx = normal @ tx + height, normal @ rx + height
+        # Both images in front of the flat part, on the same side: else the image does not light it.
+        sees = (to_tx > 0) & (to_rx > 0)
+        behind = rx - 2.0 * to_rx[:, None] * normal
+        length = np.maximum(np.linalg.norm(behind - tx, axis=1), self._wavelength)
+        q = tx + (to_tx / np.maximum(to_tx + to_rx, 1e-9))[:, None] * (behind - tx)
+        share = self._beside(flat, q, length)
+        for plate, image in ((first, tx), (last, rx)):
+            if plate == DIRECT:
+                continue
+            before = q @ self._normal[plate] + self._height[plate]
+            part = self._height[plate] / np.maximum(before + self._height[plate], 1e-9)
+            crossing = image + part[:, None] * (q - image)
+            share = share * np.where(before > 0, self._beside(plate, crossing, length), 0.0)
+            share = share * self._reflection[plate]
+        share = share * self._reflection[flat]
+        most = np.minimum(self._wavelength / length, 4.0 * self._size[flat] / length**2)
+        return np.where(sees & (length < 2 * self._reach), share * most / (4 * np.pi), 0.0)
