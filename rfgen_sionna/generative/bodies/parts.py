@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import sparse
 
@@ -35,7 +37,12 @@ def bone_part(bone: str) -> str:
 
 def label_faces(faces: IntArray, weights: sparse.csr_array, bone_names: tuple[str, ...]) -> IntArray:
     """(face,) index into `PART_NAMES`: the part whose bones move the face's corners most."""
-    of_bone = np.array([PART_NAMES.index(bone_part(b)) for b in bone_names])
+    return label_faces_by(faces, weights, [bone_part(b) for b in bone_names])
+
+
+def label_faces_by(faces: IntArray, weights: sparse.csr_array, bone_parts: Sequence[str]) -> IntArray:
+    """(face,) index into `PART_NAMES`, given the name of the part that each bone moves."""
+    of_bone = np.array([PART_NAMES.index(part) for part in bone_parts])
     membership = sparse.csr_array(
         (np.ones(len(of_bone)), (np.arange(len(of_bone)), of_bone)), shape=(len(of_bone), len(PART_NAMES))
     )

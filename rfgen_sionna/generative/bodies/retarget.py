@@ -68,11 +68,13 @@ def root_translation(motion: Motion, skeleton: Skeleton) -> FloatArray:
 def bone_rotations(rig: Rig, joints: FloatArray) -> FloatArray:
     """(frame, bone, 3, 3) world rotations relative to the mesh's rest pose, from (frame, 52, 3, 3) joint rotations.
 
-    The bones between two joints share the turn: the spine bends evenly, and forearm and upper arm twist along their
-    length as skin does.
+    Where a rig has bones between two joints, they share the turn: the spine bends evenly, and forearm and upper arm
+    twist along their length as skin does.
     """
     out = joints[:, rig.bone_joints] @ rig.to_t_pose
     index = {name: b for b, name in enumerate(rig.bone_names)}
+    if "spine04" not in index:
+        return out
     for bone, lower, upper in (("spine04", "spine1", "spine2"), ("neck02", "neck", "head")):
         out[:, index[bone]] = _halfway(joints[:, JOINT[lower]], joints[:, JOINT[upper]]) @ rig.to_t_pose[index[bone]]
     for side in SIDES:

@@ -177,7 +177,7 @@ def skeleton_in_t_pose(
         ankle = index["foot" + d]
         sole = (vertices[foot_vertices[i]] - heads[ankle]) @ to_t_pose[ankle].T
         floor = sole[:, 2].min()
-        heels.append([_heel_pivot(sole, floor), 0.0, floor])
+        heels.append([heel_pivot(sole, floor), 0.0, floor])
         ankle_heights.append(-floor)
         toe_heights.append(offsets[JOINT_NAMES.index(f"{side}_foot"), 2] - floor)
     return Skeleton(
@@ -185,11 +185,11 @@ def skeleton_in_t_pose(
         float(np.mean(ankle_heights)),
         np.array(heels),
         float(np.mean(toe_heights)),
-        _arm_slope(joints, vertices[trunk] - heads[0]),
+        arm_slope(joints, vertices[trunk] - heads[0]),
     )
 
 
-def _heel_pivot(sole: FloatArray, floor: float) -> float:
+def heel_pivot(sole: FloatArray, floor: float) -> float:
     """Place under the heel (x from the ankle [m]) on which the foot rolls with its toes up.
 
     A heel is round: no one point keeps it exactly on the floor at every angle. The one is taken that leaves the
@@ -204,7 +204,7 @@ def _heel_pivot(sole: FloatArray, floor: float) -> float:
     return float(candidates[np.argmin(worst)])
 
 
-def _arm_slope(joints: FloatArray, trunk: FloatArray) -> float:
+def arm_slope(joints: FloatArray, trunk: FloatArray) -> float:
     """Sideways over down of a hanging arm that just clears trunk and thighs.
 
     Args:
