@@ -14,10 +14,15 @@ import torch
 from diffusers.models.attention_processor import AttnProcessor
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, new_control, write_control
+from rfgen_sionna.generative.environment.model import (
+    CONTROL_FILE,
+    EnvironmentModel,
+    make_scheduler,
+    new_control,
+    write_control,
+)
 from rfgen_sionna.generative.environment.training import (
     Progress,
-    diffuse,
     draw_batch,
     follow,
     half,
@@ -29,6 +34,8 @@ from rfgen_sionna.generative.environment.training import (
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.corpus import Corpus
 
+_LOWEST = 0.35
+"""Time from which noise may lie on the incomplete image."""
 _SILENT = 0.3
 """Share of the images without a sentence: the image to complete says most of it."""
 
@@ -44,6 +51,8 @@ class ControlRecipe:
     average: float = 0.995
     complete: float = 0.25
     """Share of the images that are complete already and must stay as they are."""
+    started: float = 0.5
+    """Share of the noisy images that are made from the incomplete image, as image-to-image starts from it."""
 
 
 def condition_of(channels: np.ndarray) -> Tensor:
@@ -75,8 +84,7 @@ def train_control(
     Raises:
         ValueError: `corpus` has no pairs, or `out` holds a checkpoint of another recipe.
     """
-    if corpus.incomplete is None:
-        raise ValueError("data: pairs of incomplete and complete views are needed (… environment.render, kind 'pairs')")
+    latents, given_latents = corpus.latents(model.vae), corpus.latents(model.vae, incomplete=True)
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
     unet = model.unet.to(device).requires_grad_(False)
@@ -94,19 +102,25 @@ def train_control(
         mean.load_state_dict(state["mean"])
         optimiser.load_state_dict(state["optimiser"])
         first, seconds = state["step"], state["seconds"]
-    latents = corpus.latents(model.vae)
     shown, started = 0.0, time.monotonic()
     for step in range(first, recipe.steps):
         for group in optimiser.param_groups:
             group["lr"] = recipe.rate * pace(step, recipe.steps, warmup=100)
         rng = np.random.default_rng([recipe.seed, 43, step])
         batch = draw_batch(corpus, model.text, recipe.items, rng, _SILENT)
-        given = []
-        for index, mirrored in zip(batch.index, batch.mirrored, strict=True):
-            source = corpus.images if rng.uniform() < recipe.complete else corpus.incomplete
-            given.append(source[index, :, :, ::-1] if mirrored else source[index])
-        clean = latents[[int(m) for m in batch.mirrored], batch.index].float().to(device)
-        noisy, times, target = diffuse(clean, torch.Generator().manual_seed(recipe.seed * 1_000_033 + step))
+        whole = rng.uniform(size=recipe.items) < recipe.complete
+        given = [_picked(corpus, i, m, w) for i, m, w in zip(batch.index, batch.mirrored, whole, strict=True)]
+        sides = [int(m) for m in batch.mirrored]
+        clean = latents[sides, batch.index].float()
+        start = torch.where(
+            torch.from_numpy(whole)[:, None, None, None], clean, given_latents[sides, batch.index].float()
+        )
+        noisy, times, target = diffuse_towards(
+            clean.to(device),
+            start.to(device),
+            torch.from_numpy(rng.uniform(size=recipe.items) < recipe.started).to(device),
+            torch.Generator().manual_seed(recipe.seed * 1_000_033 + step),
+        )
         tokens = batch.tokens.to(device)
         with half(device):
             down, middle = net(
@@ -141,3 +155,29 @@ def train_control(
             facts = {**asdict(recipe), "steps": step + 1, "hours": spent / 3600.0, "pairs": len(corpus)}
             write_control(out / CONTROL_FILE, mean, facts)
     return out / CONTROL_FILE
+
+
+def diffuse_towards(
+    clean: Tensor, start: Tensor, started: Tensor, generator: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Noisy latents, their time steps, and the velocities that lead to `clean`.
+
+    Where `started` (image,) the noise lies on `start` instead, at the higher levels that image-to-image starts from:
+    there is still seen what is incomplete, and what is to be guessed is the complete image all the same.
+    """
+    scheduler = make_scheduler()
+    count = scheduler.config.num_train_timesteps
+    steps = torch.randint(count, (len(clean),), generator=generator).to(clean.device)
+    lowest = int(_LOWEST * count)
+    steps = torch.where(started, lowest + (steps * (count - lowest)) // count, steps)
+    noise = torch.randn(clean.shape, generator=generator).to(clean.device)
+    share = scheduler.alphas_cumprod.to(clean.device)[steps][:, None, None, None]
+    noisy = share.sqrt() * torch.where(started[:, None, None, None], start, clean) + (1 - share).sqrt() * noise
+    straight = share.sqrt() * noise - (1 - share).sqrt() * clean
+    bent = (share.sqrt() * noisy - clean) / (1 - share).sqrt()
+    return noisy, steps, torch.where(started[:, None, None, None], bent, straight)
+
+
+def _picked(corpus: Corpus, index: int, mirrored: bool, complete: bool) -> np.ndarray:
+    images = corpus.images if complete or corpus.incomplete is None else corpus.incomplete
+    return images[index, :, :, ::-1] if mirrored else images[index]

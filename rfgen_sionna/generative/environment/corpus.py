@@ -73,14 +73,23 @@ class Corpus:
         """How one view, or its mirror image, looks at its place."""
         return self.views[index].mirrored() if mirrored else self.views[index]
 
-    def latents(self, vae: PatchAutoencoder) -> Tensor:
-        """(2, view, latent, row, column) of the images and of their mirror images, half precision."""
+    def latents(self, vae: PatchAutoencoder, *, incomplete: bool = False) -> Tensor:
+        """(2, view, latent, row, column) of the images and of their mirror images, half precision.
+
+        Raises:
+            ValueError: the incomplete images are asked for and there are none.
+        """
+        images = self.incomplete if incomplete else self.images
+        if images is None:
+            raise ValueError(
+                "data: pairs of incomplete and complete views are needed (… environment.render --kind pairs)"
+            )
         out = []
         with torch.no_grad():
             for mirrored in (False, True):
                 parts = []
                 for start in range(0, len(self), 256):
-                    x = self.images[start : start + 256].astype(np.float32)
+                    x = images[start : start + 256].astype(np.float32)
                     x = np.ascontiguousarray(x[..., ::-1]) if mirrored else x
                     parts.append(vae.encode(torch.from_numpy(x)).latent_dist.mode().half())
                 out.append(torch.cat(parts))

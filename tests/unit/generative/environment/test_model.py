@@ -11,7 +11,12 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.control_training import ControlRecipe, condition_of, train_control
+from rfgen_sionna.generative.environment.control_training import (
+    ControlRecipe,
+    condition_of,
+    diffuse_towards,
+    train_control,
+)
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.model import (
     BASE_FILE,
@@ -191,3 +196,13 @@ def _written(model: EnvironmentModel, folder: Path) -> Path:
 
     write_model(folder / BASE_FILE, model)
     return folder
+
+
+def test_noise_on_the_incomplete_image_leads_to_the_complete_one() -> None:
+    rng = torch.Generator().manual_seed(0)
+    clean, start = torch.randn(2, 6, 4, 8, 8, generator=rng)
+    started = torch.tensor([True, False] * 3)
+    noisy, steps, velocity = diffuse_towards(clean, start, started, rng)
+    share = make_scheduler().alphas_cumprod[steps][:, None, None, None]
+    assert torch.allclose(share.sqrt() * noisy - (1 - share).sqrt() * velocity, clean, atol=1e-4)
+    assert int(steps[started].min()) >= 350
