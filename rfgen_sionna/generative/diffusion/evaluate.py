@@ -2,7 +2,7 @@
 
 Writes `metrics.json` and stick-figure strips; `--data` is the training command's `--out`. With `--mocap FOLDER`
 captured motion is examined too. Motions are made as prompts make them by default, from drafts; those made from noise
-alone are examined beside them.
+alone are examined beside them, for the first seed.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def main(
         real = evaluation.reference(
             fresh, corpus, progress=lambda done, total: bar.update(judging, completed=done, total=total)
         )
-        parts = len(CLAUSES) * (2 if source.refine else 1) + len(evaluation.PARTS)
-        task = bar.add_task("examination", total=seeds * parts, note="")
+        parts = seeds * (len(CLAUSES) + len(evaluation.PARTS)) + (len(CLAUSES) if source.refine else 0)
+        task = bar.add_task("examination", total=parts, note="")
 
         def note(line: str) -> None:
             bar.update(task, advance=1, note=f"seed {seed}: {line}")
@@ -67,9 +67,8 @@ def main(
         results: dict[str, Any] = {"model": source.model.facts, "refined at": source.refine, "seeds": []}
         for seed in range(seeds):
             results["seeds"].append(evaluation.examine(source, real, corpus, each=each, seed=seed, note=note))
-            if source.refine:
-                _, figures = evaluation.examine_actions(plain, real, each=each, seed=seed, note=note)
-                results.setdefault("from noise", []).append(figures)
+            if source.refine and not seed:
+                _, results["from noise"] = evaluation.examine_actions(plain, real, each=each, seed=seed, note=note)
             (out / "metrics.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
     strips(source, out / "strips.png")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -257,7 +258,11 @@ def _hits(source: DiffusionSource, real: Reference, action: str, motions: Sequen
 
 def _seen(rng: np.random.Generator, action: str) -> str:
     hand = ("left", "right")[int(rng.integers(2))] if ACTIONS[action].one_handed else ""
-    return caption(rng, (action,), hand=hand, doubt=0.0)
+    said = caption(rng, (action,), hand=hand, doubt=0.0)
+    # left and right as often as in the real motion that it is compared with
+    if not hand or re.search(rf"{hand} (hand|arm|palm|index|fore)", said):
+        return said
+    return f"{said.rstrip('.')} with the {hand} hand"
 
 
 def _seeds(rng: np.random.Generator, count: int) -> list[int]:
