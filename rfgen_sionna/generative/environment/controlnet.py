@@ -1,8 +1,8 @@
 """Train path diffusion: `python -m rfgen_sionna.generative.environment.controlnet --data PAIRS --out FOLDER`.
 
 It learns from pairs of the same view: what a hurried tracer sees, and everything there is. The base model stays as it
-is. The same command goes on where it was stopped. What of the drawn gains holds is measured on the validation split when
-training ends, and goes with the weights.
+is. The same command goes on where it was stopped. What of the drawn gains holds is measured on the validation split
+when training ends, and goes with the weights.
 """
 
 from __future__ import annotations
