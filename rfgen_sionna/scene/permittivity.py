@@ -40,7 +40,10 @@ def complex_permittivity(model: Permittivity, frequencies: FloatArray, outside: 
     """Relative permittivity at each frequency [Hz], losses as a negative imaginary part."""
     flat = [model.evaluate(float(f), outside) for f in frequencies.ravel()]
     real, sigma = np.array(flat).reshape(-1, 2).T.reshape(2, *frequencies.shape)
-    return np.asarray(real - 1j * sigma / (2.0 * np.pi * frequencies * epsilon_0))
+    found = np.empty(frequencies.shape, np.complex128)
+    # Part by part: of an infinite conductivity the product with 1j would have a real part that is no number.
+    found.real, found.imag = real, -sigma / (2.0 * np.pi * frequencies * epsilon_0)
+    return found
 
 
 def _nearest(ranges: tuple[Range, ...], frequency: float) -> tuple[int, float]:

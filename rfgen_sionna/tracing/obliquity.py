@@ -53,7 +53,7 @@ class Media:
             permeability[:, number] = material.permeability
         thickness = np.array([np.inf if each.thickness is None else each.thickness for each in materials])
         if len(frequencies):
-            index = np.sqrt(np.abs(permittivity[0] * permeability[0]))
+            index = np.sqrt(np.abs(permittivity[0]) * np.abs(permeability[0]))  # either may be infinite
             slab = np.where(np.isfinite(thickness) & np.isfinite(index), thickness, 0.0)
             fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * np.where(np.isfinite(index), index, 0.0) * slab
             thickness = np.where(fringe > MAX_FRINGE, np.inf, thickness)
