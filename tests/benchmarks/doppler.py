@@ -62,7 +62,7 @@ def draw(series: dict[str, ComplexArray], rows: list[dict[str, Any]], path: Path
 
     other = next(key for key in series if key.startswith("one sample per pixel,") and "jitter" not in key)
     floors = {"tracer": rows[0]["floor_db"], other: rows[1]["floor_db"]}
-    titles = {"tracer": "this package, facets", other: f"{other.replace(', ', ', ')} (60° view)"}
+    titles = {"tracer": "this package, facets", other: f"{other} rays (60° view)"}
     figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), sharey=True, constrained_layout=True)
     window, hop = blackman(128), 8
     for axis, key in zip(axes, ("tracer", other), strict=True):

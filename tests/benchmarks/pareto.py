@@ -91,8 +91,8 @@ def measure(
 
 
 def compare(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """What the issue asks of ours against one sample per pixel of the published view: error at equal time, time at equal
-    error (1 dB, 10 degrees); interpolated in logarithms. Where the baseline never gets that far it is a bound."""
+    """Ours against one sample per pixel of the published view: error at equal time, time at equal error (1 dB and 10
+    degrees). Where the baseline never gets that far, its longest time makes it a bound."""
     ours = [row for row in rows if row["method"] == "tracer"]
     theirs = [row for row in rows if row["method"].startswith("one sample per pixel") and row.get("view_deg") == 60.0]
     if not ours or not theirs:

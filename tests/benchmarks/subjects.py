@@ -79,7 +79,8 @@ def radar_of(band: int, **waveform: Any) -> Radar:
     return replace(
         radar,
         waveform=replace(radar.waveform, tx_order=(0,), **waveform),
-        tx_power_dbm=30.0, tx_positions=here, tx_names=radar.tx_names[:1], rx_positions=here, rx_names=radar.rx_names[:1],
+        tx_power_dbm=30.0, tx_positions=here, tx_names=radar.tx_names[:1], rx_positions=here,
+        rx_names=radar.rx_names[:1],
     )  # fmt: skip
 
 
@@ -215,7 +216,8 @@ def _body(
         radar = radar.placed(position=(0, 0, height))
         scene.tune(radar.center_frequency)
     viewpoint, towards = np.asarray(radar.position), np.zeros(3)
-    actor = Actor.from_mesh((mesh.vertices(0) if isinstance(mesh, RigidMesh) else np.asarray(mesh.vertices), mesh.faces),
+    shape = mesh.vertices(0.0) if isinstance(mesh, RigidMesh) else np.asarray(mesh.vertices)
+    actor = Actor.from_mesh((shape, mesh.faces),
                             material=material, position=place, orientation=orientation, name=name)  # fmt: skip
     points = actor.vertices(0.0)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
