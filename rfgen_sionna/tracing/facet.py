@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.arrays import drjit_types, upload
@@ -85,6 +86,7 @@ def facet_gains(
     monostatic: bool = False,
     via: Via | None = None,
     reference: FloatArray | None = None,
+    normals: FloatArray | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -113,6 +115,9 @@ def facet_gains(
     reference
         (facet, 3) points [m] that delays go by, and whose propagation phase the gains are without. None is the
         facets' centroids.
+    normals
+        (facet, 3, 3) unit normals at the corners, of the smooth surface that the facets stand for
+        (:mod:`rfgen_sionna.tracing.smooth`), to either side; None is that they are flat.
 
     Notes
     -----
@@ -129,7 +134,7 @@ def facet_gains(
         flat = upload(dr, Float, np.asarray(values, np.float64))
         return Array3(*(dr.gather(Float, flat, index * 3 + axis) for axis in range(3)))
 
-    def whole(values: IntArray, index: Any) -> Any:
+    def whole(values: ArrayLike, index: Any) -> Any:
         return dr.gather(UInt32, upload(dr, UInt32, np.asarray(values, np.uint32)), index)
 
     lane = dr.arange(UInt32, shape[0] * shape[1])
@@ -154,11 +159,19 @@ def facet_gains(
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     twice_area = dr.norm(cross)
     normal = cross / dr.select(twice_area > 0, twice_area, 1.0)
-    normal = dr.select(dr.dot(normal, centre - t) > 0, -normal, normal)
+    away = dr.dot(normal, centre - t) > 0
+    normal = dr.select(away, -normal, normal)
+    tips = None
+    if normals is not None:
+        flat_normals = np.ascontiguousarray(normals, dtype=np.float64).reshape(-1, 3)
+        tips = [vector(flat_normals, facet * 3 + corner) for corner in range(3)]
+        tips = [dr.select(dr.dot(tip, normal) < 0, -tip, tip) for tip in tips]
     surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic, walls)
 
-    if parts is None or int(np.max(parts)) == 1:
-        gain, excess = _triangle(dr, Array3, Complex, surface, p, wavenumber, origin)
+    whole_facets = parts is None or int(np.max(parts)) == 1
+    if whole_facets or tips is not None:
+        each = None if whole_facets else whole(np.asarray(parts), facet)
+        gain, excess = _triangle(dr, Array3, Complex, surface, p, tips, wavenumber, origin, each)
         if reference is not None:
             sin, cos = dr.sincos(-wavenumber * excess)
             gain = gain.times(ComplexPair(cos, sin))
@@ -170,18 +183,13 @@ def facet_gains(
             return p[0] + (row / count) * (p[1] - p[0]) + (column / count) * (p[2] - p[1])
 
         def step(index: Any, re: Any, im: Any) -> tuple[Any, Any, Any]:
-            # Row by row: row k holds k + 1 triangles that lie as the facet does, and k turned ones between them.
-            row = dr.floor(dr.sqrt(Float(index) + 0.5))
-            place = Float(index) - row * row
-            column = dr.floor(0.5 * place)
-            turned = place > 2.0 * column + 0.5
-            last = dr.select(turned, row, row + 1.0)
+            row, column, turned, last = lattice_triangle(dr, Float(index))
             part = [
                 lattice(row, column),
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            gain, excess = _triangle(dr, Array3, Complex, surface, part, wavenumber, origin)
+            gain, excess = _triangle(dr, Array3, Complex, surface, part, None, wavenumber, origin)
             sin, cos = dr.sincos(-wavenumber * excess)
             gain = gain.times(ComplexPair(cos, sin)).scaled(1.0 / (count * count))
             return index + 1, re + gain.re, im + gain.im
@@ -213,10 +221,19 @@ class _Surface(NamedTuple):
 
 
 def _triangle(
-    dr: Any, vector: Any, complex_type: Any, surface: _Surface, p: list[Any], wavenumber: Any, reference: Any
+    dr: Any,
+    vector: Any,
+    complex_type: Any,
+    surface: _Surface,
+    p: list[Any],
+    tips: list[Any] | None,
+    wavenumber: Any,
+    reference: Any,
+    parts: Any = None,
 ) -> tuple[ComplexPair, Any]:
     """Gain of a triangle `p` as if it were the whole facet, and by how much its centroid's path exceeds that by way of
-    the `reference` point [m]."""
+    the `reference` point [m]. `tips` are the normals at its corners, if it is curved; it may be integrated in `parts`
+    to an edge then."""
     t, r, normal = surface.tx, surface.rx, surface.normal
     centre = (p[0] + p[1] + p[2]) / 3.0
 
@@ -238,18 +255,24 @@ def _triangle(
         dr.dot(normal, k_in) < 0
     )  # an element in the facet's plane, the other behind it
 
+    facing, area = normal, surface.area
+    if tips is not None:
+        facing = dr.normalize(tips[0] + tips[1] + tips[2])
+        area = area * _swelling(dr, p, tips, normal, facing, area)
     lengths = [excess(corner, centre) for corner in p]
     # By how much a linear phase through the corners lies above the true one in the middle of each edge.
+    middles = [0.5 * (p[(i + 1) % 3] + p[(i + 2) % 3]) for i in range(3)]
+    if tips is not None:
+        middles = [middle + _rise(dr, p, tips, i) for i, middle in enumerate(middles)]
     sags = [
-        0.5 * (lengths[(i + 1) % 3] + lengths[(i + 2) % 3]) - excess(0.5 * (p[(i + 1) % 3] + p[(i + 2) % 3]), centre)
-        for i in range(3)
+        0.5 * (lengths[(i + 1) % 3] + lengths[(i + 2) % 3]) - excess(middle, centre) for i, middle in enumerate(middles)
     ]
     # How spreading, Fresnel coefficients and polarisation change over the facet is taken for an element half way
     # between Tx and Rx: the difference to the pair itself is of second order.
     element = 0.5 * (t + r)
     floor = 0.5 * dr.sqrt(spread)
 
-    def at(point: Any) -> ComplexPair:
+    def at(point: Any, normal: Any) -> ComplexPair:
         fields = surface.tx_field, surface.rx_field
         return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
 
@@ -258,30 +281,112 @@ def _triangle(
         of_centre = by_wall.at(centre)
         changes = [by_wall.at(corner) - of_centre for corner in p[:2]]
         changes.append((changes[0] + changes[1]).scaled(-1.0))  # linear: nothing on the average
-        return _return(dr, surface, usable, wavenumber, lengths, sags, of_centre, changes), excess(centre, reference)
-    middle = at(centre)
+        expansion = _Expansion(lengths, sags, of_centre, changes)
+        return _return(dr, area, usable, wavenumber, expansion, parts), excess(centre, reference)
+    middle = at(centre, facing)
     if surface.monostatic:
         of_centre = middle.scaled(dr.square(dr.norm(centre - element)) / spread)
     else:
         e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
-        there = Way(dr, vector, normal, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
-        back = Way(dr, vector, normal, -k_out, e_rx, -k_in, e_tx).obliquity(dr, complex_type, surface.medium)
+        there = Way(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
+        back = Way(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(dr, complex_type, surface.medium)
         of_centre = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread)
-    changes = [at(corner) - middle for corner in p]
-    return _return(dr, surface, usable, wavenumber, lengths, sags, of_centre, changes), excess(centre, reference)
+    changes = [at(corner, facing if tips is None else tips[i]) - middle for i, corner in enumerate(p)]
+    expansion = _Expansion(lengths, sags, of_centre, changes)
+    return _return(dr, area, usable, wavenumber, expansion, parts), excess(centre, reference)
 
 
-def _return(
-    dr: Any,
-    surface: _Surface,
-    usable: Any,
-    wavenumber: Any,
-    lengths: list[Any],
-    sags: list[Any],
-    strength: ComplexPair,
-    changes: list[ComplexPair],
-) -> ComplexPair:
-    """The integral with its factor in front; 0 where it is not `usable`."""
-    total = _integral(dr, wavenumber, lengths, sags, strength, changes)
-    gain = total.turned().scaled(surface.area / (4.0 * dr.pi))
+def _rise(dr: Any, p: list[Any], tips: list[Any], corner: int) -> Any:
+    """Off its chord, the middle of the edge opposite `corner` on the surface with normals `tips`."""
+    i, k = (corner + 1) % 3, (corner + 2) % 3
+    mean = tips[i] + tips[k]
+    size = dr.maximum(dr.norm(mean), 1e-9)
+    return dr.dot(tips[k] - tips[i], p[k] - p[i]) / (2.0 * size * (2.0 + size)) * mean
+
+
+def _swelling(dr: Any, p: list[Any], tips: list[Any], normal: Any, facing: Any, area: Any) -> Any:
+    """The area of a curved facet over that of its triangle `p`: its edges bow outwards, and it is aslant there."""
+    centre = (p[0] + p[1] + p[2]) / 3.0
+    more = 0.0
+    for i in range(3):
+        edge, middle = p[(i + 2) % 3] - p[(i + 1) % 3], 0.5 * (p[(i + 2) % 3] + p[(i + 1) % 3])
+        outwards = dr.cross(edge, normal)
+        outwards = dr.select(dr.dot(outwards, middle - centre) < 0, -outwards, outwards)
+        more = more + (2 / 3) * dr.dot(_rise(dr, p, tips, i), outwards)  # a parabola's segment
+    # The mean of what grows with the square of the distance from the centroid is a quarter of its mean at the corners.
+    aslant = sum(1.0 / dr.maximum(dr.dot(tip, facing), 0.5) - 1.0 for tip in tips) / 12.0
+    return 1.0 + more / dr.select(area > 0, area, 1.0) + aslant
+
+
+class _Expansion(NamedTuple):
+    """Path length and strength over a facet: the former is quadratic, the latter linear."""
+
+    lengths: list[Any]
+    """Of the corners [m], less the centroid's."""
+    sags: list[Any]
+    """By how much a linear path length lies above the true one in the middle of the edge opposite each corner [m]."""
+    strength: ComplexPair
+    changes: list[ComplexPair]
+    """At the corners, from the middle's `strength`."""
+
+    def at(self, weight: tuple[Any, Any, Any]) -> tuple[Any, ComplexPair]:
+        """Path length [m] and strength at barycentric coordinates."""
+        length, strength = 0.0, self.strength
+        for i, (own, change) in enumerate(zip(self.lengths, self.changes, strict=True)):
+            length = length + weight[i] * own - 4.0 * weight[(i + 1) % 3] * weight[(i + 2) % 3] * self.sags[i]
+            strength = strength + change.scaled(weight[i])
+        return length, strength
+
+
+def _return(dr: Any, area: Any, usable: Any, wavenumber: Any, expansion: _Expansion, parts: Any = None) -> ComplexPair:
+    """The integral with its factor in front, in `parts` to an edge if they are given; 0 where it is not `usable`."""
+    whole = parts is None
+    total = _integral(dr, wavenumber, *expansion) if whole else _in_parts(dr, wavenumber, expansion, parts)
+    gain = total.turned().scaled(area / (4.0 * dr.pi))
     return ComplexPair(dr.select(usable, gain.re, 0.0), dr.select(usable, gain.im, 0.0))
+
+
+def _in_parts(dr: Any, wavenumber: Any, expansion: _Expansion, parts: Any) -> ComplexPair:
+    """The mean of :func:`_integral` over parts^2 equal triangles, whose path lengths and strengths come from the
+    `expansion` of the whole facet: a fraction of what it takes to find them anew."""
+    Float = type(wavenumber)
+    count = Float(parts)
+    scale = 1.0 / count
+
+    def corner(row: Any, column: Any) -> tuple[Any, ComplexPair]:
+        return expansion.at((1.0 - row * scale, (row - column) * scale, column * scale))
+
+    def step(index: Any, re: Any, im: Any) -> tuple[Any, Any, Any]:
+        row, column, turned, last = lattice_triangle(dr, Float(index))
+        ends = [
+            corner(row, column),
+            corner(row + 1.0, dr.select(turned, column + 1.0, column)),
+            corner(last, column + 1.0),
+        ]
+        # Edges of the turned triangles run the other way round.
+        own = expansion.sags
+        sags = [dr.select(turned, own[(i + 2) % 3], own[i]) * scale * scale for i in range(3)]
+        strengths = [strength for _, strength in ends]
+        middle = (strengths[0] + strengths[1] + strengths[2]).scaled(1.0 / 3.0)
+        changes = [strength - middle for strength in strengths]
+        part = _integral(dr, wavenumber, [length for length, _ in ends], sags, middle, changes).scaled(scale * scale)
+        return index + 1, re + part.re, im + part.im
+
+    width = dr.width(wavenumber)
+    start = (dr.zeros(type(parts), width), dr.zeros(Float, width), dr.zeros(Float, width))
+    total = parts * parts
+    _, re, im = dr.while_loop(start, lambda index, re, im: index < total, step)
+    return ComplexPair(re, im)
+
+
+def lattice_triangle(dr: Any, index: Any) -> tuple[Any, Any, Any, Any]:
+    """Which of the equal triangles of a divided one `index` (a float) counts: row and column of its first corner,
+    whether it is turned, and the row of its last corner.
+
+    Row by row: row k holds k + 1 triangles that lie as the whole does, and k turned ones between them.
+    """
+    row = dr.floor(dr.sqrt(index + 0.5))
+    place = index - row * row
+    column = dr.floor(0.5 * place)
+    turned = place > 2.0 * column + 0.5
+    return row, column, turned, dr.select(turned, row, row + 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,12 @@ class Facets:
     """(facet,) number of parts that the integral divides each edge into."""
     place: IntArray
     """(facet,) number that tells the facets of a face apart, the same for as long as they stay the same."""
+    normals: FloatArray | None = field(default=None, kw_only=True)
+    """(facet, 3, 3) unit normals of the smooth surface at the corners; None where all facets are flat."""
+    curved: NDArray[np.bool_] | None = field(default=None, kw_only=True)
+    """(facet,) which facets are curved; None where none is."""
+    anchors: FloatArray | None = field(default=None, kw_only=True)
+    """(facet, 3) points on the faces that delays go by [m], where pieces of them lie off; None is the centroids."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -52,12 +58,15 @@ class Facets:
             self.facing[index],
             self.parts[index],
             self.place[index],
+            normals=None if self.normals is None else self.normals[index],
+            curved=None if self.curved is None else self.curved[index],
+            anchors=None if self.anchors is None else self.anchors[index],
         )
 
     @property
     def centroids(self) -> FloatArray:
-        """(facet, 3) [m]"""
-        return middles(self.corners)
+        """(facet, 3) the points that delays go by [m]"""
+        return middles(self.corners) if self.anchors is None else self.anchors
 
     def directions(self, viewpoint: FloatArray) -> FloatArray:
         """(facet, 3) unit vectors from the viewpoint to the centroids."""
@@ -69,11 +78,17 @@ def stack_facets(
     surfaces: Sequence[Surface], pieces: Sequence[Tessellation], vertices: Sequence[FloatArray], viewpoint: FloatArray
 ) -> Facets:
     """All pieces of all surfaces, in their order, for the vertices [m] given."""
+    curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     facing = [np.zeros(0, np.bool_)]
+    tips, anchors, bent = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c = piece.corners(points, surface.faces)
+        anchors.append(middles(c))
+        if curved:
+            tips.append(piece.curve(points, surface.faces, surface.smooth, c))
+            bent.append(np.full(len(c), surface.smooth is not None))
         normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
         towards = np.einsum("fi,fi->f", normal, viewpoint - middles(c)) > 0
         corners.append(c)
@@ -83,6 +98,7 @@ def stack_facets(
         place.append(piece.places)
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
+    lifted = curved and any(len(piece.pieces) for piece in pieces)
     return Facets(
         corners=np.concatenate(corners),
         number=np.concatenate(number),
@@ -91,6 +107,9 @@ def stack_facets(
         facing=np.concatenate(facing),
         parts=np.concatenate(parts),
         place=np.concatenate(place),
+        normals=np.concatenate(tips) if curved else None,
+        curved=np.concatenate(bent) if curved else None,
+        anchors=np.concatenate(anchors) if lifted else None,
     )
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from rfgen_sionna.radar import Radar
@@ -185,7 +186,31 @@ class BandTracer:
         corners = facets.corners - self._origin
         nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))
         monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
-        return facet_gains(corners, facets.surface, media, nodes, *self._fields, parts, monostatic)
+        reference = None if facets.anchors is None else facets.anchors - self._origin
+
+        def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
+            return facet_gains(
+                corners[index],
+                facets.surface[index],
+                media,
+                nodes,
+                *self._fields,
+                parts[index],
+                monostatic,
+                reference=None if reference is None else reference[index],
+                normals=facets.normals[index] if curved and facets.normals is not None else None,
+            )
+
+        if facets.curved is None or facets.curved.all() or not facets.curved.any():
+            return of(slice(None), facets.curved is not None and bool(facets.curved.any()))
+        # Large flat facets are integrated point by point, which curved ones, that are small, don't need.
+        a = np.empty((len(nodes), len(facets)), np.complex128)
+        tau = np.empty(a.shape)
+        for curved in (False, True):
+            index = np.flatnonzero(facets.curved == curved)
+            some = of(index, curved)
+            a[:, index], tau[:, index] = some.a, some.tau
+        return FacetGains(a, tau)
 
     def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
         tx, rx = np.divmod(pairs, len(self._rx))

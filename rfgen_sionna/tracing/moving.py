@@ -186,6 +186,7 @@ class MovingParts:
                 RANGE_MARGIN * self._max_range,
                 self._band.half_band,
                 images=mirrored,
+                smooth=surface.smooth,
             )
             for points, surface, fineness, mirrored in zip(
                 vertices, self._surfaces.moving, self._fineness, images, strict=True

@@ -180,7 +180,15 @@ def _seen_facets(
     """The facets that are seen, made for a tolerance (surface,) of each surface."""
     pieces = [
         tessellate(
-            points, surface.faces, viewpoint, band.highest, tolerance, band.importance, max_range, band.half_band
+            points,
+            surface.faces,
+            viewpoint,
+            band.highest,
+            tolerance,
+            band.importance,
+            max_range,
+            band.half_band,
+            smooth=surface.smooth,
         )
         for points, surface, tolerance in zip(surfaces.static_vertices, surfaces.static, rtol.tolist(), strict=True)
     ]

@@ -10,6 +10,7 @@ import numpy as np
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.smooth import Smoothing, smoothing
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
@@ -31,6 +32,8 @@ class Surface:
     """Number of its face 0 among all faces of the ray scene."""
     closed: bool
     """Whether it is known to enclose a volume, looking outwards: then a face that looks away is hidden by another."""
+    smooth: Smoothing | None
+    """Normals of the smooth surface that it samples; None where it is flat."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
                 first_facet=facets,
                 # A room may look inwards or outwards: rays alone decide which of its faces are seen.
                 closed=False,
+                smooth=smoothing(np.asarray(thing.vertices, dtype=np.float64), thing.faces),
             )
         )
         vertices.append(np.asarray(thing.vertices, dtype=np.float64))
@@ -92,6 +96,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
                 parts=labels[actor.face_parts],
                 first_facet=facets,
                 closed=not getattr(actor, "static", False) and is_closed(actor.faces),
+                smooth=smoothing(actor.vertices(0.0), actor.faces),
             )
         )
         names.append(actor.name)

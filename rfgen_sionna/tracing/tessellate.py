@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.tracing.smooth import Smoothing, edge_rises, lifted
 
 _MAX_SPLITS = 64
 MAX_BULGE = 1.0
@@ -20,6 +21,11 @@ FACET_BULGE = 0.5
 BAND_SWING = 4.0
 """Phase [rad] by which the band's ends turn the corners of a facet against each other, seen from its centre: it is then
 two or three range cells deep at most, and a few coefficients follow its gain over the band."""
+CURVED = 2.0
+"""How much higher, as a phase, a smooth surface may rise over a part than a flat one's phase may bulge: it rises once,
+where facets of a plate repeat their bulge."""
+CUBIC = 0.03
+"""Share of k L^3 / R^2 that the cubic phase over a facet of edge L comes to beside a quadratic one."""
 MAX_PARTS = 8
 """Largest number of parts to an edge."""
 
@@ -42,16 +48,33 @@ class Tessellation:
         return np.asarray(middle[:, 0] * 2**16 + middle[:, 1], dtype=np.int32)
 
     @cached_property
-    def _pieces(self) -> NDArray[np.intp]:
+    def pieces(self) -> NDArray[np.intp]:
         """Facets that are less than their face."""
         return np.flatnonzero((self.weights != np.eye(3)).any(axis=(1, 2)))
 
     def corners(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
         """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions."""
         corners = vertices[faces[self.face]]
-        pieces = self._pieces  # few, where a mesh is fine
+        pieces = self.pieces  # few, where a mesh is fine
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
+
+    def curve(self, vertices: FloatArray, faces: IntArray, smooth: Smoothing | None, corners: FloatArray) -> FloatArray:
+        """(facet, 3, 3) unit normals at the facets' `corners` (facet, 3, 3) [m]; those of pieces of faces are lifted
+        onto the surface."""
+        if smooth is None:
+            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normal /= np.maximum(lengths(normal), 1e-300)[:, None]
+            return np.repeat(normal[:, None], 3, axis=1)
+        of_faces = smooth.normals(vertices, faces)
+        normals = of_faces[self.face]
+        pieces = self.pieces
+        if len(pieces):
+            face, weights = self.face[pieces], self.weights[pieces]
+            corners[pieces] += lifted(weights, edge_rises(vertices[faces[face]], of_faces[face]))
+            turned = weights @ of_faces[face]
+            normals[pieces] = turned / np.maximum(lengths(turned), 1e-300)[..., None]
+        return normals
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
         """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
@@ -98,8 +121,12 @@ def _demand(
     rtol: float,
     importance: Callable[[FloatArray], FloatArray] | None,
     half_band: float,
+    rise: FloatArray | None = None,
 ) -> tuple[NDArray[np.bool_], IntArray]:
-    """(facet,) whether each is too large, and the number of parts that its edges are to be divided into."""
+    """(facet,) whether each is too large, and the number of parts that its edges are to be divided into.
+
+    `rise` (facet,) is how high the smooth surface is over it [m].
+    """
     allowed = np.full(len(corners), allowed_bulge(rtol))
     if importance is not None:
         # A facet counts as much as its most important corner: large ones reach into the beam.
@@ -111,6 +138,13 @@ def _demand(
     if half_band > 0:
         depth = np.ptp(lengths(corners - viewpoint), axis=1)  # half the spread of the paths
         coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
+    if rise is not None:
+        bulge = np.maximum(bulge, 4 * np.pi * frequency / SPEED_OF_LIGHT * rise / CURVED)
+        coarse |= bulge > MAX_PARTS**2 * allowed
+        # The path length over a curved facet is taken for quadratic; u v^2 / R^2 is what comes next.
+        size, distance = lengths(corners[:, [1, 2, 0]] - corners).max(axis=1), lengths(middles(corners) - viewpoint)
+        cubic = 2 * np.pi * frequency / SPEED_OF_LIGHT * CUBIC * size**3 / np.maximum(distance, 1e-3) ** 2
+        coarse |= cubic > 0.1 * allowed
     return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32)
 
 
@@ -125,6 +159,7 @@ def tessellate(
     half_band: float = 0.0,
     limit: int = 5_000_000,
     images: Sequence[tuple[FloatArray, float]] = (),
+    smooth: Smoothing | None = None,
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
@@ -152,6 +187,8 @@ def tessellate(
         Largest number of facets.
     images
         Mirror images of the vertices (vertex, 3) [m], which are seen as well, and the `rtol` of each.
+    smooth
+        Normals of the smooth surface that the mesh samples; None where it is flat.
 
     Raises
     ------
@@ -159,6 +196,10 @@ def tessellate(
         If the tolerance would take more than `limit` facets.
     """
     face = np.arange(len(faces), dtype=np.int32)
+    height = None
+    if smooth is not None:
+        # In the middle of a face 4/9 of what its edges rise.
+        height = lengths(edge_rises(vertices[faces], smooth.normals(vertices, faces))).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []
     done_weights: list[FloatArray] = []
@@ -171,10 +212,12 @@ def tessellate(
             radius = lengths(corners - centre[:, None]).max(axis=1, initial=0.0)
             near = lengths(centre - viewpoint) - radius < max_range
             face, weights, corners = face[near], weights[near], corners[near]
-        coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band)
+        # It goes with the square of a piece's edges, as its area does.
+        rise = None if height is None else height[face] * np.abs(np.linalg.det(weights))
+        coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band, rise)
         for mirrored, tolerance in images:
             seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
-            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band)
+            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band, rise)
             coarse, parts = coarse | more[0], np.maximum(parts, more[1])
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
