@@ -142,7 +142,7 @@ class Simulator:
             lambda: not all(self.hidden(actor, 0.0, _end(actor)) for actor in self.actors),
         )
         for actor in self.actors:
-            warn_coarse(actor, radar.center_frequency, stacklevel=2)
+            warn_coarse(actor, stacklevel=2)
         if environment is None and refiner is not None:
             raise ValueError("refiner: there is no environment; an image of the surroundings is needed to be refined")
         self._fusion = None if environment is None else Fusion(self.tracer, environment, self.seed, refiner)

@@ -169,8 +169,8 @@ def facet_gains(
     surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic, walls)
 
     whole_facets = parts is None or int(np.max(parts)) == 1
-    if whole_facets or tips is not None:
-        each = None if whole_facets else whole(np.asarray(parts), facet)
+    if parts is None or whole_facets or tips is not None:
+        each = None if parts is None or whole_facets else whole(parts, facet)
         gain, excess = _triangle(dr, Array3, Complex, surface, p, tips, wavenumber, origin, each)
         if reference is not None:
             sin, cos = dr.sincos(-wavenumber * excess)
