@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.records import FloatArray
+
+Indices: TypeAlias = NDArray[np.integer[Any]]
 
 PATCH_RANGE = 3.0
 MAX_RAYS = 4_000_000
@@ -56,7 +59,7 @@ class Raster:
         out[:, :-1] |= wide[:, 1:]
         return out.ravel()
 
-    def pixels(self, directions: FloatArray) -> IntArray:
+    def pixels(self, directions: FloatArray) -> Indices:
         """(ray,) the pixels that directions (ray, 3) fall into, -1 for those outside of the image."""
         x, y, z = (directions @ self.rotation).T
         ahead = x > 1e-6
@@ -74,25 +77,23 @@ class Raster:
         vectors /= np.sqrt(1 + y**2 + z**2)[..., None]
         return np.asarray(vectors @ self.rotation.T)
 
-    def beams(self, split: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    def beams(self, split: int) -> tuple[FloatArray, FloatArray, Indices]:
         """Directions (beam, 3), solid angles (beam,) [sr] and pixels (beam,) of `split` times `split` beams each."""
-        row, column = np.meshgrid(
-            (np.arange(self.rows * split) + 0.5) / split, (np.arange(self.columns * split) + 0.5) / split, indexing="ij"
-        )
-        row, column = row.ravel(), column.ravel()
+        down, right = ((np.arange(count * split) + 0.5) / split for count in (self.rows, self.columns))
+        row, column = (grid.ravel() for grid in np.meshgrid(down, right, indexing="ij"))
         y = self._half[0] * (1 - 2 * column / self.columns)
         z = self._half[1] * (1 - 2 * row / self.rows)
         cell = 4 * self._half[0] * self._half[1] / (self.size * split**2)
         pixel = row.astype(np.int64) * self.columns + column.astype(np.int64)
-        return self.directions(row, column), cell / (1 + y**2 + z**2) ** 1.5, pixel
+        return self.directions(row, column), np.asarray(cell / (1 + y**2 + z**2) ** 1.5), pixel
 
-    def places(self, pixel: IntArray, place: IntArray, split: int) -> tuple[FloatArray, FloatArray]:
+    def places(self, pixel: Indices, place: Indices, split: int) -> tuple[FloatArray, FloatArray]:
         """Row and column of patches in pixels from the first pixel's centre; `place` is a patch's number within."""
         row, column = np.divmod(pixel, self.columns)
         down, right = np.divmod(place, split)
         return row + (down + 0.5) / split - 0.5, column + (right + 0.5) / split - 0.5
 
-    def patches(self, pixels: IntArray, split: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    def patches(self, pixels: Indices, split: int) -> tuple[FloatArray, FloatArray, Indices]:
         """Directions through the middles of the patches of some pixels (patch, 3), through corners (corner, 3), and the
         four corners of each patch (patch, 4); patches count on within each pixel, row by row."""
         place = np.arange(split * split)

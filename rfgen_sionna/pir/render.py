@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.pir.raster import Raster
+from rfgen_sionna.pir.raster import Indices, Raster
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, Pir
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
 from rfgen_sionna.tracing.footprints import Shades, Stage, shade, trace_footprints
 from rfgen_sionna.tracing.gloss import reflections
 
@@ -68,8 +68,8 @@ def render_pir(
         Edge of the patches at 3 m [wavelengths]. The default resolves the bends of a body; flat surfaces take several
         times as much without harm, and the time falls with its square.
     bounces
-        1 is direct returns alone; 2 adds what smooth surfaces show of rough ones (:mod:`rfgen_sionna.tracing.gloss`),
-        which :meth:`~rfgen_sionna.simulation.Simulator.paths` has of actors only.
+        1 is direct returns alone; 2 adds the diffuse returns of rough surfaces that smooth ones show a second time
+        (:mod:`rfgen_sionna.tracing.gloss`).
 
     Raises
     ------
@@ -122,7 +122,7 @@ def render_pir(
 class Returns(NamedTuple):
     """Energies that pixels receive."""
 
-    pixel: IntArray
+    pixel: Indices
     """(return,)"""
     energy: FloatArray
     """(return,)"""
@@ -138,7 +138,12 @@ class Returns(NamedTuple):
     def and_those(self, more: Returns) -> Returns:
         """These and others, but for those outside of the image (pixel -1)."""
         inside = more.pixel >= 0
-        return Returns(*(np.concatenate([mine, new[inside]]) for mine, new in zip(self, more, strict=True)))
+        return Returns(
+            np.concatenate([self.pixel, more.pixel[inside]]),
+            np.concatenate([self.energy, more.energy[inside]]),
+            np.concatenate([self.distance, more.distance[inside]]),
+            np.concatenate([self.velocity, more.velocity[inside]]),
+        )
 
     def total(self, values: FloatArray, size: int) -> FloatArray:
         """(pixel,) sum of `values` (return,) over the returns of each of `size` pixels."""
@@ -155,7 +160,7 @@ class Returns(NamedTuple):
         return np.stack([self.total(weight * each, len(total)) for each in (1.0, self.distance, self.velocity)])
 
 
-def _coherence_counts(shades: Shades, pixel: IntArray, view: Raster, wavelength: float) -> NDArray[np.bool_]:
+def _coherence_counts(shades: Shades, pixel: Indices, view: Raster, wavelength: float) -> NDArray[np.bool_]:
     """(pixel,) whether the coherent return may be more than a small share of the diffuse one.
 
     Over a flat surface the linear weights of a pixel that is w wide leave (lambda / (2 pi w tan(theta)))^4 of what it
@@ -184,7 +189,7 @@ def _coherence_counts(shades: Shades, pixel: IntArray, view: Raster, wavelength:
     return counts
 
 
-def _blend(a: ComplexArray, row: FloatArray, column: FloatArray, own: IntArray, view: Raster) -> ComplexArray:
+def _blend(a: ComplexArray, row: FloatArray, column: FloatArray, own: Indices, view: Raster) -> ComplexArray:
     """(pixel,) sum of patch gains, each shared among the four nearest pixel centres by bilinear weights.
 
     `row`, `column` are in pixels from the first centre. Shares of pixels without a hit of their own, or outside, stay

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.diffuse import reflectance
@@ -175,7 +176,7 @@ def diffuse_energy(
 
 
 def trace_footprints(
-    stage: Stage, field: FloatArray, directions: FloatArray, nodes: FloatArray, node: IntArray
+    stage: Stage, field: FloatArray, directions: FloatArray, nodes: FloatArray, node: NDArray[np.integer[Any]]
 ) -> Footprints:
     """Send rays through the middle and the corners of patches, and integrate the patches coherently.
 

@@ -89,9 +89,9 @@ def reflections(
 
 def _flat(shades: Shades, beams: int, columns: int) -> NDArray[np.bool_]:
     """(beam,) whether what lies around a beam's hit is the same object, as flat as a mirror."""
-    objects, normals = np.full(beams, -1), np.zeros((beams, 3))
-    objects[shades.ray], normals[shades.ray] = shades.object, shades.normal
-    objects, normals = objects.reshape(-1, columns), normals.reshape(-1, columns, 3)
+    of_all, towards = np.full(beams, -1), np.zeros((beams, 3))
+    of_all[shades.ray], towards[shades.ray] = shades.object, shades.normal
+    objects, normals = of_all.reshape(-1, columns), towards.reshape(-1, columns, 3)
     flat = np.ones(objects.shape, dtype=np.bool_)
     for one, other in (
         ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),

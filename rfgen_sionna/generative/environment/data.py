@@ -220,11 +220,9 @@ class PirData:
         chosen = np.asarray(index, dtype=np.intp)
         arrays = ("places", "fov_deg", "height", "pitch", "yaw", "position", "layout", "people", "where")
         lists = ("captions", "objects", "absent", "projection", "split")
-        return replace(
-            self,
-            **{name: getattr(self, name)[chosen] for name in arrays},
-            **{name: [getattr(self, name)[i] for i in chosen] for name in lists},
-        )
+        taken: dict[str, Any] = {name: getattr(self, name)[chosen] for name in arrays}
+        taken |= {name: [getattr(self, name)[i] for i in chosen] for name in lists}
+        return replace(self, **taken)
 
     def read(self, name: str, index: Any = slice(None)) -> NDArray[Any]:
         """(view, row, column) an image field of the views that `index` picks, in its order.

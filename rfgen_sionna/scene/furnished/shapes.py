@@ -152,7 +152,8 @@ def _net(cells: int) -> tuple[FloatArray, IntArray]:
     steps = np.sin(0.5 * np.pi * np.linspace(-1.0, 1.0, cells + 1))
     plane = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
     faces = grid_faces(cells + 1, cells + 1)[:, ::-1]
-    points, triangles = [], []
+    points: list[FloatArray] = []
+    triangles: list[IntArray] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             side = np.empty((len(plane), 3))

@@ -23,7 +23,7 @@ def corridor(rng: np.random.Generator) -> Plan:
         u = x0 + rng.uniform(0.7, 2.0)
         while u < x[1] - 0.8:
             if rng.random() < 0.8:
-                openings.append(Opening("door", wall, float(u), 0.92, 0.0, 2.03))  # type: ignore[arg-type]
+                openings.append(Opening("door", wall, float(u), 0.92, 0.0, 2.03))
             u += rng.uniform(1.8, 4.2)
     if rng.random() < 0.7:
         middle = 0.5 * sum(y)
