@@ -18,6 +18,7 @@ import typer
 from rfgen_sionna.generative.environment.backend import load_embedded
 from rfgen_sionna.generative.environment.corpus import Corpus, read_corpus
 from rfgen_sionna.generative.environment.data import PirData
+from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.evaluation import examine
 from rfgen_sionna.generative.environment.judge import Judge, train_judge
 from rfgen_sionna.generative.environment.lora_evaluation import examine_lora
@@ -26,6 +27,7 @@ from rfgen_sionna.generative.environment.pictures import sheet
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Sampler
 from rfgen_sionna.generative.environment.train import Data, Out, progress_bar
+from rfgen_sionna.generative.environment.view_evaluation import examine_views
 
 _BANK = 2500
 """Training images among which copies are looked for."""
@@ -56,6 +58,7 @@ def main(
     lora_place: Annotated[str, typer.Option(help="That place.")] = "garage",
     seeds: Annotated[int, typer.Option(help="How many seeds.")] = 3,
     each: Annotated[int, typer.Option(help="Views of each place, half and seed.")] = 25,
+    view_count: Annotated[int, typer.Option(help="Environments of which several views are compared.")] = 16,
     pair_count: Annotated[int, typer.Option(help="Pairs on which path diffusion is examined.")] = 150,
     strength: Annotated[float, typer.Option(help="Strength of path diffusion.")] = 1.0,
     steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
@@ -97,6 +100,12 @@ def main(
             write()
             if seed == 0:
                 sheet(test, which.first, images, own.codec, out / "environment-model.png")
+        if view_count:
+            task = bar.add_task("several views", total=1, note="")
+            rooms = EnvironmentDiffusion(model, steps=steps, guidance=guidance, half=half)
+            report["several views"] = examine_views(rooms, test, count=view_count, seed=0)
+            bar.update(task, completed=1)
+            write()
         if pairs is not None:
             task = bar.add_task("path diffusion", total=1, note="")
             sets = PirData.open(pairs)
