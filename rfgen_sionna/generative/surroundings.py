@@ -1,4 +1,4 @@
-"""Which scene a text names: in a prompt, after a keyword, or as a description of its own."""
+"""Which place a text names: in a prompt, after a keyword, or as a description of its own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,26 @@ from rfgen_sionna.generative.vocabulary import (
 
 NOWHERE = "free space"
 """What no surroundings at all are called."""
-KNOWN = f"known: {NOWHERE}, {', '.join(sorted(SCENE_PATTERNS))}"
+PLACE_PATTERNS = {
+    "bedroom": r"bed ?room",
+    "office": r"office(?: room)?",
+    "lab": r"lab(?:oratory)?",
+    "corridor": r"corridor|hallway",
+    "classroom": r"class ?room|lecture room",
+    "garage": r"garage",
+    "playground": r"play ?ground",
+    "open field": r"(?:open |grass )?field|meadow",
+}
+"""Furnished places (:data:`rfgen_sionna.scene.furnished.PLACES`) that are no scene of a file -> how they are said."""
+_PLACES_OF_SCENES = {
+    "living_room": "living room",
+    "simple_street_canyon": "street",
+    "simple_street_canyon_with_cars": "street",
+}
+"""Scenes of a file -> what such places are called where they are furnished or imagined."""
+_PATTERNS = {**SCENE_PATTERNS, **PLACE_PATTERNS}
+_COMMON_WORDS = COMMON_SCENE_WORDS | set(PLACE_PATTERNS)
+KNOWN = f"known: {NOWHERE}, {', '.join(sorted(_PATTERNS))}"
 
 _KEYWORD = re.compile(
     r"""["']?\b(?:environment|surroundings|scene|location|place|room|background|setting)\b["']?\s*[:=]([^,;.\n}]*)""",
@@ -39,8 +58,18 @@ class EnvironmentPrompt:
 
     text: str
     scene: str
-    """Name of a scene."""
+    """Name of a scene, or of a furnished place."""
     unused: tuple[str, ...] = ()
+
+    @property
+    def has_file(self) -> bool:
+        """Whether it is a scene of a file, always the same."""
+        return self.scene in SCENE_PATTERNS
+
+    @property
+    def place(self) -> str | None:
+        """Such a place where it is furnished or imagined; None where there is none, as of a city's scene."""
+        return _PLACES_OF_SCENES.get(self.scene, self.scene if self.scene in PLACE_PATTERNS else None)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -67,7 +96,7 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
         raise PromptError(
             f"environment: {text!r} negates something ({negation.group()!r}); say which one is wanted, {KNOWN}"
         )
-    scenes += [scene for scene, pattern in SCENE_PATTERNS.items() if reader.take(rf"<a>(?:{pattern})", scene)]
+    scenes += [scene for scene, pattern in _PATTERNS.items() if reader.take(rf"<a>(?:{pattern})", scene)]
     if len(scenes) != 1:
         found = f"names several scenes ({', '.join(scenes)})" if scenes else "names no scene that is known"
         raise PromptError(f"environment: {text!r} {found}; {KNOWN}")
@@ -102,9 +131,9 @@ def read_scenes(reader: Reader) -> list[tuple[str, str]]:
             reader.note(match, f"surroundings {scene}")
 
     take(FREE_SPACE, NOWHERE)
-    for scene, pattern in SCENE_PATTERNS.items():
+    for scene, pattern in _PATTERNS.items():
         # "box" or "street" are common words: they name a scene only after "in a" or alone between commas.
-        if scene in COMMON_SCENE_WORDS:
+        if scene in _COMMON_WORDS:
             inside = SCENE_PREFIX if found else SCENE_PREFIX.replace("|or", "")
             take(rf"{inside} <a>(?:{pattern})|(?:(?<=, )|^)<a>(?:{pattern})(?= ,|$)", scene)
         else:

@@ -16,8 +16,10 @@ from rfgen_sionna.generative.body_prompt import AGES, HEIGHTS
 from rfgen_sionna.generative.motion import KinematicSource
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
+from rfgen_sionna.generative.surroundings import PLACE_PATTERNS
 from rfgen_sionna.generative.vocabulary import SCENE_PATTERNS
 from rfgen_sionna.scene import available_scenes
+from rfgen_sionna.scene.furnished import PLACES
 
 PARAPHRASES = {
     "walk": [
@@ -478,7 +480,7 @@ def test_keywords_describe_the_body() -> None:
         ("a person walking in a living room or street", "surroundings: .*several: 'in a living room', 'or street'"),
         ("a person walking in Munich or Florence", "surroundings: .*several"),
         ("a person walking in a kitchen", r"surroundings: 'in a kitchen' names none that is known; .*living_room"),
-        ("a person walking in a small modern office", "surroundings: 'in a small modern office'"),
+        ("a person walking in a small modern kitchen", "surroundings: 'in a small modern kitchen'"),
         ("a person walking in a moonbase", r"surroundings: 'in a moonbase' names none that is known; .*living_room"),
         ("a person walking in the small moonbase at 3 m", "surroundings: 'in the small moonbase'"),
         ("a person jumping outdoors", "surroundings: 'outdoors'.*free space"),
@@ -636,6 +638,30 @@ def test_unknown_surroundings_are_refused_and_unknown_furniture_is_said() -> Non
 
 def test_prompts_can_name_every_scene_there_is() -> None:
     assert set(SCENE_PATTERNS) == set(available_scenes())
+    named = {parse_environment(name).place for name in (*SCENE_PATTERNS, *PLACE_PATTERNS)} - {None}
+    assert named == set(PLACES)
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [
+        ("in an office", "office"),
+        ("in a laboratory", "lab"),
+        ("in the hallway", "corridor"),
+        ("in a classroom", "classroom"),
+        ("in a garage", "garage"),
+        ("on a playground", "playground"),
+        ("in an open field", "open field"),
+        ("in a bedroom", "bedroom"),
+        ("in a living room", "living room"),
+        ("in a street", "street"),
+    ],
+)
+def test_prompts_can_name_every_furnished_place(words: str, place: str) -> None:
+    read = parse_prompt(f"a person jumping {words}")
+    assert read.surroundings is not None
+    assert parse_environment(read.surroundings).place == place
+    assert parse_environment(words).place == place
 
 
 def test_reading_a_prompt_needs_no_torch() -> None:
