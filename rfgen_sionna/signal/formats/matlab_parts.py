@@ -99,10 +99,11 @@ def cut_version_5(path: Path) -> Cut | None:
     size = path.stat().st_size
     if size < _HEADER_5:
         return Cut(f"'{path}' has {size:,} bytes; the header of a MATLAB file alone has {_HEADER_5}")
-    description, adc, last = None, None, None
+    description, adc, last, named = None, None, None, True
     with path.open("rb") as stream:
         header = stream.read(_HEADER_5)
         for last in _elements(stream, size):
+            named &= last.name is not None  # inside a compressed element nothing is seen
             if last.name == "adc":
                 adc = last
             elif last.name == "description" and last.stop <= size:
@@ -111,6 +112,8 @@ def cut_version_5(path: Path) -> Cut | None:
     if last is None:
         return Cut(f"'{path}' has {size:,} bytes: no variable follows the header")
     if last.stop <= size:
+        if adc is None and named:
+            return Cut(f"'{path}' has {size:,} bytes without the variable 'adc', which followed from byte {size:,} on")
         return None
     missing = last.stop - size
     message = (
