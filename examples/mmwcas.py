@@ -22,7 +22,7 @@ parser.add_argument("--output", type=Path, default=Path("mmwcas.png"), help="pic
 arguments = parser.parse_args()
 
 DISTANCE, APART = 8.0, 2.5
-sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.12)
+sphere = trimesh.creation.icosphere(subdivisions=5, radius=0.12)
 actors = []
 for name, azimuth in (("left", APART / 2), ("right", -APART / 2)):
     away = np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth)), 0.0])  # azimuth grows to the left

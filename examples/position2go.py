@@ -34,13 +34,13 @@ def ball(name: str, distance: float, azimuth: float, elevation: float, velocity:
     )
 
 
-def capture(radar: rfgen.Radar, *balls: rfgen.Actor) -> np.ndarray:
-    return rfgen.Simulator(None, radar, balls).adc(duration=radar.waveform.frame_period, seed=0).data[0]
+def capture(radar: rfgen.Radar, *balls: rfgen.Actor, seed: int = 0) -> np.ndarray:
+    return rfgen.Simulator(None, radar, balls).adc(duration=radar.waveform.frame_period, seed=seed).data[0]
 
 
-def found(radar: rfgen.Radar, *balls: rfgen.Actor):
-    """The strongest target; 16 chirps leave room for two training cells."""
-    return point_cloud(capture(radar, *balls), radar, max_points=1, guard=(1, 1), train=(6, 2))
+def found(radar: rfgen.Radar, *balls: rfgen.Actor, seed: int = 0):
+    """The strongest target."""
+    return point_cloud(capture(radar, *balls, seed=seed), radar, max_points=1)
 
 
 radar = rfgen.Radar.load("position2go")
@@ -70,7 +70,9 @@ print(f"{np.degrees(one.azimuth[0]):+.1f} deg, {one.velocity[0]:+.2f} m/s, {one.
 azimuths = np.arange(-80, 81, 16 if arguments.quick else 4)
 for name, mark in (("position2go", "o"), ("position2go_v11", "x")):
     other = rfgen.Radar.load(name)
-    angles = [np.degrees(found(other, ball("ball", 5.0, a, 0, -2.0)).azimuth[0]) for a in azimuths]
+    angles = [
+        np.degrees(found(other, ball("ball", 3.0, a, 0, -2.0), seed=n).azimuth[0]) for n, a in enumerate(azimuths)
+    ]
     spacing = 1e3 * np.ptp(other.rx_positions[:, 1])
     limit = np.degrees(np.arcsin(min(1.0, other.wavelength / 2 / (1e-3 * spacing))))
     wrong = int(np.sum(np.abs(np.subtract(angles, azimuths)) > 10))

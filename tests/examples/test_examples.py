@@ -33,6 +33,10 @@ def test_awr1843_finds_the_ball_where_it_is(tmp_path: Path, options: list[str]) 
     x, y, z, velocity = map(float, re.search(r"found at \((.+), (.+), (.+)\) m, ([+-][\d.]+) m/s", out).groups())
     assert (x, y, z) == pytest.approx((1.5, 0.5, 1.0), abs=0.08)
     assert velocity == pytest.approx(true_velocity, abs=0.07)  # one Doppler cell
+    # What it can and cannot see.
+    assert re.findall(r"(\d+) deg apart: (\d)", out) == [("24", "2"), ("8", "1")]
+    folded, unfolded = map(float, re.search(r"at \+6 m/s +found (\S+) .* ambiguities=1 (\S+) m/s", out).groups())
+    assert (folded, unfolded) == pytest.approx((6.0 - 8.77, 6.0), abs=0.03)
     with Image.open(tmp_path / "map.png") as picture:
         assert picture.width > 500
         assert len(picture.convert("RGB").getcolors(2**24)) > 100

@@ -152,7 +152,11 @@ def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArra
     present = min((path.stat().st_size - start) // frame_size, found[0])
     missing = start + found[0] * frame_size - path.stat().st_size
     if missing > 0:
-        message = f"'{path}' has {path.stat().st_size:,} bytes; {found[0]} frames need {missing:,} more"
+        size = path.stat().st_size
+        message = (
+            f"'{path}' has {size:,} bytes; {found[0]} frames of {frame_size:,} bytes after a header of {start:,} are "
+            f"{size + missing:,}: {missing:,} bytes are missing, from byte {size:,} (frame {present}) on"
+        )
         if present == 0:
             raise CaptureFormatError(message)
         complain(message, partial)
