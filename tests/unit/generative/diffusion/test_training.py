@@ -187,6 +187,28 @@ def test_a_stopped_run_is_taken_up_where_it_was(tmp_path: Path, corpus: Corpus) 
         train(corpus, text, tmp_path / "a", Recipe(steps=4, items=3), shape=shape)
 
 
+@pytest.mark.slow
+def test_the_seed_decides_a_whole_training(tmp_path: Path, corpus: Corpus) -> None:
+    """Sentence encoder and motion model, twenty steps each, on one thread: the same file, byte by byte."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+
+        def run(name: str, seed: int) -> bytes:
+            text = train_text([Captions("march", ("a person marches on",))], seed=seed, steps=20, batch=16)
+            recipe = Recipe(steps=20, items=4, seed=seed, movement_from=10)
+            text = text.eval().requires_grad_(False)
+            path = train(corpus, text, tmp_path / name, recipe, shape=Shape(channels=(16, 24, 32)))
+            model = read_model(path)
+            return b"".join(v.numpy().tobytes() for m in (model.net, model.text) for v in m.state_dict().values())
+
+        first = run("first", 3)
+        assert run("second", 3) == first
+        assert run("third", 4) != first
+    finally:
+        torch.set_num_threads(threads)
+
+
 def _stop_after(limit: int):
     def progress(step: int, *_: float) -> None:
         if step >= limit:
