@@ -12,7 +12,7 @@ from rfgen_sionna.signal import synthesize
 from tests.benchmarks import truth
 from tests.benchmarks.measuring import timed
 from tests.benchmarks.methods import Method, Traced
-from tests.benchmarks.subjects import SPEED, Subject
+from tests.benchmarks.subjects import SPEED, Subject, permittivity
 
 FAR = 150.0
 """Doppler [Hz] beyond the body's own that counts as spurious."""
@@ -65,7 +65,13 @@ class AdcCheck:
         rng = np.random.default_rng(seed)
         self.entries = np.column_stack([rng.integers(0, n, count) for n in (wave.num_loops, wave.num_samples)])
         self._wave = wave
-        self.expected = np.array([self._true(*entry) for entry in self.entries])
+        self._expected: dict[bool, ComplexArray] = {}
+
+    def expected(self, smooth: bool) -> ComplexArray:
+        """(entry,) samples, of the smooth surface or of the mesh as it is."""
+        if smooth not in self._expected:
+            self._expected[smooth] = np.array([self._true(*entry, smooth) for entry in self.entries])
+        return self._expected[smooth]
 
     def _cycles(self, tau: FloatArray, sample: int) -> FloatArray:
         """Of the beat signal, modulo 1."""
@@ -73,17 +79,19 @@ class AdcCheck:
         t = wave.sample_times[sample]
         return np.mod(tau * (wave.start_frequency + wave.slope * t - 0.5 * wave.slope * tau), 1.0)
 
-    def _true(self, chirp: int, sample: int) -> complex:
+    def _true(self, chirp: int, sample: int, smooth: bool) -> complex:
         subject, wave = self.subject, self._wave
         now = wave.chirp_times[chirp, 0] + wave.sample_times[sample]
+        frequency = wave.start_frequency + wave.slope * wave.sample_times[sample]
         if subject.quadrature is None:
             # Of a point-like return: its own delay, with the level at the frequency of the moment.
-            frequency = wave.start_frequency + wave.slope * wave.sample_times[sample]
             level = np.abs(subject.expected_at(np.array([now]), frequency))
             tau = 2 * subject.path(np.array([now])) / SPEED_OF_LIGHT
             return complex((level * np.exp(2j * np.pi * self._cycles(tau, sample)))[0])
         total, offset = 0j, SPEED * now * subject.towards
-        for weight, distance in subject.quadrature().strengths(offset):
+        for weight, distance in subject.quadrature(smooth).strengths(
+            offset, permittivity(subject.actors[0], frequency)
+        ):
             cycles = self._cycles(2 * distance / SPEED_OF_LIGHT, sample)
             total += (np.conj(weight) * np.exp(2j * np.pi * cycles)).sum()
         return complex(total)
@@ -107,7 +115,7 @@ class AdcCheck:
                 a, distance = method.returns(float(wave.chirp_times[chirp, 0]))
                 tau = 2 * (distance + SPEED * wave.sample_times[sample]) / SPEED_OF_LIGHT
                 found[index] = (np.conj(a) * np.exp(2j * np.pi * self._cycles(tau, sample))).sum()
-        expected = self.expected
+        expected = self.expected(isinstance(method, Traced))
         if self.subject.free_phase:
             turn = np.vdot(found, expected)
             found = found * turn / max(abs(turn), 1e-300)
@@ -115,5 +123,16 @@ class AdcCheck:
         return row
 
 
-def of_instants(subject: Subject, found: ComplexArray, expected: ComplexArray) -> dict[str, float]:
-    return truth.errors(found, expected, subject.free_phase)
+class Known:
+    """What a subject returns at some times."""
+
+    def __init__(self, subject: Subject, times: FloatArray) -> None:
+        self.subject, self.times = subject, times
+        self.smooth = subject.expected(times)
+        self.flat = self.smooth if subject.flat_expected is None else subject.flat_expected(times)
+
+    def errors(self, method: Method, found: ComplexArray) -> dict[str, float]:
+        """The tracer is held against the smooth surface that a mesh stands for, methods that see a polyhedron against
+        that."""
+        expected = self.smooth if isinstance(method, Traced) else self.flat
+        return truth.errors(found, expected, self.subject.free_phase)

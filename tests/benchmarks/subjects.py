@@ -19,6 +19,7 @@ from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.scene import Actor, RadarScene, RigidMesh, load_scene
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.smooth import smoothing
 from tests.benchmarks import truth
 
 SPEED = 0.5
@@ -46,8 +47,11 @@ class Subject:
     max_bounces: int = 1
     least_bounces: int = 1
     """Paths with fewer don't count: what is expected holds for the others."""
-    quadrature: Callable[[], truth.Quadrature] | None = None
-    """Points, for samples of the ADC; None for point-like returns."""
+    flat_expected: Callable[[FloatArray], ComplexArray] | None = None
+    """What the mesh returns as it is, a polyhedron: what methods are held against that see nothing else. None is
+    `expected`."""
+    quadrature: Callable[..., truth.Quadrature] | None = None
+    """Points, smooth or flat and as densely as is asked for; None for point-like returns."""
     towards: FloatArray = field(default_factory=lambda: np.array([1.0, 0, 0]))
     """(3,) unit vector that it moves along."""
     path: Callable[[FloatArray], FloatArray] = lambda t: t
@@ -85,9 +89,9 @@ def radar_of(band: int, **waveform: Any) -> Radar:
 
 
 def ball(subdivisions: int, radius: float) -> trimesh.Trimesh:
-    """An icosphere of the sphere's area: with its vertices on the sphere it would be too small."""
+    """An icosphere, turned so that no axis of its points at the radar."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
-    mesh.apply_scale(np.sqrt(4 * np.pi * radius**2 / mesh.area))
+    mesh.apply_transform(trimesh.transformations.euler_matrix(0.3, 0.5, 0.7))
     return mesh
 
 
@@ -228,22 +232,34 @@ def _body(
     half = 1.05 * float(np.abs(local[:, 1:] / local[:, :1]).max())
 
     @cache
-    def quadrature(oversampling: float = 1.0) -> truth.Quadrature:
+    def quadrature(smooth: bool = True, oversampling: float = 1.0) -> truth.Quadrature:
         static = [] if scene is None else [(each.vertices, each.faces) for each in scene.objects]
         rays = RayScene(static, [(points, actor.faces)], origin=viewpoint)
         first = sum(len(faces) for _, faces in static)
         eps = permittivity(actor, radar.center_frequency)
         return truth.Quadrature.of(
-            points, actor.faces, viewpoint, radar.center_frequency, eps, radar.tx_field, rays, first, oversampling
+            points,
+            actor.faces,
+            viewpoint,
+            radar.center_frequency,
+            eps,
+            radar.tx_field,
+            rays,
+            first,
+            oversampling,
+            smooth,
         )
 
-    def expected(t: FloatArray) -> ComplexArray:
-        found = quadrature()
+    curved = smoothing(points, actor.faces) is not None
+
+    def expected(t: FloatArray, smooth: bool = True) -> ComplexArray:
+        found = quadrature(smooth and curved)
         return np.array([found.gain(SPEED * s * towards, radar.center_frequency) for s in t])
 
     return Subject(
         name, title, radar, (actor,), expected, "dense quadrature of physical optics, visibility point by point",
-        half, scene, quadrature=quadrature, towards=towards,
+        half, scene, quadrature=lambda smooth=True, oversampling=1.0: quadrature(smooth and curved, oversampling),
+        towards=towards, flat_expected=lambda t: expected(t, False),
     )  # fmt: skip
 
 

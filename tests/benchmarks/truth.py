@@ -9,6 +9,7 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.smooth import edge_rises, smoothing
 from tests.reference.physical_optics import fresnel, triangle_points
 
 CHUNK = 1 << 18
@@ -72,41 +73,50 @@ class Quadrature:
         rays: RayScene | None,
         first_facet: int = 0,
         oversampling: float = 1.0,
+        smooth: bool = False,
     ) -> Quadrature:
         """Points in a frame with the viewpoint at the origin.
 
         `rays` tells what hides points (None: nothing does), with the mesh's faces numbered from `first_facet` on;
-        `oversampling` multiplies the density of the points.
+        `oversampling` multiplies the density of the points. Of a `smooth` mesh the quadratic surface through its
+        corners and the middles of its bowed edges is integrated: where that is, is the package's to define
+        (:mod:`rfgen_sionna.tracing.smooth`); what it returns is found here. What hides its points is the flat mesh.
         """
-        corners, number = vertices[faces] - viewpoint, np.arange(len(faces))
-        facing = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]).sum(1) < 0
-        corners, number = corners[facing], number[facing]
+        corners = vertices[faces] - viewpoint
+        found = smoothing(vertices, faces) if smooth else None
+        rises = np.zeros_like(corners) if found is None else edge_rises(corners, found.normals(vertices, faces))
+        face = np.flatnonzero(
+            (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]).sum(1) < 0
+        )
+        pieces = np.broadcast_to(np.eye(3), (len(face), 3, 3))
         wavenumber = 2 * np.pi * frequency / SPEED_OF_LIGHT * oversampling
-        parts: list[tuple[FloatArray, FloatArray, FloatArray, IntArray]] = []
-        while len(corners):
+        parts: list[tuple[FloatArray, ...]] = []
+        while len(face):
             # Gauss-Legendre needs two points per wavelength of the path and some more; the collapsed square has its
             # long side along an edge.
-            wanted = POINTS[0] + 2 * wavenumber * _spread(corners) / np.pi
+            wanted = POINTS[0] + 2 * wavenumber * _spread(pieces @ corners[face]) / np.pi
             fine = wanted <= POINTS[-1]
             chosen = np.searchsorted(POINTS, wanted)
             for index, count in enumerate(POINTS):
                 group = np.flatnonzero(fine & (chosen == index))
                 if not len(group):
                     continue
-                place, weight = triangle_points(corners[group], count)
-                cross = np.cross(corners[group, 1] - corners[group, 0], corners[group, 2] - corners[group, 0])
-                twice = np.linalg.norm(cross, axis=1)
-                normal = np.repeat((cross / twice[:, None])[:, None], len(weight), axis=1).reshape(-1, 3)
-                area = (0.5 * twice[:, None] * weight).ravel()
-                parts.append((place.reshape(-1, 3), normal, area, np.repeat(number[group], len(weight))))
-            corners, number = _quartered(corners[~fine]), np.tile(number[~fine], 4)
-        points, normal, area, face = (np.concatenate(each) for each in zip(*parts, strict=True))
-        if rays is not None:
-            pieces = [slice(first, first + CHUNK) for first in range(0, len(points), CHUNK)]
-            seen = ~np.concatenate([
-                rays.occluded(viewpoint, points[piece] + viewpoint, face[piece] + first_facet) for piece in pieces
-            ])  # fmt: skip
-            points, normal, area = points[seen], normal[seen], area[seen]
+                local, weight = triangle_points(np.eye(3)[None], count)
+                place = (local @ pieces[group]).reshape(-1, 3)
+                share = np.linalg.det(pieces[group])  # of the face's area
+                number = np.repeat(face[group], len(weight))
+                parts.append((place, np.outer(np.abs(share), weight).ravel(), number))
+            face, pieces = np.tile(face[~fine], 4), _quartered(pieces[~fine])
+        place, weight, number = (np.concatenate(each) for each in zip(*parts, strict=True))
+        made = []
+        for first in range(0, len(place), CHUNK):
+            chunk = slice(first, first + CHUNK)
+            own = number[chunk]
+            flat, point, cross = _surface(place[chunk], corners[own], rises[own])
+            seen = slice(None) if rays is None else ~rays.occluded(viewpoint, flat + viewpoint, own + first_facet)
+            twice = np.linalg.norm(cross, axis=1)
+            made.append((point[seen], (cross / twice[:, None])[seen], (0.5 * twice * weight[chunk])[seen]))
+        points, normal, area = (np.concatenate(each) for each in zip(*made, strict=True))
         return cls(points, normal, area, permittivity, np.asarray(field, dtype=np.float64))
 
     def gain(self, offset: FloatArray, frequency: float, permittivity: complex | None = None) -> complex:
@@ -130,7 +140,7 @@ class Quadrature:
             place = self.points[piece] + offset
             distance = np.sqrt(np.einsum("pi,pi->p", place, place))
             towards = place / distance[:, None]
-            cos = -np.einsum("pi,pi->p", towards, self.normal[piece])
+            cos = np.maximum(-np.einsum("pi,pi->p", towards, self.normal[piece]), 0.0)
             r_s, r_p = fresnel(self.permittivity if permittivity is None else permittivity, 1.0, cos)
             across = _share_across(towards, self.normal[piece], self.field)
             f = cos * (r_s * across - r_p * (1 - across))
@@ -143,6 +153,19 @@ def _share_across(towards: FloatArray, normal: FloatArray, field: FloatArray) ->
     transverse = field - (towards @ field)[:, None] * towards
     size = np.einsum("pi,pi->p", s, s) * np.einsum("pi,pi->p", transverse, transverse)
     return np.asarray(np.einsum("pi,pi->p", s, transverse) ** 2 / np.maximum(size, 1e-30))
+
+
+def _surface(place: FloatArray, corners: FloatArray, rises: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(point, 3) flat points, points of the quadratic surface, and its normals, twice its area long, at barycentric
+    coordinates `place` (point, 3) of faces whose edges opposite their corners rise by `rises` (point, 3, 3)."""
+    w = place[:, :, None]
+    flat = (w * corners).sum(axis=1)
+    point = flat + 4 * sum(w[:, (i + 1) % 3] * w[:, (i + 2) % 3] * rises[:, i] for i in range(3))
+    slope = [
+        corners[:, i] + 4 * (w[:, (i + 2) % 3] * rises[:, (i + 1) % 3] + w[:, (i + 1) % 3] * rises[:, (i + 2) % 3])
+        for i in range(3)
+    ]
+    return flat, point, np.cross(slope[1] - slope[0], slope[2] - slope[0])
 
 
 def _spread(corners: FloatArray) -> FloatArray:
