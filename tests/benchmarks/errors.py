@@ -68,7 +68,7 @@ class AdcCheck:
         self._expected: dict[bool, ComplexArray] = {}
 
     def expected(self, smooth: bool) -> ComplexArray:
-        """(entry,) samples, of the smooth surface or of the mesh as it is."""
+        """(entry,) samples of the smooth surface or of the mesh as it is."""
         if smooth not in self._expected:
             self._expected[smooth] = np.array([self._true(*entry, smooth) for entry in self.entries])
         return self._expected[smooth]
@@ -134,5 +134,5 @@ class Known:
     def errors(self, method: Method, found: ComplexArray) -> dict[str, float]:
         """The tracer is held against the smooth surface that a mesh stands for, methods that see a polyhedron against
         that."""
-        expected = self.smooth if isinstance(method, Traced) else self.flat
+        expected = (self.smooth if isinstance(method, Traced) else self.flat)[: len(found)]
         return truth.errors(found, expected, self.subject.free_phase)

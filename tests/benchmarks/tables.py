@@ -75,7 +75,7 @@ def markdown(result: dict[str, Any]) -> str:
     if "sampling" in result:
         text.append("## Rays for visibility, uniform and adaptive\n")
         rows = [
-            [row["method"], f"{row['rays']:,}", _number(row["relative"]), _number(1e3 * row["seconds"])]
+            [row["method"], f"{row['rays']:,}", _number(row["relative"]), _number(1e3 * row["seconds"] or None)]
             for row in result["sampling"]["rows"]
         ]
         text.append(_table(["method", "rays", "rel. error", "ms"], rows))
