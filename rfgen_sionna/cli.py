@@ -52,6 +52,10 @@ rfgen generate "a person walks towards the radar, at azimuth 20 degrees" --envir
 
 rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
 
+rfgen generate "a person stands" --environment "an office" --surroundings furnished --seed 4
+
+rfgen generate "a person doing jumping jacks" --environment "a bedroom" --surroundings diffusion
+
 rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 
 A prompt names a person and one action; it may name orientation, distance, azimuth, body, hand, speed and surroundings.
@@ -63,7 +67,21 @@ def generate(
     negative: Annotated[str, typer.Option(help='What is not wanted: "left arm", "facing away", "child".')] = "",
     environment: Annotated[
         str | None,
-        typer.Option(help='Where: "a living room", "free space", a scene of Sionna (default: what the prompt says).'),
+        typer.Option(
+            help='Where: "a living room", "an office", "free space", a scene of Sionna (default: what the prompt says).'
+        ),
+    ] = None,
+    surroundings: Annotated[
+        str,
+        typer.Option(
+            help='Where surroundings come from: "scene" (of a file), "furnished" (by the seed), "diffusion" (imagined '
+            'by a model) or "auto", a scene where there is one, else furnished.'
+        ),
+    ] = "auto",
+    negative_environment: Annotated[str, typer.Option(help='What imagined surroundings are without: "sofa".')] = "",
+    refine: Annotated[
+        bool | None,
+        typer.Option(help="Whether path diffusion completes imagined surroundings (default: yes).", show_default=False),
     ] = None,
     radar: Annotated[str, typer.Option(help="A radar of `rfgen radars`, or the path of a TOML file.")] = "awr1843",
     preset: Annotated[str | None, typer.Option(help="Configuration of that radar (default: its own choice).")] = None,
@@ -92,7 +110,14 @@ def generate(
         str | None,
         typer.Option(metavar="X,Y,Z", help="At what it looks (default: 3,0,1; along +x from a given position)."),
     ] = None,
-    pir_resolution: Annotated[str, typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images.")] = "128x128",
+    pir_resolution: Annotated[
+        str | None,
+        typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images (default: 128x128; imagined: 64x64)."),
+    ] = None,
+    max_bounces: Annotated[
+        int,
+        typer.Option(min=1, max=3, help="Most surfaces on a path; 2 and 3 have ghosts and corners, and take longer."),
+    ] = 1,
     motion: Annotated[
         str, typer.Option(help='Where the motion comes from: "kinematic" (rules) or "diffusion" (learned).')
     ] = "kinematic",
@@ -108,7 +133,7 @@ def generate(
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.prompts import parse_prompt
 
-    resolution = _resolution(pir_resolution)
+    resolution = None if pir_resolution is None else _resolution(pir_resolution)
     place, target_point = _point("--radar-position", radar_position), _point("--look-at", look_at)
     read = parse_prompt(prompt, negative, seed=seed)
     target = output if output is not None else Path(f"{read.action}.h5")
@@ -124,6 +149,9 @@ def generate(
             prompt,
             negative=negative,
             environment=environment,
+            surroundings=surroundings,
+            negative_environment=negative_environment,
+            refine=refine,
             radar=radar,
             preset=preset,
             duration=duration,
@@ -137,6 +165,7 @@ def generate(
             radar_position=place,
             look_at=target_point,
             pir_resolution=resolution,
+            max_bounces=max_bounces,
             motion=motion,
             collisions=cast("Policy", collisions),  # checked there
             device=device,

@@ -20,12 +20,13 @@ from rfgen_sionna.generative.decisions import Decision, argument
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
+from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_kind, set_up
 from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment
+from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.floor import floor_under
-from rfgen_sionna.scene.load import load_scene
 from rfgen_sionna.scene.places import Policy
 from rfgen_sionna.signal import Receiver, read_receiver, receiver_record
 from rfgen_sionna.signal.synthesis import chosen_device
@@ -49,6 +50,9 @@ def generate(
     *,
     negative: str = "",
     environment: str | None = None,
+    surroundings: str = "auto",
+    negative_environment: str = "",
+    refine: bool | None = None,
     radar: str | PathLike[str] | Radar = "awr1843",
     preset: str | None = None,
     duration: float = 3.0,
@@ -61,8 +65,9 @@ def generate(
     distance: float | None = None,
     radar_position: tuple[float, float, float] | None = None,
     look_at: tuple[float, float, float] | None = None,
-    pir_resolution: tuple[int, int] = (128, 128),
-    fov_deg: float | tuple[float, float] = 60.0,
+    pir_resolution: tuple[int, int] | None = None,
+    fov_deg: float | tuple[float, float] | None = None,
+    max_bounces: int | None = 1,
     motion: str = "kinematic",
     collisions: Policy = "error",
     device: str = "auto",
@@ -78,6 +83,14 @@ def generate(
     environment
         Surroundings in words ("a living room") or the name of a scene; None takes what the prompt says, "free space"
         is none.
+    surroundings
+        Where they come from: "scene" (a scene of a file, always the same), "furnished" (a place furnished by the seed),
+        "diffusion" (an image that a diffusion model draws, :mod:`rfgen_sionna.generative.environment`) or "auto": a
+        scene of a file where there is one of that name, else furnished.
+    negative_environment
+        What an imagined place is without.
+    refine
+        Whether path diffusion completes what is traced and imagined; None does where surroundings are imagined.
     radar
         Name or TOML file of a radar, or a placed Radar.
     preset
@@ -104,7 +117,10 @@ def generate(
         at `RADAR_TARGET`, which suits our rooms; with a position alone it looks along +x. The person stands where it
         looks, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
     pir_resolution, fov_deg
-        Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file.
+        Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file, by default (128, 128) and 60.
+        Imagined surroundings come in 64 x 64 pixels, and by default 90 degrees: beyond the field of view is nothing.
+    max_bounces
+        Most surfaces on a path, as in :class:`~rfgen_sionna.simulation.Simulator`.
     motion
         Where the motion comes from: "kinematic" (rules of movement) or "diffusion" (the learned model).
     collisions
@@ -130,10 +146,11 @@ def generate(
     for name, value in (("overwrite", overwrite), ("noise", noise)):
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
-    check_view(pir_resolution, fov_deg)
     device = chosen_device(device)
     source = motion_source(motion)
-    said, surroundings = _read(prompt, negative, environment, seed, distance)
+    said, asked = _read(prompt, negative, environment, seed, distance)
+    kind = check_kind(surroundings, asked, negative=negative_environment, refine=refine)
+    resolution, fov = _view(pir_resolution, fov_deg, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
     impairments = _receiver(receiver, radar, noise)
@@ -144,22 +161,33 @@ def generate(
             f"{radar.max_range:.2f} m: come closer, or take a preset with a lower slope or a higher sample rate"
         )
     spot, _ = before_radar(radar, place, said.bearing_deg or 0.0)
-    _check_size(duration, radar, pir_resolution, target)
+    _check_size(duration, radar, resolution, target)
     # What they refuse is refused before a scene is read, and before a body is built.
     count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
-    scene = load_scene(None if surroundings is None else surroundings.scene)
-    Simulator(scene, radar, rtol=rtol)
+    setting = set_up(asked, kind, radar, seed=seed, negative=negative_environment, refine=refine, fov_deg=fov)
+    scene = setting.scene
+    Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces)
 
     found = floor_under(scene, (*spot, float(radar.position[2])))
     height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
     person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height, source=source)
-    simulator = Simulator(scene, radar, [person], rtol=rtol, collisions=collisions, seed=seed)
+    simulator = Simulator(
+        scene,
+        radar,
+        [person],
+        rtol=rtol,
+        collisions=collisions,
+        seed=seed,
+        max_bounces=max_bounces,
+        environment=setting.environment,
+        refiner=setting.refiner,
+    )
     if simulator.hidden(person, 0.0, duration):
         raise ValueError(
             f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; "
             "choose another distance or environment, or place the radar elsewhere"
         )
-    text = person.report([Decision("floor", f"{height + 0.0:.2f} m", why)])
+    text = person.report([*setting.decisions, Decision("floor", f"{height + 0.0:.2f} m", why)])
     if report is None:
         _LOG.info("%s", text)
     else:
@@ -169,8 +197,14 @@ def generate(
         radar=radar,
         prompt=prompt,
         negative_prompt=negative,
-        environment="" if surroundings is None else surroundings.scene,
-        seeds={"body": seed, "motion": seed, "noise": seed if noise or receiver is not None else None},
+        environment=setting.name,
+        seeds={
+            "body": seed,
+            "motion": seed,
+            "surroundings": seed if kind in ("furnished", "diffusion") else None,
+            "speckle": seed,
+            "noise": seed if noise or receiver is not None else None,
+        },
         actors=(ActorInfo.of(person),),
         labels=STANDARD_LABELS,
         report=text,
@@ -178,13 +212,14 @@ def generate(
     )
     middle = 0.5 * radar.waveform.frame_length
     frames = simulator.frames(duration, seed=seed, receiver=impairments, device=device)
+    view = View(resolution, check_view(resolution, fov)[2], radar.position, radar.orientation)
     with RunWriter(target, info, overwrite=overwrite) as writer:
         for frame in frames:
             t = frame.time + middle
             writer.append(
                 frame.samples,
                 time=frame.time,
-                pir=simulator.pir(t, pir_resolution, fov_deg),
+                pir=image(frame.paths, view, t) if frame.paths else simulator.pir(t, resolution, fov),
                 mesh_time=t,
                 full_scale=frame.full_scale,
                 clipped=frame.clipped,
@@ -195,6 +230,20 @@ def generate(
             if progress is not None:
                 progress(frame.index + 1, count)
     return open_run(target)
+
+
+def _view(
+    resolution: tuple[int, int] | None, fov_deg: float | tuple[float, float] | None, kind: str
+) -> tuple[tuple[int, int], float | tuple[float, float]]:
+    """Resolution and field of view [degrees] of the images in the file, checked."""
+    if kind == "diffusion":
+        if resolution is not None and tuple(resolution) != IMAGE_PIXELS:
+            raise ValueError(f"pir_resolution is {resolution!r}: imagined surroundings come in {IMAGE_PIXELS} pixels")
+        resolution, fov = IMAGE_PIXELS, IMAGE_FOV if fov_deg is None else fov_deg
+    else:
+        resolution, fov = (128, 128) if resolution is None else resolution, 60.0 if fov_deg is None else fov_deg
+    check_view(resolution, fov)
+    return resolution, fov
 
 
 def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:

@@ -60,6 +60,9 @@ class Frame:
     """Largest I or Q of the ADC [sqrt(W)]; None where the samples are not quantised."""
     clipped: float = 0.0
     """Share of the words of I and Q that were beyond the ADC's range."""
+    paths: tuple[RadarPaths, ...] = ()
+    """Actors and imagined surroundings, from which their image can be had (:func:`rfgen_sionna.pir.image`); nothing
+    where surroundings are modelled."""
 
 
 class Simulator:
@@ -270,15 +273,15 @@ class Simulator:
 
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str) -> Iterator[Frame]:
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
-        for index, (samples, report) in enumerate(self._echoes(times, gains, device)):
+        for index, (samples, report, parts) in enumerate(self._echoes(times, gains, device)):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale = capture.full_scale
-            yield Frame(index, float(times[index]), capture.samples, report, full_scale, capture.clipped)
+            yield Frame(index, float(times[index]), capture.samples, report, full_scale, capture.clipped, parts)
 
     def _echoes(
         self, times: NDArray[np.float64], gains: NDArray[np.complex128] | None, device: str
-    ) -> Iterator[tuple[NDArray[np.complex128], TraceReport]]:
-        """(chirp, tx, rx, sample) of each frame before the receiver, and what they cost."""
+    ) -> Iterator[tuple[NDArray[np.complex128], TraceReport, tuple[RadarPaths, ...]]]:
+        """(chirp, tx, rx, sample) of each frame before the receiver, what they cost, and paths that images need."""
         eps = max(0.3 * self.rtol, 1e-9)
         moving, length = self.tracer.follow(), self.radar.waveform.frame_length
 
@@ -289,7 +292,7 @@ class Simulator:
             refinement = self._fusion.refinement(float(times[0]), float(times[-1]) + length)
             for begin in times.tolist():
                 fused = self._fusion.trace(begin, begin + length, moving, refinement)
-                yield np.sum([echo(part, begin) for part in fused.parts], axis=0), fused.report
+                yield np.sum([echo(part, begin) for part in fused.parts], axis=0), fused.report, fused.parts
             return
         for index, begin in enumerate(times.tolist()):
             traced = self.tracer.trace(begin, begin + length, moving)
@@ -300,7 +303,7 @@ class Simulator:
             samples = still + echo(traced.moving, begin)
             if traced.shadow.num_paths:
                 samples += echo(traced.shadow, begin)
-            yield samples, traced.report
+            yield samples, traced.report, ()
 
     def hidden(self, actor: Actor, start: float, stop: float) -> bool:
         """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""

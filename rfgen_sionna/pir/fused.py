@@ -82,7 +82,8 @@ class Fusion:
 
     def images(self, times: Sequence[float]) -> list[Pir]:
         """Actors and surroundings together at instants [s], before they are refined."""
-        return [image(self._mixed(float(t)), self.surroundings.view, float(t)) for t in times]
+        run = self._tracer.follow()
+        return [image(self._mixed(float(t), run), self.surroundings.view, float(t)) for t in times]
 
     def refinement(self, start: float, stop: float) -> Refinement | None:
         """What the refiner makes of `start` … `stop` [s]; None where there is none."""
@@ -127,9 +128,9 @@ class Fusion:
         """(path,) shares of surroundings that nothing hides."""
         return np.ones(len(self.surroundings.pixel))
 
-    def _mixed(self, t: float) -> list[RadarPaths]:
-        """Traced paths and those of the surroundings at `t` [s]."""
-        paths = self._tracer.instant(t)
+    def _mixed(self, t: float, run: MovingParts | None = None) -> list[RadarPaths]:
+        """Traced paths and those of the surroundings at `t` [s]; those of a `run` share what it takes to find them."""
+        paths = self._tracer.instant(t) if run is None else self._tracer.trace(t, t, run).moving
         shown = self.surroundings.shown(self._tracer.rays_at(t), t) if self._tracer.actors else self._open
         return mix(paths, self.surroundings, np.array([t]), shown[:, None])
 

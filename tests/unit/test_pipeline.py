@@ -241,7 +241,7 @@ def test_a_run_is_in_its_file(quick: dict[str, Any], folder: Path, tiny_toml: Pa
         assert len(run) == 2
         assert run.radar == radar
         assert (run.prompt, run.negative_prompt, run.environment) == (PROMPT, "", "")
-        assert run.seeds == {"body": 5, "motion": 5, "noise": 5}
+        assert run.seeds == {"body": 5, "motion": 5, "surroundings": None, "speckle": 5, "noise": 5}
         assert {"rfgen_sionna", "sionna-rt", "numpy"} <= set(run.software)
         np.testing.assert_allclose(run.frame_times, [0, 0.05])
         # Meshes, images and labels are those of the middle of the frame's chirps.
@@ -289,7 +289,7 @@ def test_a_run_is_in_its_file(quick: dict[str, Any], folder: Path, tiny_toml: Pa
     with rfgen.generate(PROMPT, seed=6, output="other.h5", noise=False, **quick) as run:
         assert not np.array_equal(run.cube().data, samples)
         assert not np.allclose(run.actors["person"].vertices(0), body, atol=1e-3)
-        assert run.seeds == {"body": 6, "motion": 6, "noise": None}
+        assert run.seeds == {"body": 6, "motion": 6, "surroundings": None, "speckle": 6, "noise": None}
         assert run.cube().seed is None
     # An earlier file is replaced where that is asked for.
     with rfgen.generate(PROMPT, seed=6, output="again.h5", overwrite=True, **quick) as run:
