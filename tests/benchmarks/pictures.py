@@ -19,7 +19,7 @@ LEAST = 1e-7
 """Errors below it are drawn there."""
 
 
-def _axes(columns: int = 1, width: float = 6.4, height: float = 4.4) -> tuple[Any, Any, Any]:
+def _axes(columns: int = 1, width: float = 6.4, height: float = 5.0) -> tuple[Any, Any, Any]:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -30,13 +30,14 @@ def _axes(columns: int = 1, width: float = 6.4, height: float = 4.4) -> tuple[An
 
 
 def pareto(result: dict[str, Any], path: Path) -> None:
-    """Time of an instant on x, relative error on y, one curve per method; the narrow view is the thin line."""
+    """Time of an instant on x, relative error on y, one curve per method through its best settings: those to which no
+    other is both faster and more accurate. The thin lines are views that are no wider than the subject."""
     plt, figure, axes = _axes()
     for name, (style, color, label) in STYLES.items():
         rows = [row for row in result["rows"] if row["method"] == name]
         views = sorted({row.get("view_deg", 0.0) for row in rows}, reverse=True)
         for view in views:
-            some = sorted((row for row in rows if row.get("view_deg", 0.0) == view), key=lambda row: row["seconds"])
+            some = _front([row for row in rows if row.get("view_deg", 0.0) == view])
             wide = view in (0.0, 60.0)
             axes.loglog(
                 [1e3 * row["seconds"] for row in some], [max(row["relative"], LEAST) for row in some], style,
@@ -50,9 +51,18 @@ def pareto(result: dict[str, Any], path: Path) -> None:
     axes.set(xlabel="time of an instant [ms]", ylabel="relative error of the return")
     axes.set_title(f"{result['title']}, {result['band_ghz']} GHz\ntruth: {result['truth']}", fontsize=9)
     axes.grid(True, which="major", alpha=0.3)
-    axes.legend(frameon=False, fontsize=7)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=7)
     figure.savefig(path, dpi=110)
     plt.close(figure)
+
+
+def _front(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows that no other one beats in both time and error, the fastest first."""
+    kept: list[dict[str, Any]] = []
+    for row in sorted(rows, key=lambda row: row["seconds"]):
+        if not kept or row["relative"] < kept[-1]["relative"]:
+            kept.append(row)
+    return kept
 
 
 def scaling(result: dict[str, Any], path: Path) -> None:

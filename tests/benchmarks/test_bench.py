@@ -18,7 +18,7 @@ import pytest
 
 from rfgen_sionna import cli
 from rfgen_sionna.scene.rays import RayScene
-from tests.benchmarks import bench, pareto, pictures, synthesis, tables
+from tests.benchmarks import bench, pareto, pictures, skips, synthesis, tables
 from tests.benchmarks.errors import AdcCheck, Known, floor_db, spurious
 from tests.benchmarks.measuring import exponent, timed
 from tests.benchmarks.methods import Beams, Method, Samples, Traced
@@ -97,6 +97,14 @@ def test_the_synthesiser_is_far_faster_than_the_direct_sum() -> None:
     found = synthesis.compare("people", repeats=2, parts=4)
     hold("synthesis: relative error", found["relative_error"])
     hold("synthesis: times faster than the direct sum", found["times_faster"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("skip", skips.SKIPS, ids=lambda skip: skip.name)
+def test_without_a_skip_the_answer_is_the_same_to_the_tolerance(skip: skips.Skip) -> None:
+    found = skips.row(skip, 1)
+    assert found["difference_room"] <= found["allowed"], found
+    assert found["difference_actor"] <= found["allowed"], found
 
 
 # -- the benchmark itself ---------------------------------------------------------------------------------------------
