@@ -67,7 +67,7 @@ def train_control(
     recipe: ControlRecipe,
     *,
     device: str = "cpu",
-    save_every: int = 100,
+    save_every: int = 25,
     progress: Progress | None = None,
 ) -> Path:
     """Train, or go on where `out` stopped, and write `control.safetensors` there.
