@@ -58,7 +58,7 @@ def _ratio(amount: Any, scale: Any) -> Any:
 def finer(error: FloatArray, rtol: float) -> FloatArray:
     """By what the tolerance of each surface's facets is to be multiplied to bring its `error` below `rtol`: powers of
     the root of a half, so that the same facets come out wherever the same scene stands."""
-    excess = np.maximum(1.5 * error / rtol, 1.0)
+    excess = np.maximum(2.0 * error / rtol, 1.0)
     return np.asarray(0.5 ** np.clip(0.5 * np.ceil(2.0 * np.log2(excess)), 1.0, 5.0))
 
 
