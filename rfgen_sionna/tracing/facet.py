@@ -29,6 +29,7 @@ from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, medi
 from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments
+from rfgen_sionna.tracing.slabs import Slab, Slabs, bulk_length, slabs_of_lanes
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,7 @@ def facet_gains(
     via: Via | None = None,
     reference: FloatArray | None = None,
     normals: FloatArray | None = None,
+    slabs: Slabs | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -118,6 +120,9 @@ def facet_gains(
     normals
         (facet, 3, 3) unit normals at the corners, of the smooth surface that the facets stand for
         (:mod:`rfgen_sionna.tracing.smooth`), to either side; None is that they are flat.
+    slabs
+        What Tx and Rx see the facets through, if anything; it may not go together with mirrors. Delays hold that of the
+        slabs' bulk.
 
     Notes
     -----
@@ -154,6 +159,8 @@ def facet_gains(
             t, field_of_tx = first.image(dr, t), first.turned(dr, field_of_tx)
         if last is not None:
             r, field_of_rx = last.image(dr, r), last.turned(dr, field_of_rx)
+    elif slabs is not None:
+        walls = (None, None)
     centre = (p[0] + p[1] + p[2]) / 3.0
     origin = centre if reference is None else vector(np.reshape(reference, (-1, 3)), facet)
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
@@ -166,7 +173,15 @@ def facet_gains(
         flat_normals = np.ascontiguousarray(normals, dtype=np.float64).reshape(-1, 3)
         tips = [vector(flat_normals, facet * 3 + corner) for corner in range(3)]
         tips = [dr.select(dr.dot(tip, normal) < 0, -tip, tip) for tip in tips]
-    surface = _Surface(normal, 0.5 * twice_area, medium, t, r, field_of_tx, field_of_rx, monostatic, walls)
+    crossed: list[Slab] = []
+    turn, bulk = None, 0.0
+    if slabs is not None:
+        crossed = slabs_of_lanes(dr, types, slabs, nodes.frequency, facet, node, wavenumber)
+        bulk = bulk_length(dr, crossed, dr.normalize(origin - t)) + bulk_length(dr, crossed, dr.normalize(r - origin))
+        sin, cos = dr.sincos(wavenumber * bulk)
+        turn = ComplexPair(cos, sin)
+    ends = t, r, field_of_tx, field_of_rx
+    surface = _Surface(normal, 0.5 * twice_area, medium, *ends, monostatic, walls, crossed, turn)
 
     whole_facets = parts is None or int(np.max(parts)) == 1
     if parts is None or whole_facets or tips is not None:
@@ -197,7 +212,7 @@ def facet_gains(
         total = whole(np.asarray(parts) ** 2, facet)
         start = (dr.zeros(UInt32, len(lane)), dr.zeros(Float, len(lane)), dr.zeros(Float, len(lane)))
         _, real, imaginary = dr.while_loop(start, lambda index, re, im: index < total, step)
-    length = dr.norm(origin - t) + dr.norm(r - origin)
+    length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
     dr.eval(real, imaginary, length)
     a = np.empty(shape, dtype=np.complex128)
     a.real, a.imag = real.numpy().reshape(shape), imaginary.numpy().reshape(shape)
@@ -218,6 +233,10 @@ class _Surface(NamedTuple):
     monostatic: bool
     walls: tuple[Wall | None, Wall | None] | None
     """By way of which Tx and Rx look at it: `tx` and `rx` with their fields are images then."""
+    slabs: list[Slab]
+    """Through what they do."""
+    turn: ComplexPair | None
+    """What takes the phase of the slabs' bulk away, as delays hold it."""
 
 
 def _triangle(
@@ -278,9 +297,12 @@ def _triangle(
 
     if surface.walls is not None:  # the images may lie in very different directions
         by_wall = Strength(dr, vector, complex_type, surface, centre)
-        of_centre = by_wall.at(centre)
-        changes = [by_wall.at(corner) - of_centre for corner in p[:2]]
-        changes.append((changes[0] + changes[1]).scaled(-1.0))  # linear: nothing on the average
+        of_centre = by_wall.at(centre, facing)
+        if tips is None:
+            changes = [by_wall.at(corner, facing) - of_centre for corner in p[:2]]
+            changes.append((changes[0] + changes[1]).scaled(-1.0))  # linear: nothing on the average
+        else:
+            changes = [by_wall.at(corner, tip) - of_centre for corner, tip in zip(p, tips, strict=True)]
         expansion = _Expansion(lengths, sags, of_centre, changes)
         return _return(dr, area, usable, wavenumber, expansion, parts), excess(centre, reference)
     middle = at(centre, facing)

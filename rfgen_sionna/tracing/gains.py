@@ -12,7 +12,7 @@ polarisation on both sides reciprocity leaves even powers of w only.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -201,16 +201,7 @@ class BandTracer:
                 normals=facets.normals[index] if curved and facets.normals is not None else None,
             )
 
-        if facets.curved is None or facets.curved.all() or not facets.curved.any():
-            return of(slice(None), facets.curved is not None and bool(facets.curved.any()))
-        # Large flat facets are integrated point by point, which curved ones, that are small, don't need.
-        a = np.empty((len(nodes), len(facets)), np.complex128)
-        tau = np.empty(a.shape)
-        for curved in (False, True):
-            index = np.flatnonzero(facets.curved == curved)
-            some = of(index, curved)
-            a[:, index], tau[:, index] = some.a, some.tau
-        return FacetGains(a, tau)
+        return by_curvature(facets, len(nodes), of)
 
     def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
         tx, rx = np.divmod(pairs, len(self._rx))
@@ -259,6 +250,24 @@ class BandTracer:
             weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
         nodes = self._nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
         return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank), wanted)
+
+
+def by_curvature(
+    facets: Facets, nodes: int, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
+) -> FacetGains:
+    """Gains of flat facets and of curved ones, each by themselves: `gains` takes an index and whether they are curved.
+
+    Large flat facets are integrated point by point, which curved ones, that are small, don't need.
+    """
+    if facets.curved is None or facets.curved.all() or not facets.curved.any():
+        return gains(slice(None), facets.curved is not None and bool(facets.curved.any()))
+    a = np.empty((nodes, len(facets)), np.complex128)
+    tau = np.empty(a.shape)
+    for curved in (False, True):
+        index = np.flatnonzero(facets.curved == curved)
+        some = gains(index, curved)
+        a[:, index], tau[:, index] = some.a, some.tau
+    return FacetGains(a, tau)
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.gains import BandTracer, by_curvature
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.reflected import Via
@@ -58,21 +59,21 @@ class ImageBand(BandTracer):
         super().__init__(radar, rtol)
         self.tx, self.rx = tx, rx
         self._mirrors = tuple(mirrors)
-        self._normals = np.stack([mirror.normal for mirror in mirrors])
+        self._normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
         self._offsets = np.array([mirror.height(self._origin) for mirror in mirrors])
         if tx != rx:  # Tx and Rx changed over make another path
             self._powers = 1
 
-    def lengths(self, centroids: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of each."""
+    def lengths(self, centroids: FloatArray, shown: MirroredFacets) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets."""
         place = centroids - self._origin
 
         def seen(mirror: IntArray) -> FloatArray:
             height = np.einsum("fi,fi->f", place, self._normals[mirror]) + self._offsets[mirror]
             return np.asarray(place - 2.0 * height[:, None] * self._normals[mirror])
 
-        to_tx = np.linalg.norm((seen(first) if self.tx else place) - self._tx[:, None], axis=2)
-        to_rx = np.linalg.norm((seen(last) if self.rx else place) - self._rx[:, None], axis=2)
+        to_tx = np.linalg.norm((seen(shown.first) if self.tx else place) - self._tx[:, None], axis=2)
+        to_rx = np.linalg.norm((seen(shown.last) if self.rx else place) - self._rx[:, None], axis=2)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def _gains(
@@ -80,15 +81,28 @@ class ImageBand(BandTracer):
     ) -> FacetGains:
         if not isinstance(facets, MirroredFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
-        return facet_gains(
-            facets.corners - self._origin,
-            facets.surface,
-            Media.at(materials, nodes.frequency, self.half_band),
-            nodes,
-            *self._fields,
-            facets.parts if parts is None else parts,
-            via=self._via(nodes, facets.first, facets.last),
-        )
+        parts = facets.parts if parts is None else parts
+        corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
+        reference = None if facets.anchors is None else facets.anchors - self._origin
+
+        def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
+            return facet_gains(
+                corners[index],
+                facets.surface[index],
+                media,
+                nodes,
+                *self._fields,
+                parts[index],
+                reference=None if reference is None else reference[index],
+                normals=facets.normals[index] if curved and facets.normals is not None else None,
+                **self._by(facets, nodes, index),
+            )
+
+        return by_curvature(facets, len(nodes), of)
+
+    def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
+        """What the facets `index` are seen by."""
+        return {"via": self._via(nodes, facets.first[index], facets.last[index])}
 
     def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> Via:
         walls = Media.at([mirror.material for mirror in self._mirrors], nodes.frequency, self.half_band)

@@ -23,6 +23,7 @@ LOOSEST = 0.03
 """Tolerance of such a return, relative to itself, however weak it is."""
 WAYS = ((True, False), (False, True), (True, True))
 """Whether the way from Tx, and that to Rx, goes by a mirror."""
+STRAIGHT = (False, False)
 
 Centroids = Callable[[float, NDArray[np.intp]], FloatArray]
 """Time [s] and ascending numbers of facets to their centroids (facet, 3) [m]."""
@@ -62,7 +63,7 @@ class ImageReturns:
         radar: Radar,
         rtol: float,
         mirrors: Mirrors,
-        band: type[ImageBand] = ImageBand,
+        band: Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand] = ImageBand,
     ) -> None:
         self._surfaces, self._names, self._radar, self._rtol = surfaces, names, radar, rtol
         self._materials = tuple(surface.material for surface in surfaces)
@@ -128,7 +129,7 @@ class ImageReturns:
             knots,
             instants,
             gains,
-            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), first, last),
+            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), shown[middle]),
         )
         directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]
         departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))
@@ -224,7 +225,7 @@ class ImageReturns:
     ) -> tuple[FloatArray, FloatArray]:
         """(facet, 3) unit vectors towards the first and the last interaction."""
         place = centroids - self._viewpoint
-        normals = np.stack([each.normal for each in mirrors])
+        normals = np.array([each.normal for each in mirrors]).reshape(-1, 3)
         heights = np.array([float(each.height(self._viewpoint)) for each in mirrors])
 
         def towards(by: bool, mirror: NDArray[np.int32]) -> FloatArray:

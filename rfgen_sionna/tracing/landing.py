@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.rays import RayScene
@@ -133,9 +132,6 @@ def _rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp
 
 class LandingBand(ImageBand):
     """As :class:`~rfgen_sionna.tracing.image_band.ImageBand`, for :class:`LandedFacets`."""
-
-    def __init__(self, radar: Radar, rtol: float, mirrors: Sequence[Plate], tx: bool, rx: bool) -> None:
-        super().__init__(radar, rtol, mirrors, tx, rx)
 
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None

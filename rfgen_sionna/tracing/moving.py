@@ -19,6 +19,7 @@ from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
+from rfgen_sionna.tracing.veils import Veiled, Veils
 from rfgen_sionna.tracing.visibility import visible_fraction
 
 RANGE_MARGIN = 1.1
@@ -57,8 +58,8 @@ class _Seen:
 
 
 class MovingParts:
-    """Traces the moving surfaces stretch by stretch, and where there may be any their `ghosts` in walls and what
-    `bounces` from one flat part or body to the other.
+    """Traces the moving surfaces stretch by stretch, and where there may be any their `ghosts` in walls, what
+    `bounces` from one flat part or body to the other, and what is seen through slabs, behind `veils`.
 
     Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
     measured in every stretch; where it is above the tolerance, facets and expansion are chosen anew.
@@ -73,10 +74,11 @@ class MovingParts:
         rtol: float,
         ghosts: Ghosts | None = None,
         bounces: Bounces | None = None,
+        veils: Veils | None = None,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
-        self._ghosts, self._bounces = ghosts, bounces
+        self._ghosts, self._bounces, self._veils = ghosts, bounces, veils
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
@@ -99,12 +101,16 @@ class MovingParts:
             seen: list[_Seen] = []
             mirrored: list[MirroredView] = []
             bounced: list[Bounced] = []
+            veiled: list[Veiled] = []
             for t in instants.tolist():
                 seen.append(self._see(t, positions, rays))
                 if ghosts is not None:  # now, as the ray scene stands at this time
                     mirrored.append(ghosts.see(rays(t), seen[-1].facets, seen[-1].fraction))
                 if bounces is not None:
                     bounced.append(bounces.see(t, rays(t), seen[-1].facets, seen[-1].fraction))
+                if self._veils is not None:
+                    every = self._everything(t, positions)
+                    veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
             gains = [self._band(each, self._materials, expansion) for each in facets]
@@ -125,13 +131,16 @@ class MovingParts:
 
         more: list[RadarPaths] = []
         whole = [each.facets for each in seen]
+        if self._veils is not None:
+            through, missed, _ = self._veils.trace(knots, instants, whole, veiled, centroids, self._level)
+            more, error = [] if through is None else [through], error + missed
         if ghosts is not None:
             found_there, missed = ghosts.trace(knots, instants, whole, mirrored, centroids, self._level)
             more, error = more + found_there, error + missed
         if bounces is not None:
             found_there, missed = bounces.trace(knots, instants, whole, bounced, centroids, self._level)
             more, error = more + found_there, error + missed
-        looked: list[_Seen | MirroredView | Bounced] = [*seen, *mirrored, *bounced]
+        looked: list[_Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *bounced, *veiled]
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             error,
@@ -198,8 +207,12 @@ class MovingParts:
         before = np.inf
         for attempt in range(MAX_ROUNDS):
             seen = self._see(t, positions, rays)
-            kept = np.flatnonzero(seen.fraction > 0)
-            facets, fraction = seen.facets.take(kept), seen.fraction[kept]
+            share = seen.fraction
+            if self._veils is not None:  # as fine as what is seen through slabs asks for
+                veiled = self._veils.see(rays(t), self._everything(t, positions), seen.facets, share)
+                share = share + self._veils.weights(veiled, len(share))
+            kept = np.flatnonzero(share > 0)
+            facets, fraction = seen.facets.take(kept), share[kept]
             weight = self._weight(facets, fraction)
             expansion = self._band.expansion_for(facets, self._materials, weight)
             self._expansion = expansion
@@ -241,6 +254,10 @@ class MovingParts:
         seen = visible_fraction(rays(t), self._viewpoint, facets.corners[facing], facets.number[facing])
         fraction[facing] = seen.fraction
         return _Seen(facets, fraction, len(facing), seen.rays)
+
+    def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
+        """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
+        return [*self._surfaces.static_vertices, *positions(t)]
 
     def _weight(self, facets: Facets, fraction: FloatArray) -> FloatArray:
         return np.asarray(fraction * self._band.importance(facets.directions(self._viewpoint)))

@@ -21,6 +21,8 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.tracing.arrays import upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, media_of_lanes, reflection, transverse
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
+from rfgen_sionna.tracing.slabs import coefficients as coefficients_through
+from rfgen_sionna.tracing.slabs import passed
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class Strength:
     """
 
     def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any) -> None:
-        self._dr, self._vector, self._surface = dr, vector, surface
+        self._dr, self._vector, self._surface, self._complex = dr, vector, surface, complex_type
         first, last = surface.walls
         normal = surface.normal
 
@@ -116,18 +118,23 @@ class Strength:
         distance_tx, distance_rx = dr.maximum(dr.norm(from_tx), 1e-4), dr.maximum(dr.norm(to_rx), 1e-4)
         return from_tx / distance_tx, to_rx / distance_rx, distance_tx * distance_rx
 
-    def at(self, point: Any) -> ComplexPair:
+    def at(self, point: Any, normal: Any) -> ComplexPair:
+        """At a point of the facet, whose surface has this `normal` there."""
         dr, surface = self._dr, self._surface
         k_in, k_out, spread = self._ways(point)
 
         def field(of_element: Any, k: Any, by: tuple[Wall, Any, Any] | None) -> _Field:
             own = _Field(transverse(dr, of_element, k), self._vector(0, 0, 0))
+            for slab in surface.slabs:
+                t_s, t_p = coefficients_through(dr, self._complex, slab, k)
+                own = _Field(*passed(dr, own.re, own.im, dr.cross(k, slab.normal), t_s, t_p))
             return own if by is None else _reflected(dr, own, dr.cross(k, by[0].normal), *by[1:])
 
         e_tx, e_rx = field(surface.tx_field, k_in, self._wall_in), field(surface.rx_field, k_out, self._wall_out)
-        there = _obliquity(dr, surface.normal, k_in, e_tx, k_out, e_rx, self._there)
-        back = _obliquity(dr, surface.normal, -k_out, e_rx, -k_in, e_tx, self._back)
-        return (there + back).scaled(0.5 / spread)
+        there = _obliquity(dr, normal, k_in, e_tx, k_out, e_rx, self._there)
+        back = _obliquity(dr, normal, -k_out, e_rx, -k_in, e_tx, self._back)
+        total = (there + back).scaled(0.5 / spread)
+        return total if surface.turn is None else total.times(surface.turn)
 
 
 def _reflected(dr: Any, mirrored: _Field, across: Any, r_s: Any, r_p: Any) -> _Field:

@@ -47,14 +47,14 @@ class StaticTrace:
     """What that is."""
     levels: FloatArray
     """(surface,) coherent return of each surface."""
+    hidden: Facets
+    """Facets that are hidden, or in part."""
+    hidden_fraction: FloatArray
+    """(hidden,) visible share of those."""
 
     @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Direction, distance and radius [m] of a sphere around each facet, from the viewpoint."""
-        centroids = self.facets.centroids
-        distance = lengths(centroids - self.viewpoint)
-        radius = lengths(self.facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
-        return self.facets.directions(self.viewpoint), distance, radius
+        return spheres(self.facets, self.viewpoint)
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
         """Visible share of each facet with the actors where `rays` has them, and the number of rays sent.
@@ -62,7 +62,7 @@ class StaticTrace:
         `actors` are the (vertex, 3) positions [m] of each actor. A facet that no actor touches keeps its share to the
         bit.
         """
-        index = np.flatnonzero(self._behind(actors))
+        index = np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
         fraction = self.fraction.copy()
         facets = self.facets.take(index)
         fraction[index], count = changed_fraction(
@@ -70,56 +70,72 @@ class StaticTrace:
         )
         return fraction, count
 
-    def _behind(self, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
-        """(facet,) facets that reach into the cone around an actor, seen from the viewpoint, and not before it."""
-        direction, distance, radius = self._spheres
-        behind = np.zeros(len(distance), dtype=np.bool_)
-        for points in actors:
-            offset = points - self.viewpoint
-            reach = lengths(offset)
-            unit = offset / np.maximum(reach, 1e-12)[:, None]
-            axis = unit.mean(axis=0)
-            length = float(np.linalg.norm(axis))
-            if length < 0.1:  # the actor surrounds the radar
-                return np.ones(len(distance), dtype=np.bool_)
-            axis /= length
-            opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
-            if opening > 0.45 * np.pi:  # a cone this wide need not hold the triangles between its directions
-                return np.ones(len(distance), dtype=np.bool_)
-            # A triangle comes nearer than its corners, but not than the plane across the axis through the nearest one.
-            index = np.flatnonzero(distance + radius > (offset @ axis).min())
-            off_axis = np.arccos(np.clip(direction[index] @ axis, -1.0, 1.0))
-            margin = np.arctan2(radius[index], distance[index]) + 1e-3
-            behind[index[off_axis <= opening + margin]] = True
-        return behind
-
     def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
         """What is missing of the static paths when the visible shares at the knots are `fraction` (facet, time).
 
         Returns the paths, weighted with the share less the unobstructed one, and which static path each belongs to.
         """
-        index = np.flatnonzero((fraction != self.fraction[:, None]).any(axis=1))
-        weight = fraction[index] / self.fraction[index, None] - 1.0
-        chosen = self.paths.select(index)
-        count = len(knots)
+        return shaded_paths(self.paths, fraction / self.fraction[:, None], knots)
 
-        def over_time(values: FloatArray) -> FloatArray:
-            return np.broadcast_to(values, (*values.shape[:-1], count))
 
-        direction = np.broadcast_to(chosen.direction, (len(index), count, 3))
-        return (
-            replace(
-                chosen,
-                a=chosen.a * weight,
-                dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
-                tau=over_time(chosen.tau),
-                tau_rate=over_time(chosen.tau_rate),
-                times=knots,
-                direction=direction,
-                arrival=direction,
-            ),
-            index,
-        )
+def shaded_paths(paths: RadarPaths, left: FloatArray, knots: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
+    """What is missing of static `paths`, of a single knot, when `left` (path, time) is left of each at the knots [s].
+
+    Returns the paths, weighted with what is left less 1, and which static path each belongs to.
+    """
+    index = np.flatnonzero((left != 1.0).any(axis=1))
+    weight, chosen, count = left[index] - 1.0, paths.select(index), len(knots)
+
+    def over_time(values: FloatArray, axis: int) -> FloatArray:
+        return np.broadcast_to(values, (*values.shape[:axis], count, *values.shape[axis + 1 :]))
+
+    return (
+        replace(
+            chosen,
+            a=chosen.a * weight,
+            dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
+            tau=over_time(chosen.tau, 3),
+            tau_rate=over_time(chosen.tau_rate, 3),
+            times=knots,
+            direction=over_time(chosen.direction, 1),
+            arrival=over_time(chosen.arrival, 1),
+        ),
+        index,
+    )
+
+
+def spheres(facets: Facets, viewpoint: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Direction, distance and radius [m] of a sphere around each facet, from the viewpoint."""
+    centroids = facets.centroids
+    distance = lengths(centroids - viewpoint)
+    radius = lengths(facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
+    return facets.directions(viewpoint), distance, radius
+
+
+def behind(
+    around: tuple[FloatArray, FloatArray, FloatArray], viewpoint: FloatArray, actors: Sequence[FloatArray]
+) -> NDArray[np.bool_]:
+    """(facet,) facets, `around` them `spheres`, that reach into the cone around an actor, and not before it."""
+    direction, distance, radius = around
+    found = np.zeros(len(distance), dtype=np.bool_)
+    for points in actors:
+        offset = points - viewpoint
+        reach = lengths(offset)
+        unit = offset / np.maximum(reach, 1e-12)[:, None]
+        axis = unit.mean(axis=0)
+        length = float(np.linalg.norm(axis))
+        if length < 0.1:  # the actor surrounds the radar
+            return np.ones(len(distance), dtype=np.bool_)
+        axis /= length
+        opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
+        if opening > 0.45 * np.pi:  # a cone this wide need not hold the triangles between its directions
+            return np.ones(len(distance), dtype=np.bool_)
+        # A triangle comes nearer than its corners, but not than the plane across the axis through the nearest one.
+        index = np.flatnonzero(distance + radius > (offset @ axis).min())
+        off_axis = np.arccos(np.clip(direction[index] @ axis, -1.0, 1.0))
+        margin = np.arctan2(radius[index], distance[index]) + 1e-3
+        found[index[off_axis <= opening + margin]] = True
+    return found
 
 
 def trace_static(
@@ -132,7 +148,7 @@ def trace_static(
     materials = tuple(surface.material for surface in surfaces.static)
     fineness, rays_sent, before = np.ones(len(materials)), 0, np.inf
     for attempt in range(MAX_ROUNDS):
-        facets, seen = _seen_facets(surfaces, rays, band, viewpoint, rtol * fineness, max_range)
+        facets, seen, hidden = _seen_facets(surfaces, rays, band, viewpoint, rtol * fineness, max_range)
         rays_sent += seen.rays
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
         expansion = band.expansion_for(facets, materials, weight, coherent=False)
@@ -164,9 +180,8 @@ def trace_static(
         band.half_band,
         (surfaces.object_names, surfaces.part_names),
     )
-    return StaticTrace(
-        paths, facets, seen.fraction, seen.guides, viewpoint, rays_sent, found.total, found.scale, found.level
-    )
+    seen_as = facets, seen.fraction, seen.guides, viewpoint, rays_sent
+    return StaticTrace(paths, *seen_as, found.total, found.scale, found.level, *hidden)
 
 
 def _seen_facets(
@@ -176,8 +191,9 @@ def _seen_facets(
     viewpoint: FloatArray,
     rtol: FloatArray,
     max_range: float,
-) -> tuple[Facets, Visibility]:
-    """The facets that are seen, made for a tolerance (surface,) of each surface."""
+) -> tuple[Facets, Visibility, tuple[Facets, FloatArray]]:
+    """The facets that are seen, made for a tolerance (surface,) of each surface; and those that are hidden, or in part,
+    with their visible share."""
     pieces = [
         tessellate(
             points,
@@ -196,7 +212,10 @@ def _seen_facets(
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
     if rays is None:
-        return facets, Visibility(np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_), 0)
+        nothing = np.zeros(len(facets))
+        return facets, Visibility(nothing, np.zeros((len(facets), 3), np.bool_), 0), (facets, nothing)
     seen = visible_fraction(rays, viewpoint, facets.corners, facets.number)
     kept = np.flatnonzero(seen.fraction > 0)
-    return facets.take(kept), Visibility(seen.fraction[kept], seen.guides[kept], seen.rays)
+    hidden = np.flatnonzero(seen.fraction < 1)
+    there = Visibility(seen.fraction[kept], seen.guides[kept], seen.rays)
+    return facets.take(kept), there, (facets.take(hidden), seen.fraction[hidden])

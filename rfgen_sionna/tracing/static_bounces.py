@@ -9,7 +9,7 @@ plate as much as it does directly, at the image's distance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingB
 from rfgen_sionna.tracing.mirrors import WIDTH
 from rfgen_sionna.tracing.obliquity import strongest_reflection
 from rfgen_sionna.tracing.plates import Plate, find_flats
-from rfgen_sionna.tracing.static import StaticTrace
+from rfgen_sionna.tracing.static import StaticTrace, shaded_paths
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 PLATE = 1.0
@@ -76,22 +76,7 @@ class StaticBounces:
 
     def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
         """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadow`, for (path, time) of :meth:`visible`."""
-        index = np.flatnonzero((fraction != 1.0).any(axis=1))
-        weight, chosen, count = fraction[index] - 1.0, self.paths.select(index), len(knots)
-
-        def steady(values: FloatArray, axis: int) -> FloatArray:
-            return np.repeat(values, count, axis=axis)
-
-        return replace(
-            chosen,
-            a=chosen.a * weight,
-            dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
-            tau=steady(chosen.tau, 3),
-            tau_rate=steady(chosen.tau_rate, 3),
-            times=knots,
-            direction=steady(chosen.direction, 1),
-            arrival=steady(chosen.arrival, 1),
-        ), index
+        return shaded_paths(self.paths, fraction, knots)
 
 
 def trace_static_bounces(

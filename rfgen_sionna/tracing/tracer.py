@@ -25,7 +25,9 @@ from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.static import StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
+from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
+from rfgen_sionna.tracing.veils import Veils
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
@@ -108,6 +110,8 @@ class Tracer:
         thing on the way there or back, such as ghosts and the returns of dihedrals, 3 on both, such as trihedrals'.
         Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna pattern, are left
         out. If the radar moves it is 1.
+    transmission
+        Whether slabs, surfaces of a material with a thickness, are seen through.
     """
 
     def __init__(
@@ -118,6 +122,7 @@ class Tracer:
         rtol: float = 1e-3,
         seed: int = 0,
         max_bounces: int = 1,
+        transmission: bool = False,
     ) -> None:
         self.radar = radar
         self.actors: tuple[Actor | Seen, ...] = tuple(actors)
@@ -129,6 +134,7 @@ class Tracer:
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol, seed)
         self.max_bounces = max_bounces if radar.trajectory is None else 1
+        self.transmission = transmission
         self._positions: dict[float, list[FloatArray]] = {}
         self._rays_time: float | None = None
 
@@ -140,19 +146,22 @@ class Tracer:
         )
 
     @cached_property
-    def static_bounces(self) -> StaticBounces | None:
-        """What static surfaces show of one another, traced at first use; None where there is nothing."""
-        if self.max_bounces < 2 or self._static_rays is None:
-            return None
-        return trace_static_bounces(
-            self.surfaces, self._static_rays, self.radar, self._band, self.static, self.rtol, self.max_bounces
-        )
+    def beyond(self) -> tuple[StaticBounces | StaticVeils, ...]:
+        """What static surfaces show of one another, and what is seen through them, traced at first use."""
+        found: list[StaticBounces | StaticVeils | None] = []
+        if self._static_rays is not None:
+            scene = self.surfaces, self._static_rays, self.radar
+            if self.transmission:
+                found.append(trace_static_veils(*scene, self.static, self.rtol))
+            if self.max_bounces > 1:
+                found.append(trace_static_bounces(*scene, self._band, self.static, self.rtol, self.max_bounces))
+        return tuple(each for each in found if each is not None)
 
     @cached_property
     def _still(self) -> RadarPaths:
         """All paths of the static scene without actors."""
-        bounces = self.static_bounces
-        return self.static.paths if bounces is None else RadarPaths.concatenate([self.static.paths, bounces.paths])
+        more = [each.paths for each in self.beyond]
+        return RadarPaths.concatenate([self.static.paths, *more]) if more else self.static.paths
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -196,7 +205,13 @@ class Tracer:
             walls = (lambda: self.mirrors) if self.surfaces.static else tuple
             bounces = Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
         reach = self.radar.max_range
-        return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces)
+        veils = None
+        if self.transmission and self.surfaces.moving:
+            every = (*self.surfaces.static, *self.surfaces.moving)
+            names = self.surfaces.object_names, self.surfaces.part_names
+            veils = Veils(every, self.surfaces.moving, names, self.radar, self.rtol)
+            veils = veils if veils.possible() else None
+        return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces, veils)
 
     @one_blas_thread()
     def trace(
@@ -263,10 +278,10 @@ class Tracer:
     ) -> Traced:
         """Delays at `knots`, visibility and gains at `instants` [s]."""
         static = self.static
-        bounces = self.static_bounces
+        beyond = self.beyond
         shares: dict[float, FloatArray] = {}
-        bounced: dict[float, FloatArray] = {}
-        sent = [static.rays, 0 if bounces is None else bounces.rays]
+        left: list[dict[float, FloatArray]] = [{} for _ in beyond]
+        sent = [static.rays, *(each.rays for each in beyond)]
 
         def look(t: float) -> RayScene:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
@@ -274,8 +289,8 @@ class Tracer:
             if t not in shares and self.actors:
                 shares[t], count = static.visible(rays, self._vertices(t))
                 sent.append(count)
-                if bounces is not None:
-                    bounced[t], count = bounces.visible(rays, self._vertices(t))
+                for each, by_time in zip(beyond, left, strict=True):
+                    by_time[t], count = each.visible(rays, self._vertices(t))
                     sent.append(count)
                 if watch is not None:
                     watch(t, rays)
@@ -288,16 +303,18 @@ class Tracer:
         shadow, shaded = static.shadow(
             instants, np.stack([shares.get(t, static.fraction) for t in instants.tolist()], axis=1)
         )
-        if bounces is not None and bounced:
-            more, index = bounces.shadow(instants, np.stack([bounced[t] for t in instants.tolist()], axis=1))
-            shadow = RadarPaths.concatenate([shadow, more])
-            shaded = np.concatenate([shaded, static.paths.num_paths + index])
+        first = static.paths.num_paths
+        for each, by_time in zip(beyond, left, strict=True):
+            if by_time:
+                more, index = each.shadow(instants, np.stack([by_time[t] for t in instants.tolist()], axis=1))
+                shadow, shaded = RadarPaths.concatenate([shadow, more]), np.concatenate([shaded, first + index])
+            first += each.paths.num_paths
         report = TraceReport(
             facets=len(static.facets) + moving.facets,
             rays=sum(sent) + moving.rays,
             instants=len(instants),
             knots=len(knots),
-            error=max(static.error + (0.0 if bounces is None else bounces.error), moving.error),
+            error=max(static.error + sum(each.error for each in beyond), moving.error),
         )
         return Traced(self._still, shadow, shaded, moving.paths, report, moving.places)
 

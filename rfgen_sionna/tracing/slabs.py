@@ -1,0 +1,194 @@
+"""Transmission through slabs: the kernel's part.
+
+A surface of a material with a thickness is a slab without extent: a wave goes straight on through it, times (ITU-R
+P.2040, eq. 43, as in Sionna)
+
+    T = (1 - r^2) exp(-j q) / (1 - r^2 exp(-2 j q)),   q = k d sqrt(eps mu - sin^2)
+
+with Fresnel's r of one face, per polarisation, and the path's length is not shortened by the slab's thickness. The
+delay of the bulk, d sqrt(Re eps mu - sin^2) / c at the middle of the band, counts as length; what is left of the phase
+is the gain's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.arrays import upload
+from rfgen_sionna.tracing.obliquity import MAX_FRINGE
+from rfgen_sionna.tracing.simplex import Complex as ComplexPair
+
+NO_SLAB = -1
+
+
+@dataclass(frozen=True)
+class SlabTable:
+    """What may be gone through: materials with a thickness."""
+
+    materials: tuple[Material, ...]
+    thickness: FloatArray
+    """(material,) [m]; 0 for those without."""
+    index2: FloatArray
+    """(material,) square of the refractive index that the bulk's delay is reckoned with."""
+    echoes: FloatArray
+    """(material,) 1 where the echoes between the slab's faces are part of its return, 0 where they are later than the
+    band blurs."""
+
+    @staticmethod
+    def of(materials: Sequence[Material], centre: float, half_band: float) -> SlabTable:
+        """For a band `half_band` [Hz] to both sides of `centre` [Hz]."""
+        count = len(materials)
+        thickness, index2, echoes = np.zeros(count), np.ones(count), np.ones(count)
+        for number, material in enumerate(materials):
+            square = complex(material.relative_permittivity(centre)) * complex(material.permeability)
+            if material.thickness is None or not np.isfinite(square):
+                continue
+            thickness[number], index2[number] = material.thickness, max(square.real, 1.0)
+            fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * abs(square) ** 0.5 * material.thickness
+            echoes[number] = float(fringe <= MAX_FRINGE)
+        return SlabTable(tuple(materials), thickness, index2, echoes)
+
+    def strength(self, frequency: float) -> FloatArray:
+        """(material,) |T| at normal incidence; 0 for what is opaque."""
+        found = np.zeros(len(self.materials))
+        for number, material in enumerate(self.materials):
+            eps = complex(material.relative_permittivity(frequency))
+            if material.thickness is None or not np.isfinite(eps):
+                continue
+            ones = np.ones(1)
+            found[number] = float(np.abs(transmission(eps, complex(material.permeability), material.thickness, ones,
+                                                      frequency, self.echoes[number])[0][0]))  # fmt: skip
+        return found
+
+    def lengths(self, crossed: IntArray, normals: FloatArray, k: FloatArray) -> FloatArray:
+        """(..., facet) delay in slabs [m] along unit vectors `k` (..., facet, 3), through the slabs `crossed` (facet,
+        depth) with `normals` (facet, depth, 3)."""
+        cos = np.einsum("fdi,...fi->...fd", normals, k)
+        sin2 = np.maximum(1.0 - cos * cos, 0.0)
+        bulk = self.thickness[crossed] * np.sqrt(np.maximum(self.index2[crossed] - sin2, 0.0))
+        return np.asarray(np.where(crossed == NO_SLAB, 0.0, bulk).sum(axis=-1))
+
+
+def transmission(
+    eps: complex, mu: complex, thickness: float, cos: FloatArray, frequency: float, echoes: float = 1.0
+) -> tuple[ComplexArray, ComplexArray]:
+    """T of s and p polarisation at incidence `cos`, in NumPy."""
+    root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
+    root = np.where(root.imag > 0, -root, root)
+    cos = np.maximum(cos, 1e-9)
+    once = np.exp(-2j * np.pi * frequency / SPEED_OF_LIGHT * thickness * root)
+    found = []
+    for face in (mu, eps):
+        r = (face * cos - root) / (face * cos + root)
+        found.append((1.0 - r * r) * once / (1.0 - echoes * r * r * once * once))
+    return found[0], found[1]
+
+
+@dataclass(frozen=True)
+class Slabs:
+    """Slabs between the radar and each facet."""
+
+    table: SlabTable
+    crossed: IntArray
+    """(facet, depth) which material of the table, or `NO_SLAB`."""
+    normals: FloatArray
+    """(facet, depth, 3) unit vectors across the slabs."""
+
+
+class Slab(NamedTuple):
+    """One slab of each lane."""
+
+    normal: Any
+    eps: Any
+    mu: Any
+    electric: Any
+    """Wavenumber times thickness; 0 where there is none, which changes nothing."""
+    thickness: Any
+    index2: Any
+    echoes: Any
+    there: Any
+
+
+def slabs_of_lanes(
+    dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray, facet: Any, node: Any, wavenumber: Any
+) -> list[Slab]:
+    Float, UInt32 = types.Float64, types.UInt32
+    table, depth = slabs.table, slabs.crossed.shape[1]
+    eps = np.stack([each.relative_permittivity(frequencies) for each in table.materials], axis=1)
+    mu = np.array([complex(each.permeability) for each in table.materials])
+    finite = np.isfinite(eps)
+    eps = np.where(finite, eps, 1.0)
+    count = dr.opaque(UInt32, len(table.materials))
+    crossed = upload(dr, UInt32, np.maximum(slabs.crossed, 0).astype(np.uint32))
+    present = upload(dr, Float, (slabs.crossed != NO_SLAB).astype(np.float64))
+    normals = upload(dr, Float, slabs.normals)
+
+    def values(numbers: Any, index: Any) -> Any:
+        return dr.gather(Float, upload(dr, Float, np.asarray(numbers, np.float64)), index)
+
+    found = []
+    for level in range(depth):
+        place = facet * dr.opaque(UInt32, depth) + level
+        material = dr.gather(UInt32, crossed, place)
+        entry = node * count + material
+        there = dr.gather(Float, present, place)
+        thickness = values(table.thickness, material) * there
+        found.append(
+            Slab(
+                types.Array3f64(*(dr.gather(Float, normals, place * 3 + axis) for axis in range(3))),
+                types.Complex2f64(values(eps.real, entry), values(eps.imag, entry)),
+                types.Complex2f64(values(mu.real, material), values(mu.imag, material)),
+                wavenumber * thickness,
+                thickness,
+                values(table.index2, material),
+                values(table.echoes, material),
+                there > 0.5,
+            )
+        )
+    return found
+
+
+def bulk_length(dr: Any, slabs: list[Slab], k: Any) -> Any:
+    """Delay in slabs [m] along unit vectors `k`."""
+    total = 0.0
+    for slab in slabs:
+        cos = dr.dot(slab.normal, k)
+        sin2 = dr.maximum(1.0 - cos * cos, 0.0)
+        total = total + slab.thickness * dr.sqrt(dr.maximum(slab.index2 - sin2, 0.0))
+    return total
+
+
+def coefficients(dr: Any, complex_type: Any, slab: Slab, k: Any) -> tuple[Any, Any]:
+    """T of s and p polarisation for a wave along `k`; 1 where there is no slab."""
+    across = dr.cross(k, slab.normal)
+    sin2 = dr.minimum(dr.dot(across, across), 1.0)
+    cos = dr.maximum(dr.sqrt(1.0 - sin2), 1e-9)
+    root = dr.sqrt(slab.eps * slab.mu - sin2)
+    root = dr.select(root.imag > 0, -root, root)
+    size = dr.exp(slab.electric * root.imag)
+    sin, cos_q = dr.sincos(slab.electric * root.real)
+    once = complex_type(size * cos_q, -size * sin)
+    found = []
+    for face in (slab.mu, slab.eps):
+        r = (face * cos - root) / (face * cos + root)
+        below = 1.0 - r * r * once * once * slab.echoes
+        t = (1.0 - r * r) * once / below
+        found.append(dr.select(slab.there, t, complex_type(1.0, 0.0)))
+    return found[0], found[1]
+
+
+def passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
+    """A wave's field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
+    both = t_s - t_p
+    share = ComplexPair(dr.dot(field_re, across), dr.dot(field_im, across))
+    share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
+    return (
+        t_p.real * field_re - t_p.imag * field_im + share.re * across,
+        t_p.real * field_im + t_p.imag * field_re + share.im * across,
+    )

@@ -1,0 +1,299 @@
+"""What is seen through slabs: behind a wall or a window, under clothing.
+
+A ray that meets a surface with a thickness goes straight on, up to `MOST_SLABS` times. A facet that is hidden in the
+plain sense is seen through as many chains of slabs as its sample points have, each with its share of the area.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
+from rfgen_sionna.tracing.facet import Nodes
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
+from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, ImageReturns
+from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.slabs import NO_SLAB, Slabs, SlabTable
+from rfgen_sionna.tracing.surfaces import Surface
+from rfgen_sionna.tracing.visibility import FINE, GUIDE
+
+MOST_SLABS = 4
+"""Slabs that are gone through at most, one way."""
+SKIPPED = 0.5
+"""Share of the tolerance below which what is left of a wave, there and back, counts as nothing."""
+
+
+@dataclass(frozen=True)
+class Veiled:
+    """Facets that are seen through slabs, at an instant."""
+
+    keys: NDArray[np.int64]
+    """(entry, 1 + depth) facet, and the surface of each slab, nearest first, or `NO_SLAB`; sorted by rows."""
+    share: FloatArray
+    """(entry,) share of the facet's area."""
+    normals: FloatArray
+    """(entry, depth, 3) sum of the slabs' normals over the sample points."""
+    looked_at: int
+    rays: int
+
+
+@dataclass(frozen=True)
+class VeiledFacets(MirroredFacets):
+    """Facets, each as it is seen through one chain of slabs."""
+
+    crossed: IntArray
+    """(facet, depth) surfaces gone through, or `NO_SLAB`."""
+    across: FloatArray
+    """(facet, depth, 3) unit vectors across them."""
+
+    @classmethod
+    def veiled(cls, facets: Facets, keys: NDArray[np.int64], normals: FloatArray) -> VeiledFacets:
+        """Facets by `keys` (entry, 1 + depth)."""
+        chosen = facets.take(keys[:, 0].astype(np.intp))
+        none = np.zeros(len(keys), np.int32)
+        return cls(
+            **{each.name: getattr(chosen, each.name) for each in fields(Facets)},
+            first=none,
+            last=none,
+            crossed=keys[:, 1:].astype(np.int32),
+            across=normals,
+        )
+
+    def take(self, index: NDArray[np.intp]) -> VeiledFacets:
+        """The facets that `index` counts out."""
+        chosen = super().take(index)
+        return VeiledFacets(
+            **{each.name: getattr(chosen, each.name) for each in fields(MirroredFacets)},
+            crossed=self.crossed[index],
+            across=self.across[index],
+        )
+
+
+class VeilBand(ImageBand):
+    """As :class:`~rfgen_sionna.tracing.image_band.ImageBand`, for :class:`VeiledFacets` and no mirrors."""
+
+    def __init__(self, table: SlabTable, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool):
+        super().__init__(radar, rtol, mirrors, tx, rx)
+        self._table = table
+
+    def lengths(self, centroids: FloatArray, shown: MirroredFacets) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world], that of the slabs' bulk included."""
+        if not isinstance(shown, VeiledFacets):
+            raise TypeError(f"shown is a {type(shown).__name__}: VeiledFacets are needed")
+        place, legs = centroids - self._origin, []
+        for elements in (self._tx, self._rx):
+            offset = place - elements[:, None]
+            distance = np.linalg.norm(offset, axis=2)
+            k = offset / np.maximum(distance, 1e-12)[..., None]
+            legs.append(distance + self._table.lengths(shown.crossed, shown.across, k))
+        return np.asarray((legs[0][:, None] + legs[1]) / SPEED_OF_LIGHT)
+
+    def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
+        if not isinstance(facets, VeiledFacets):
+            raise TypeError(f"facets is a {type(facets).__name__}: VeiledFacets are needed")
+        return {"slabs": Slabs(self._table, facets.crossed[index], facets.across[index])}
+
+
+class Veils:
+    """Finds and traces what is seen through slabs.
+
+    Parameters
+    ----------
+    every
+        All surfaces, as the ray scene numbers them.
+    targets
+        Those that the facets are of.
+    names
+        Those of objects and of parts.
+    radar
+        Where it stands.
+    rtol
+        Tolerance, relative to the direct return of each surface.
+    """
+
+    def __init__(
+        self,
+        every: Sequence[Surface],
+        targets: tuple[Surface, ...],
+        names: tuple[tuple[str, ...], tuple[str, ...]],
+        radar: Radar,
+        rtol: float,
+    ) -> None:
+        self._every, self._rtol, self._radar = tuple(every), rtol, radar
+        self._viewpoint = np.asarray(radar.position)
+        half_band = 0.5 * radar.waveform.bandwidth
+        materials = [each.material for each in every]
+        table = SlabTable.of(materials, radar.center_frequency, half_band)
+        self._through = np.max(
+            [table.strength(radar.center_frequency + u * half_band) for u in (-1.0, 0.0, 1.0)], axis=0
+        )
+
+        def band(radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
+            return VeilBand(table, radar, rtol, mirrors, tx, rx)
+
+        self._returns = ImageReturns(targets, names, radar, rtol, lambda _: (), band)
+        self._own = np.array([self._number(each) for each in targets], np.intp)
+
+    def _number(self, surface: Surface) -> int:
+        return next(number for number, each in enumerate(self._every) if each is surface)
+
+    def possible(self, only: Sequence[int] | None = None) -> bool:
+        """Whether there is anything to be seen through at all; among `only` these surfaces, None is all."""
+        through = self._through if only is None else self._through[list(only)]
+        return bool((through**2 > SKIPPED * self._rtol).any())
+
+    def see(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        facets: Facets,
+        fraction: FloatArray,
+        only: Sequence[int] | None = None,
+    ) -> Veiled:
+        """What is seen through slabs of the facets, of which `fraction` (facet,) is seen plainly.
+
+        `vertices` are the (vertex, 3) positions [m] of all surfaces; `only` these surfaces are gone through.
+        """
+        through = self._through.copy()
+        if only is not None:
+            through[np.setdiff1d(np.arange(len(through)), only)] = 0.0
+        clear = through**2 > SKIPPED * self._rtol
+        inside = clear[self._own][facets.surface]  # a hollow thing's back is seen through its front
+        near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
+        index = np.flatnonzero((facets.facing | inside) & near & (fraction < 1))
+        empty = Veiled(np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3)), 0, 0)
+        if len(index) == 0:
+            return empty
+        normals = [_normals(points, each.faces) for points, each in zip(vertices, self._every, strict=True)]
+        walk = _Walk(rays, self._viewpoint, normals, through, SKIPPED * self._rtol)
+        rows = []
+        chains, sums = walk(facets.corners[index], facets.number[index], GUIDE)
+        alike = (chains == chains[:, :1]).all(axis=(1, 2)) & (fraction[index] == 0)
+        rows.append((index[alike], chains[alike], sums[alike]))
+        if (~alike).any():
+            mixed = index[~alike]
+            rows.append((mixed, *walk(facets.corners[mixed], facets.number[mixed], FINE)))
+        keys, shares, total = [], [], []
+        for which, chain, sums in rows:
+            count = chain.shape[1]
+            if len(which) == 0:
+                continue
+            key = np.concatenate([np.repeat(which, count)[:, None], chain.reshape(-1, MOST_SLABS)], axis=1)
+            seen = key[:, 1] >= 0
+            unique, back = np.unique(key[seen], axis=0, return_inverse=True)
+            keys.append(unique)
+            shares.append(np.bincount(back.reshape(-1), minlength=len(unique)) / count)
+            part = np.zeros((len(unique), MOST_SLABS, 3))
+            np.add.at(part, back.reshape(-1), sums.reshape(-1, MOST_SLABS, 3)[seen])
+            total.append(part / count)
+        found = np.concatenate(keys)
+        order = np.lexsort(found.T[::-1])
+        return Veiled(found[order], np.concatenate(shares)[order], np.concatenate(total)[order], len(index), walk.sent)
+
+    def weights(self, seen: Veiled, count: int) -> FloatArray:
+        """(facet,) of so many, what is left of each through slabs at normal incidence."""
+        crossed = seen.keys[:, 1:]
+        left = np.where(crossed == NO_SLAB, 1.0, self._through[crossed]).prod(axis=1) ** 2
+        return np.asarray(np.bincount(seen.keys[:, 0], seen.share * left, count), np.float64)
+
+    def trace(
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        facets: Sequence[Facets],
+        seen: Sequence[Veiled],
+        centroids: Centroids,
+        usual: FloatArray,
+    ) -> tuple[RadarPaths | None, float, NDArray[np.int64]]:
+        """Paths, None where there are none, and their error, relative to the direct returns `usual` (surface,), or
+        their own; with (path, 1 + depth) facet and slabs of each.
+
+        `facets` and `seen` are those of each of the `instants` [s]; delays are for the `knots` [s].
+        """
+        keys, back = np.unique(np.concatenate([each.keys for each in seen]), axis=0, return_inverse=True)
+        if len(keys) == 0:
+            return None, 0.0, keys
+        shares, first = np.zeros((len(seen), len(keys))), 0
+        normals = np.zeros((len(keys), MOST_SLABS, 3))
+        back = back.reshape(-1)
+        for row, each in zip(shares, seen, strict=True):
+            place = back[first : first + len(each.keys)]
+            row[place] = each.share
+            np.add.at(normals, place, each.normals)
+            first += len(each.keys)
+        normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
+        depth = max(1, int((keys[:, 1:] != NO_SLAB).sum(axis=1).max()))
+        shown = [VeiledFacets.veiled(each, keys[:, : 1 + depth], normals[:, :depth]) for each in facets]
+        column = keys[:, 0].astype(np.intp)
+        paths, error = self._returns(STRAIGHT, knots, instants, shown, shares, column, centroids, usual)
+        self._returns.finish(error)
+        return paths, error, keys
+
+
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """(face, 3) unit vectors."""
+    cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300))
+
+
+class _Walk:
+    """Sends rays through slabs."""
+
+    def __init__(
+        self, rays: RayScene, viewpoint: FloatArray, normals: Sequence[FloatArray], through: FloatArray, least: float
+    ) -> None:
+        self._rays, self._viewpoint, self._normals = rays, viewpoint, normals
+        self._through, self._least = through, least
+        self.sent = 0
+
+    def __call__(
+        self, corners: FloatArray, number: IntArray, weights: FloatArray
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """(facet, sample, depth) surfaces that the ways to sample points of facets go through, nearest first; -1 after
+        the last, all -1 where nothing is in between, and -2 where nothing gets through; and the slabs' normals,
+        (facet, depth, 3) for each sample."""
+        samples = len(weights)
+        targets = np.einsum("sc,fci->fsi", weights, corners).reshape(-1, 3)
+        own = np.repeat(number, samples)
+        chain = np.full((len(targets), MOST_SLABS), NO_SLAB, np.int64)
+        normals = np.zeros((len(targets), MOST_SLABS, 3))
+        left = np.ones(len(targets))
+        open_ = np.arange(len(targets))
+        span = targets - self._viewpoint
+        reach = np.linalg.norm(span, axis=1)
+        k = span / np.maximum(reach, 1e-12)[:, None]
+        begun = np.zeros(len(targets))
+        for depth in range(MOST_SLABS + 1):
+            if len(open_) == 0:
+                break
+            hits = self._rays.first_hit(self._viewpoint + begun[open_, None] * k[open_], k[open_])
+            self.sent += len(open_)
+            at = begun[open_] + hits.distance
+            arrived = (hits.object < 0) | (hits.facet == own[open_]) | (at > (1.0 - BLIND_GAP) * reach[open_])
+            further = np.flatnonzero(~arrived)
+            lane, surface, face = open_[further], hits.object[further], hits.face[further]
+            left[lane] *= self._through[surface]
+            gone = (left[lane] ** 2 > self._least) & (depth < MOST_SLABS)
+            chain[lane[~gone]] = -2
+            lane, surface, face, further = lane[gone], surface[gone], face[gone], further[gone]
+            if len(lane) == 0:
+                break
+            chain[lane, depth] = surface
+            across = np.empty((len(lane), 3))
+            for each in np.unique(surface):
+                chosen = surface == each
+                across[chosen] = self._normals[each][face[chosen]]
+            across *= -np.sign(np.einsum("ri,ri->r", across, k[lane]))[:, None]
+            normals[lane, depth] = across
+            begun[lane] = at[further] + BLIND_GAP * reach[lane]
+            open_ = lane
+        shape = (len(corners), samples, MOST_SLABS)
+        return chain.reshape(shape), normals.reshape(*shape, 3)

@@ -1,0 +1,209 @@
+"""What is behind slabs: loss, delay, angle, polarisation and dispersion of walls, panes and clothes, there and back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna.scene import MATERIALS, Actor, load_scene
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.slabs import transmission
+from tests.physics.test_ghosts import decibels, sphere
+from tests.sionna.rectangles import scene_of
+
+ISOTROPIC = {"pattern": {"kind": "sionna:iso"}}
+BALL = np.array([2.0, 0.3, 0.1])
+
+
+def pane(x=1.0, turn=0.0, half=0.3, y=0.0):
+    """Corners of a square across x, turned by so many degrees about z."""
+    square = np.array([[0, -half, -half], [0, half, -half], [0, half, half], [0, -half, half]])
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    return square @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [x, y, 0]
+
+
+def scene_with(**panes):
+    return load_scene(scene_of(77e9, **panes).sionna)
+
+
+def ball(material="pec", radius=0.01, position=BALL):
+    return Actor.from_mesh(sphere(3, radius), material=material, position=position, name="ball")
+
+
+def channel(paths, offset=0.0):
+    """(tx, rx) coherent sums, `offset` [Hz] off the middle of the band."""
+    gains = paths.a[..., 0]
+    if paths.dispersion is not None:
+        u = offset / paths.half_band
+        gains = gains + sum(values[..., 0] * u**order for order, values in enumerate(paths.dispersion, start=1))
+    return (gains * np.exp(-2j * np.pi * np.mod((paths.frequency + offset) * paths.tau[..., 0], 1.0))).sum(axis=-1)
+
+
+def returned(radar, actor, scene=None, **options):
+    options = {"rtol": 1e-2, "transmission": True, **options}
+    paths = Simulator(scene, radar, [actor], **options).paths()
+    return paths.select(paths.object_id == paths.object_names.index("ball"))
+
+
+def there_and_back(properties, thickness, normal, field, frequency, place=BALL):
+    """What is left of a wave of the elements' field, by their own polarisation."""
+    k = place / np.linalg.norm(place)
+    t_s, t_p = transmission(complex(properties.relative_permittivity(frequency)), 1.0, thickness,
+                            np.array([abs(k @ normal)]), frequency)  # fmt: skip
+    s = np.cross(k, normal)
+    s /= np.linalg.norm(s)
+    e = field - (field @ k) * k
+    e /= np.linalg.norm(e)
+    return complex(t_s[0] ** 2 * (e @ s) ** 2 + t_p[0] ** 2 * (e @ np.cross(s, k)) ** 2)
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return Radar.load("awr1843", overrides=ISOTROPIC)
+
+
+@pytest.mark.parametrize(
+    ("name", "thickness", "turn", "polarization"),
+    [
+        ("plasterboard", 0.0125, 0.0, "V"),
+        ("wood", 0.02, 30.0, "H"),
+        ("glass", 0.006, 55.0, "V"),
+        ("glass", 0.006, 55.0, "H"),
+        pytest.param("clothing", 0.001, 55.0, "H", marks=pytest.mark.slow),
+    ],
+)
+def test_a_ball_behind_a_slab_returns_what_the_slab_s_coefficients_leave(name, thickness, turn, polarization):
+    """In level and phase, over the band: complex ratio to free space within 2 % (a ball of 1 cm is not quite a point),
+    and the group delay within a tenth of a millimetre and 1 %."""
+    radar = Radar.load("awr1843", overrides=ISOTROPIC)
+    radar = replace(radar, tx_polarization=polarization, rx_polarization=polarization)
+    scene = scene_with(pane=(pane(turn=turn), name, thickness))
+    free, behind = returned(radar, ball()), returned(radar, ball(), scene)
+    angle = np.radians(turn)
+    normal = np.array([np.cos(angle), np.sin(angle), 0])
+    properties = scene.objects[0].properties
+    ratios, truths, places = [], [], np.array([-1.0, -0.4, 0.3, 1.0])
+    for offset in places * 0.5 * radar.waveform.bandwidth:
+        ratios.append((channel(behind, offset) / channel(free, offset)).mean())
+        frequency = radar.center_frequency + offset
+        truths.append(there_and_back(properties, thickness, normal, radar.tx_field, frequency))
+    np.testing.assert_allclose(ratios, truths, rtol=0.02)
+    # Delays: what carries the bulk's, without the echoes, is the path's own length.
+    eps = complex(properties.relative_permittivity(radar.center_frequency)).real
+    index = np.sqrt(eps - 1 + (normal @ BALL / np.linalg.norm(BALL)) ** 2)
+    extra = behind.range.mean() - free.range.mean()
+    assert extra == pytest.approx(thickness * index, rel=0.01, abs=1e-4)
+    assert set(behind.bounces) == {1}
+
+
+def test_several_slabs_in_a_row_multiply(radar):
+    one, two = ("glass", 0.006), ("plasterboard", 0.0125)
+    both = scene_with(pane=(pane(0.8), *one), board=(pane(1.2), *two))
+    singles = [scene_with(pane=(pane(0.8), *one)), scene_with(board=(pane(1.2), *two))]
+    free = channel(returned(radar, ball(), rtol=1e-2))
+    ratios = [channel(returned(radar, ball(), scene, rtol=1e-2)) / free for scene in (both, *singles)]
+    np.testing.assert_allclose(ratios[0], ratios[1] * ratios[2], rtol=0.03)
+
+
+def test_what_is_opaque_stays_so_and_what_is_not_hides_where_it_is_told_to(radar):
+    for name, thickness in (("metal", 0.001), ("concrete", 0.2)):
+        assert returned(radar, ball(), scene_with(pane=(pane(), name, thickness))).num_paths == 0
+    board = scene_with(pane=(pane(), "plasterboard", 0.0125))
+    assert returned(radar, ball(), board, transmission=False).num_paths == 0
+    assert returned(radar, ball(), board).num_paths > 0
+    with pytest.raises(TypeError, match="transmission is 'yes'"):
+        Simulator(board, radar, [], transmission="yes")
+
+
+def test_where_nothing_is_in_between_nothing_changes(radar):
+    """To the bit, with a pane beside the ball and without any."""
+    for scene in (None, scene_with(pane=(pane(y=2.0), "glass", 0.006))):
+        here, there = (returned(radar, ball(), scene, transmission=each) for each in (True, False))
+        np.testing.assert_array_equal(here.a, there.a)
+        np.testing.assert_array_equal(here.tau, there.tau)
+
+
+def test_a_body_under_clothes_returns_through_them(radar):
+    """A skin ball of 4 cm in a shell of cloth 1 cm before it: its own return, as the cloth's coefficients leave it."""
+    thickness = 1e-3
+    sheet = replace(MATERIALS["clothing"], thickness=thickness)
+    cloth = Actor.from_mesh(sphere(4, 0.05), material=sheet, position=(1.5, 0, 0), name="cloth")
+    skin = Actor.from_mesh(sphere(4, 0.04), material="skin", position=(1.5, 0, 0), name="ball")
+    bare = channel(returned(radar, skin))
+    paths = Simulator(None, radar, [skin, cloth], rtol=1e-2, transmission=True).paths()
+    under = channel(paths.select(paths.object_id == 0))
+    t_s, _ = transmission(complex(cloth.properties.relative_permittivity(radar.center_frequency)), 1.0, thickness,
+                          np.ones(1), radar.center_frequency)  # fmt: skip
+    assert abs(decibels(under / bare / t_s[0] ** 2)).max() < 0.3
+    hidden = Simulator(None, radar, [skin, cloth], rtol=1e-2).paths()
+    assert not (hidden.object_id == 0).any()
+
+
+def test_coming_out_from_behind_a_pane_is_a_slope_and_not_a_step(radar):
+    """A ball crosses the rim of a pane: its level goes from what the pane leaves to all by and by."""
+    # The pane's rim at y = 0 as seen from the radar; the ball moves across it within a frame or so.
+    scene = scene_with(pane=(pane(y=-0.3), "plasterboard", 0.0125))
+    actor = Actor.from_mesh(sphere(4, 0.03), material="pec", position=(2, -0.06, 0), velocity=(0, 4.0, 0), name="ball")
+    simulator = Simulator(scene, radar, [actor], rtol=1e-2, transmission=True)
+    run = simulator.tracer.follow()
+    levels = []
+    for t in np.arange(0, 0.03, 0.01):
+        moving = simulator.tracer.trace(t, t + 0.01, run).moving
+        own = moving.select(moving.object_id == moving.object_names.index("ball"))
+        times = np.linspace(t, t + 0.01, 21)
+        at = own.at(times)
+        phasor = np.exp(-2j * np.pi * np.mod(at.frequency * at.tau[0, 0], 1.0))
+        levels.append(np.abs((at.a[0, 0] * phasor).sum(axis=0)))
+    level = np.concatenate(levels)
+    assert decibels(level[-1] / level[0]) > 10
+    # From where the ball's specular point crosses the rim on it is all seen.
+    assert np.abs(np.diff(level)).max() < 0.35 * level.max()
+
+
+def test_furniture_behind_a_wall_is_seen_through_it_and_hidden_by_who_stands_before_it(radar):
+    """A static plate behind a static board: the board's loss there and back; a metal board before both takes it all."""
+    plate = [[1.8, -0.1, -0.1], [1.8, 0.1, -0.1], [1.8, 0.1, 0.1], [1.8, -0.1, 0.1]]
+    target = {"target": (plate, "pec", 0.01)}
+    sums = []
+    for panes in ({}, {"pane": (pane(1.2), "plasterboard", 0.0125)}):
+        scene = scene_with(**target, **panes)
+        for actors in ([], [Actor.from_mesh(trimesh.creation.box((0.01, 0.4, 0.4)), material="metal",
+                                            position=(0.8, 0, 0), name="board")]):  # fmt: skip
+            paths = Simulator(scene, radar, actors, rtol=1e-3, transmission=True).paths()
+            name = paths.object_names.index("target")
+            sums.append(channel(paths.select(paths.object_id == name)))
+    free, hidden, through, both = sums
+    properties = next(each.properties for each in scene.objects if each.name == "pane")
+    t_s, _ = transmission(complex(properties.relative_permittivity(radar.center_frequency)), 1.0, 0.0125,
+                          np.ones(1), radar.center_frequency)  # fmt: skip
+    np.testing.assert_allclose(through / free, t_s[0] ** 2, rtol=0.03)
+    assert abs(hidden).max() < 1e-3 * abs(free).max()
+    assert abs(both).max() < 1e-3 * abs(through).max()
+
+
+def test_tx_and_rx_changed_over_see_the_same_through_a_wall():
+    radar = Radar.load("awr1843", overrides=ISOTROPIC)
+    place = np.array([[0.0, 0.03, 0.01]])
+    ends = {"tx_names": ("T",), "rx_names": ("R",), "waveform": replace(radar.waveform, tx_order=(0,))}
+    one = replace(radar, tx_positions=place, rx_positions=-place, tx_polarization="+45", rx_polarization="V", **ends)
+    other = replace(one, tx_positions=-place, rx_positions=place, tx_polarization="V", rx_polarization="+45")
+    scene = scene_with(pane=(pane(turn=40), "glass", 0.006))
+    here, there = (channel(returned(each, ball(), scene)) for each in (one, other))
+    assert abs(here / there - 1).max() < 1e-6
+
+
+def test_a_slab_without_loss_keeps_the_energy():
+    """|T|^2 + |R|^2 = 1 for both polarisations, at all angles; and half a wavelength inside lets all through."""
+    from tests.reference.physical_optics import fresnel, slab
+
+    cos = np.linspace(0.05, 1, 50)
+    for eps, turns in ((2.5, 1.3), (6.0, 0.4)):
+        frequency = 77e9
+        thickness = turns * SPEED_OF_LIGHT / frequency
+        for r, t in zip(fresnel(eps, 1.0, cos), transmission(eps, 1.0, thickness, cos, frequency), strict=True):
+            np.testing.assert_allclose(np.abs(t) ** 2 + np.abs(slab(r, eps, cos, turns)) ** 2, 1.0, rtol=1e-9)
+    half = 0.5 * SPEED_OF_LIGHT / 77e9 / np.sqrt(4.0)
+    assert abs(transmission(4.0, 1.0, half, np.ones(1), 77e9)[0][0]) == pytest.approx(1.0)
