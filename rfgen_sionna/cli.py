@@ -118,6 +118,9 @@ def generate(
         int,
         typer.Option(min=1, max=3, help="Most surfaces on a path; 2 and 3 have ghosts and corners, and take longer."),
     ] = 1,
+    transmission: Annotated[
+        bool, typer.Option("--transmission", help="See through walls, glass and furniture; takes longer.")
+    ] = False,
     motion: Annotated[
         str, typer.Option(help='Where the motion comes from: "kinematic" (rules) or "diffusion" (learned).')
     ] = "kinematic",
@@ -166,6 +169,7 @@ def generate(
             look_at=target_point,
             pir_resolution=resolution,
             max_bounces=max_bounces,
+            transmission=transmission,
             motion=motion,
             collisions=cast("Policy", collisions),  # checked there
             device=device,

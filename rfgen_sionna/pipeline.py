@@ -68,6 +68,7 @@ def generate(
     pir_resolution: tuple[int, int] | None = None,
     fov_deg: float | tuple[float, float] | None = None,
     max_bounces: int | None = 1,
+    transmission: bool = False,
     motion: str = "kinematic",
     collisions: Policy = "error",
     device: str = "auto",
@@ -119,8 +120,9 @@ def generate(
     pir_resolution, fov_deg
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file, by default (128, 128) and 60.
         Imagined surroundings come in 64 x 64 pixels, and by default 90 degrees: beyond the field of view is nothing.
-    max_bounces
-        Most surfaces on a path, as in :class:`~rfgen_sionna.simulation.Simulator`.
+    max_bounces, transmission
+        Most surfaces on a path, and whether walls and glass are seen through, as in
+        :class:`~rfgen_sionna.simulation.Simulator`.
     motion
         Where the motion comes from: "kinematic" (rules of movement) or "diffusion" (the learned model).
     collisions
@@ -166,7 +168,7 @@ def generate(
     count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
     setting = set_up(asked, kind, radar, seed=seed, negative=negative_environment, refine=refine, fov_deg=fov)
     scene = setting.scene
-    Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces)
+    Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces, transmission=transmission)
 
     found = floor_under(scene, (*spot, float(radar.position[2])))
     height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
@@ -179,10 +181,11 @@ def generate(
         collisions=collisions,
         seed=seed,
         max_bounces=max_bounces,
+        transmission=transmission,
         environment=setting.environment,
         refiner=setting.refiner,
     )
-    if simulator.hidden(person, 0.0, duration):
+    if not transmission and simulator.hidden(person, 0.0, duration):
         raise ValueError(
             f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; "
             "choose another distance or environment, or place the radar elsewhere"

@@ -76,7 +76,8 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
         *("--no-noise", "--rtol", "0.01", "--distance", "2", "--pir-resolution", "32x64", "--no-pictures"),
         *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml"),
-        *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu"),
+        *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu", "--max-bounces", "2", "--transmission"),
+        *("--surroundings", "diffusion", "--negative-environment", "sofa", "--no-refine"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -86,6 +87,9 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "prompt": "a person raises an arm",
         "negative": "left arm",
         "environment": "a living room",
+        "surroundings": "diffusion",
+        "negative_environment": "sofa",
+        "refine": False,
         "radar": "awr1843",
         "preset": "di_gesture",
         "duration": 1.5,
@@ -99,6 +103,8 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "radar_position": (-1.0, 0.5, 1.2),
         "look_at": (3.0, 0.0, 1.0),
         "pir_resolution": (32, 64),
+        "max_bounces": 2,
+        "transmission": True,
         "motion": "diffusion",
         "collisions": "warn",
         "device": "cpu",
