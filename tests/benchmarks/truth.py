@@ -85,9 +85,8 @@ class Quadrature:
         corners = vertices[faces] - viewpoint
         found = smoothing(vertices, faces) if smooth else None
         rises = np.zeros_like(corners) if found is None else edge_rises(corners, found.normals(vertices, faces))
-        face = np.flatnonzero(
-            (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]).sum(1) < 0
-        )
+        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        face = np.flatnonzero((crosses * corners[:, 0]).sum(axis=1) < 0)
         pieces = np.broadcast_to(np.eye(3), (len(face), 3, 3))
         wavenumber = 2 * np.pi * frequency / SPEED_OF_LIGHT * oversampling
         parts: list[tuple[FloatArray, ...]] = []
@@ -112,7 +111,11 @@ class Quadrature:
         for first in range(0, len(place), CHUNK):
             chunk = slice(first, first + CHUNK)
             own = number[chunk]
-            flat, point, cross = _surface(place[chunk], corners[own], rises[own])
+            if found is None:
+                flat = point = np.einsum("pc,pci->pi", place[chunk], corners[own])
+                cross = crosses[own]
+            else:
+                flat, point, cross = _surface(place[chunk], corners[own], rises[own])
             seen = slice(None) if rays is None else ~rays.occluded(viewpoint, flat + viewpoint, own + first_facet)
             twice = np.linalg.norm(cross, axis=1)
             made.append((point[seen], (cross / twice[:, None])[seen], (0.5 * twice * weight[chunk])[seen]))
