@@ -201,7 +201,7 @@ class BandTracer:
                 normals=facets.normals[index] if curved and facets.normals is not None else None,
             )
 
-        return by_curvature(facets, len(nodes), of)
+        return by_curvature(facets.curved, len(nodes), of)
 
     def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
         tx, rx = np.divmod(pairs, len(self._rx))
@@ -253,19 +253,19 @@ class BandTracer:
 
 
 def by_curvature(
-    facets: Facets, nodes: int, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
+    curved: NDArray[np.bool_] | None, nodes: int, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
 ) -> FacetGains:
-    """Gains of flat facets and of curved ones, each by themselves: `gains` takes an index and whether they are curved.
+    """Gains of flat facets and of `curved` (facet,) ones, each by themselves: `gains` takes an index and whether they are.
 
     Large flat facets are integrated point by point, which curved ones, that are small, don't need.
     """
-    if facets.curved is None or facets.curved.all() or not facets.curved.any():
-        return gains(slice(None), facets.curved is not None and bool(facets.curved.any()))
-    a = np.empty((nodes, len(facets)), np.complex128)
+    if curved is None or curved.all() or not curved.any():
+        return gains(slice(None), curved is not None and bool(curved.any()))
+    a = np.empty((nodes, len(curved)), np.complex128)
     tau = np.empty(a.shape)
-    for curved in (False, True):
-        index = np.flatnonzero(facets.curved == curved)
-        some = gains(index, curved)
+    for which in (False, True):
+        index = np.flatnonzero(curved == which)
+        some = gains(index, which)
         a[:, index], tau[:, index] = some.a, some.tau
     return FacetGains(a, tau)
 

@@ -16,9 +16,11 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import cut
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains import by_curvature
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.plates import Plate
+from rfgen_sionna.tracing.smooth import rounded
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
 
 DIRECT = -1
@@ -141,16 +143,27 @@ class LandingBand(ImageBand):
         if not isinstance(facets, LandedFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: LandedFacets are needed")
         owner = facets.owner
-        found = facet_gains(
-            facets.pieces - self._origin,
-            facets.surface[owner],
-            Media.at(materials, nodes.frequency, self.half_band),
-            nodes,
-            *self._fields,
-            (facets.parts if parts is None else parts)[owner],
-            via=self._via(nodes, facets.first[owner], facets.last[owner]),
-            reference=(facets.centroids - self._origin)[owner],
-        )
+        media, parts = Media.at(materials, nodes.frequency, self.half_band), facets.parts if parts is None else parts
+        reference = facets.centroids - self._origin
+        pieces, normals = facets.pieces, None
+        if facets.normals is not None:
+            pieces, normals = rounded(pieces, facets.corners[owner], facets.normals[owner])
+
+        def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
+            whose = owner[index]
+            return facet_gains(
+                pieces[index] - self._origin,
+                facets.surface[whose],
+                media,
+                nodes,
+                *self._fields,
+                parts[whose],
+                via=self._via(nodes, facets.first[whose], facets.last[whose]),
+                reference=reference[whose],
+                normals=normals[index] if curved and normals is not None else None,
+            )
+
+        found = by_curvature(None if facets.curved is None else facets.curved[owner], len(nodes), of)
         sums = csr_array((facets.share, (owner, np.arange(len(owner)))), shape=(len(facets), len(owner)))
         tau = np.zeros((len(nodes), len(facets)))
         tau[:, owner] = found.tau

@@ -105,6 +105,24 @@ def edge_rises(corners: FloatArray, normals: FloatArray) -> FloatArray:
     return np.asarray(size[..., None] * mean)
 
 
+def rounded(pieces: FloatArray, corners: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Corners [m] and unit normals (piece, 3, 3) of pieces of facets, laid onto the smooth surface; `corners` and
+    `normals` (piece, 3, 3) are those of each one's facet."""
+    edges = corners[:, 1:] - corners[:, :1]
+    offset = pieces - corners[:, :1]
+    # Barycentric coordinates in the facet's plane, by its Gram matrix.
+    gram = np.einsum("pei,pfi->pef", edges, edges)
+    along = np.einsum("pei,pci->pce", edges, offset)
+    determinant = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
+    scale = np.where(determinant > 0, 1.0 / np.where(determinant > 0, determinant, 1.0), 0.0)[:, None]
+    second = scale * (along[..., 0] * gram[:, None, 1, 1] - along[..., 1] * gram[:, None, 0, 1])
+    third = scale * (along[..., 1] * gram[:, None, 0, 0] - along[..., 0] * gram[:, None, 0, 1])
+    weights = np.stack([1.0 - second - third, second, third], axis=2)
+    turned = weights @ normals
+    turned /= np.maximum(lengths(turned), 1e-300)[..., None]
+    return pieces + lifted(weights, edge_rises(corners, normals)), turned
+
+
 def lifted(weights: FloatArray, rises: FloatArray) -> FloatArray:
     """(facet, 3, 3) by how much points at barycentric `weights` (facet, point, corner) of faces lie off the plane [m],
     for the faces' :func:`edge_rises` (facet, 3, 3)."""
