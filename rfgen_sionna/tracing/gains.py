@@ -255,7 +255,7 @@ class BandTracer:
 def by_curvature(
     curved: NDArray[np.bool_] | None, nodes: int, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
 ) -> FacetGains:
-    """Gains of flat facets and of `curved` (facet,) ones, each by themselves: `gains` takes an index and whether they are.
+    """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index and whether these are curved.
 
     Large flat facets are integrated point by point, which curved ones, that are small, don't need.
     """
