@@ -173,7 +173,8 @@ class EmbeddedBackend:
         noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
         drawn = draw(self.model, self.scheduler, sampler, tokens, against, noise, guide, progress)
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
-        return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
+        smooth = self.model.polish(drawn)
+        return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in smooth]
 
     def encode(self, pir: Pir) -> Tensor:
         """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""

@@ -71,6 +71,7 @@ def drawn_like(
         out.append(
             draw(model, make_scheduler(), sampler, tokens, against, noise[start : start + len(some)]).astype(np.float32)
         )
+        out[-1] = model.polish(out[-1]).astype(np.float32)
         if note is not None:
             note(min(start + _BATCH, len(index)), len(index))
     return np.concatenate(out).astype(np.float64)

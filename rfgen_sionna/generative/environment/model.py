@@ -15,6 +15,7 @@ from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.polish import Polish
 from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.pir.codec import PirCodec
 
@@ -88,6 +89,8 @@ class EnvironmentModel:
     shape: Shape
     facts: dict[str, Any] = field(default_factory=dict)
     """Seed, steps, hours, data."""
+    polish: Polish = field(default_factory=Polish)
+    """What is done to drawn images."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
     """Of the ControlNet; `share` is what of its gains holds on validation views."""
@@ -155,6 +158,7 @@ def write_model(path: Path, model: EnvironmentModel) -> None:
         "places": model.text.places,
         "things": model.text.things,
         "facts": model.facts,
+        "polish": asdict(model.polish),
     }
     exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
     _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
@@ -194,7 +198,8 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
         where = control if isinstance(control, Path) else file.with_name(CONTROL_FILE)
         net, control_facts = read_control(where, unet)
     codec = PirCodec(**_tuples(header["codec"]))
-    return EnvironmentModel(unet, vae, text, codec, shape, header["facts"], net, control_facts)
+    polish = Polish(**_tuples(header.get("polish", {})))
+    return EnvironmentModel(unet, vae, text, codec, shape, header["facts"], polish, net, control_facts)
 
 
 def read_control(path: Path, unet: UNet2DConditionModel) -> tuple[ControlNetModel, dict[str, Any]]:

@@ -35,7 +35,13 @@ class Sampler:
     guidance: float = 2.0
     """How far the prompt is followed beyond what it asks for; 1 halves the work and is the model's own spread."""
 
+    spread: float = 1.0
+    """Standard deviation of the noise that images are drawn from. Below 1 they vary less and keep closer to what their
+    words and their view say on average."""
+
     def __post_init__(self) -> None:
+        if not 0.0 < self.spread <= 1.5:
+            raise ValueError(f"spread: {self.spread!r}; above 0 and up to 1.5 is allowed")
         if self.kind not in SAMPLERS:
             raise ValueError(f"sampler: {self.kind!r}; allowed are {', '.join(SAMPLERS)}")
         if not 1 <= self.steps <= 1000:
@@ -133,7 +139,7 @@ def _draw(
         warnings.simplefilter("ignore", DeprecationWarning)  # how the schedulers hand tensors to NumPy 2
         walk.set_timesteps(sampler.steps, device=device)
     times = walk.timesteps
-    noise = noise.to(device, torch.float32)
+    noise = sampler.spread * noise.to(device, torch.float32)
     start, known = (None if x is None else x.to(device, torch.float32) for x in (guide.start, guide.known))
     keep = None if guide.keep is None else guide.keep.to(device, torch.bool)
     if start is not None:

@@ -81,7 +81,7 @@ def model(corpus: Corpus) -> Any:
         torch.nn.init.normal_(parameter, std=0.05)
     for block in (*control.controlnet_down_blocks, control.controlnet_mid_block):
         torch.nn.init.normal_(block.weight, std=0.05)
-    return EnvironmentModel(unet, vae, text, PirCodec(), shape, {"seed": 0}, control)
+    return EnvironmentModel(unet, vae, text, PirCodec(), shape, {"seed": 0}, control=control)
 
 
 @pytest.fixture(scope="session")
