@@ -21,6 +21,8 @@ _ROLLING = 0.012
 """By how much the toes are higher than the heel while a foot rolls on its heel [m]."""
 _RIDE = 0.06
 """Time over which the pelvis is moved to the floor [s]."""
+_SWINGS = 2.0
+"""Speed from which a foot is taken to be swinging, whatever its contacts say; beyond twice that it surely is [m/s]."""
 _CLEAR = 0.018
 """Height at which a swinging foot clears the floor, halfway [m]."""
 _RELEASE = 0.07
@@ -97,7 +99,9 @@ def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         rolling = toe[:, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
         step = np.where((rolling[1:] & rolling[:-1])[:, None], np.diff(heel, axis=0), np.diff(toe, axis=0))[:, :2]
         planted = (motion.contacts[1:, i] & motion.contacts[:-1, i])[:, None].astype(float)
-        total += planted * step
+        # a foot that is called planted while it swings doesn't take the body along
+        speed = np.linalg.norm(step, axis=-1, keepdims=True) * motion.frame_rate
+        total += planted * step * np.clip(2.0 - speed / _SWINGS, 0.0, 1.0)
         weight += planted
     slip = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
     slip = gaussian_filter1d(slip, 0.03 * motion.frame_rate, axis=0, mode="nearest")

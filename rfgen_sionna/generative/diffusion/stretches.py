@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
-from rfgen_sionna.generative.diffusion.features import PARTS, recentred
+from rfgen_sionna.generative.diffusion.features import PARTS, heading, recentred, turned
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
 from rfgen_sionna.generative.diffusion.stage import put_back
 from rfgen_sionna.records import FloatArray
@@ -16,7 +16,9 @@ from rfgen_sionna.records import FloatArray
 SPARE = 8
 """Frames that drafts and beats go on for, because the network takes lengths in steps of this."""
 _OVERLAP = 40
-"""Poses that a stretch shares with the one before it."""
+"""Poses that a stretch shares with the one before it ..."""
+_FADE = 8
+"""... and over how many of them, the last ones, one passes into the other."""
 
 
 def in_stretches(
@@ -43,6 +45,7 @@ def in_stretches(
         sampler = replace(sampler, strength=strength)
     size = min(max(frames, SHORTEST), LONGEST)
     done = [np.asarray(r) for r in sampler(model, [_part(w, 0, size) for w in wishes], size)]
+    fade = np.clip((_OVERLAP - np.arange(_OVERLAP)) / (_FADE + 1.0), 0.0, 1.0)[:, None]
     while len(done[0]) < frames:
         start = len(done[0]) - _OVERLAP
         more = []
@@ -51,10 +54,19 @@ def in_stretches(
             known = np.zeros((LONGEST, before.shape[1]))
             known[:_OVERLAP] = before
             given = np.zeros((LONGEST, len(PARTS)))
-            given[:_OVERLAP] = 1.0
-            more.append(replace(_part(wish, start, LONGEST), known=known, given=given, seed=wish.seed + start))
+            given[: _OVERLAP - _FADE] = 1.0
+            part = _part(wish, start, LONGEST)
+            if part.draft is not None:
+                # the draft goes on from where the motion has got to
+                at = _OVERLAP - _FADE
+                draft = turned(recentred(part.draft, at), float(heading(before)[at]))
+                draft[:, :2] += before[at, :2]
+                part = replace(part, draft=draft)
+            more.append(replace(part, known=known, given=given, seed=wish.seed + start))
         for k, rows in enumerate(sampler(model, more, LONGEST)):
-            done[k] = np.concatenate([done[k], put_back(rows, done[k][start:])[_OVERLAP:]])
+            new, old = put_back(rows, done[k][start:]), done[k][start:]
+            new[:_OVERLAP] += fade * (old - new[:_OVERLAP])
+            done[k] = np.concatenate([done[k][:start], new])
     return [rows[:frames] for rows in done]
 
 
