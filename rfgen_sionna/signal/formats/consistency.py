@@ -38,7 +38,7 @@ def check_xml(path: Path, wanted: bytes, ignored: Collection[str], sidecar: Path
         return
     try:
         found = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: encodings that are none
         complain(f"'{path}' is not XML: {error}", partial)
         return
     _tell(path, next(_elements(ElementTree.fromstring(wanted), found, ignored), None), sidecar, partial)

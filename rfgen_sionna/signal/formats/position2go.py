@@ -219,7 +219,7 @@ def radar_from_xml(path: Path, hardware: Radar) -> Radar:
     """
     try:
         device = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: encodings that are none
         raise CaptureFormatError(f"'{path}' is not XML: {error}") from error
 
     def text(name: str) -> str:

@@ -160,6 +160,12 @@ def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArra
         if present == 0:
             raise CaptureFormatError(message)
         complain(message, partial)
+    if missing < 0:
+        complain(
+            f"'{path}' has {-missing:,} bytes after its {found[0]} frames (from byte {path.stat().st_size + missing:,} "
+            "on): its header is of another array",
+            partial,
+        )
     if present == 0:
         raise CaptureFormatError(f"'{path}' holds no frame")
     return np.memmap(path, dtype=dtype, mode="r", offset=start, shape=(present, *shape))

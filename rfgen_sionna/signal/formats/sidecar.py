@@ -125,6 +125,9 @@ def from_record(record: dict[str, Any], what: str) -> Description:
         raise CaptureFormatError(f"{what}: {error}") from error
     if times.ndim != 1 or len(times) == 0 or not np.all(np.isfinite(times)):
         raise CaptureFormatError(f"{what}: 'frame_times_s' is not a list of finite times")
+    if np.any(np.diff(times) <= 0):
+        later = 1 + int(np.argmax(np.diff(times) <= 0))
+        raise CaptureFormatError(f"{what}: 'frame_times_s'[{later}] is {times[later]:g}, not after the time before it")
     if scale is not None and not (np.isfinite(scale) and scale > 0):
         raise CaptureFormatError(f"{what}: 'scale' is {scale!r}; a positive number of sqrt(W)/LSB is needed")
     return Description(radar, scale, times, seed)

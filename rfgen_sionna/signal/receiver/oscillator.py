@@ -25,7 +25,8 @@ class RampError:
 
     A path of delay tau gets the phase phi(t) - phi(t - tau), phi being the integral of 2 pi times the deviation; how
     exactly is said in :mod:`rfgen_sionna.signal.receiver.delay_bands`: to 1.5 % of the phase at the end of the range
-    window.
+    window, for ripples slower than 2 % of the sample rate and phases up to 1 rad. Faster ripples put sidebands beyond
+    the IF band, which the ADC's filter takes: towards the window's ends more is then missing.
     """
 
     polynomial_hz: tuple[float, ...] = ()

@@ -173,3 +173,28 @@ def test_a_frame_with_a_damaged_trailer_is_left_out(tmp_path: Path) -> None:
         part = read_capture(tmp_path, partial=True)
     np.testing.assert_array_equal(part.data, cube.data[[0, 2]])
     np.testing.assert_array_equal(part.frame_times, cube.frame_times[[0, 2]])
+
+
+@pytest.mark.parametrize("encoding", ["utf-9", "utf-7000", "utf-7"])
+def test_an_encoding_that_is_none(tmp_path: Path, encoding: str) -> None:
+    write_capture(lsb_cube(RADARS["position2go"], 2, 1000), tmp_path, "position2go")
+    path = tmp_path / "position2go.xml"
+    path.write_bytes(path.read_bytes().replace(b"utf-8", encoding.encode(), 1))
+    refused_but_readable(tmp_path, r"position2go.xml' is not XML")
+
+
+def test_times_of_frames_that_do_not_ascend(tmp_path: Path) -> None:
+    write_capture(lsb_cube(awr1843(), 2, 1000), tmp_path)
+    path = tmp_path / "adc_data.rfgen.json"
+    record = json.loads(path.read_text())
+    record["frame_times_s"] = [0.1, -7.0]
+    path.write_text(json.dumps(record))
+    with pytest.raises(CaptureFormatError, match=r"'frame_times_s'\[1\] is -7, not after"):
+        read_capture(tmp_path)
+
+
+def test_bytes_after_an_array_s_end(tmp_path: Path) -> None:
+    write_capture(lsb_cube(RADARS["rfgenesis"], 2, 1000), tmp_path, "rfgenesis")
+    with (tmp_path / "radar_frames.npy").open("ab") as stream:
+        stream.write(bytes(700))
+    refused_but_readable(tmp_path, "700 bytes after its 2 frames")
