@@ -1,9 +1,10 @@
-"""Walking from rules and from the learned model, as a radar sees it: micro-Doppler of both, side by side.
+"""Motion from rules and from the learned model, as a radar sees it: micro-Doppler side by side.
 
-    python examples/generated_motion.py              two and a half seconds
+    python examples/generated_motion.py              walking, two and a half seconds
     python examples/generated_motion.py --quick      one frame
 
-With --clip FILE (AMASS .npz, .bvh, MDM or HumanML3D .npy) a captured motion stands beside them.
+`--prompt SENTENCE`, once or more, asks for other motions, a row each; with `--clip FILE` (AMASS .npz, .bvh, MDM or
+HumanML3D .npy), once for each prompt and "-" for none, captured motions stand beside them.
 """
 
 import argparse
@@ -19,9 +20,12 @@ from rfgen_sionna.processing import micro_doppler
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--quick", action="store_true", help="one frame")
-parser.add_argument("--clip", type=Path, help="a captured motion")
+parser.add_argument("--prompt", action="append", help="a motion; repeat for more rows")
+parser.add_argument("--clip", action="append", default=[], help="a captured motion for each prompt, '-' for none")
+parser.add_argument("--duration", type=float, default=2.5, help="of each spectrogram [s]")
 parser.add_argument("--output", type=Path, default=Path("generated_motion.png"), help="picture to draw")
 arguments = parser.parse_args()
+prompts = arguments.prompt or ["a person walking back and forth"]
 
 # One channel is enough for Doppler.
 radar = rfgen.Radar.load("awr1843", preset="mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
@@ -31,27 +35,37 @@ radar = replace(
     tx_positions=radar.tx_positions[:1], tx_names=radar.tx_names[:1],
     rx_positions=radar.rx_positions[:1], rx_names=radar.rx_names[:1],
 )  # fmt: skip
-duration = radar.waveform.frame_period if arguments.quick else 2.5
+duration = radar.waveform.frame_period if arguments.quick else arguments.duration
 
-people = {
-    name: Actor.from_prompt("a person walking back and forth", seed=1, duration=4.0, radar=radar, motion=name)
-    for name in ("kinematic", "diffusion")
-}
-if arguments.clip is not None:
-    people["captured"] = Actor.from_motion(arguments.clip, body=people["kinematic"].body, radar=radar)
-
-figure, axes = plt.subplots(1, len(people), figsize=(4.2 * len(people), 3.6), sharey=True, squeeze=False)
-for panel, (name, person) in zip(axes[0], people.items(), strict=True):
-    adc = rfgen.Simulator(None, radar, [person], rtol=1e-2).adc(duration=duration, noise=False)
-    seen = micro_doppler(adc.data, radar, frame_times=adc.frame_times, static=True)
-    level = 10 * np.log10(np.maximum(seen.power, 1e-30))
-    panel.pcolormesh(seen.time, seen.velocity, level.T, vmin=level.max() - 50, vmax=level.max(), shading="nearest")
-    panel.set_title(name)
+sources = ["kinematic", "diffusion"] + ["captured"] * bool(arguments.clip)
+shape = (len(prompts), len(sources))
+size = (4.2 * shape[1], max(3.6, 1.9 * shape[0]))
+figure, axes = plt.subplots(*shape, figsize=size, sharex=True, sharey=True, squeeze=False)
+for row, prompt in enumerate(prompts):
+    people = {
+        name: Actor.from_prompt(prompt, seed=1, duration=duration + 0.5, radar=radar, motion=name)
+        for name in sources[:2]
+    }
+    clip = arguments.clip[row] if row < len(arguments.clip) else "-"
+    if clip != "-":
+        people["captured"] = Actor.from_motion(clip, body=people["kinematic"].body, radar=radar)
+    for panel, name in zip(axes[row], sources, strict=True):
+        if name not in people:
+            panel.set_axis_off()
+            continue
+        length = min(duration, people[name].duration)
+        adc = rfgen.Simulator(None, radar, [people[name]], rtol=1e-2).adc(duration=length, noise=False)
+        seen = micro_doppler(adc.data, radar, frame_times=adc.frame_times, static=True)
+        level = 10 * np.log10(np.maximum(seen.power, 1e-30))
+        panel.pcolormesh(seen.time, seen.velocity, level.T, vmin=level.max() - 50, vmax=level.max(), shading="nearest")
+        panel.set_title(name if len(prompts) == 1 else f"{prompt}: {name}", fontsize=8 if len(prompts) > 1 else 12)
+        panel.set_ylim(-4, 4)
+        peak = seen.velocity[seen.power.sum(axis=0).argmax()]
+        print(f"{name:<10}  strongest at {peak:+.2f} m/s")
+for panel in axes[-1]:
     panel.set_xlabel("time [s]")
-    panel.set_ylim(-4, 4)
-    peak = seen.velocity[seen.power.sum(axis=0).argmax()]
-    print(f"{name:<10}  strongest at {peak:+.2f} m/s")
-axes[0][0].set_ylabel("radial velocity [m/s]")
+for panels in axes:
+    panels[0].set_ylabel("radial velocity [m/s]" if len(prompts) == 1 else "[m/s]")
 figure.tight_layout()
 figure.savefig(arguments.output, dpi=110)
 print(f"picture     {arguments.output}")
