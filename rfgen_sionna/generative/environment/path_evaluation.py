@@ -18,25 +18,33 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
 
 @dataclass(frozen=True)
 class AffineBaseline:
-    """Levels through a straight line, and where nothing returns the nearest pixel's."""
+    """Levels through a straight line, and where nothing returns the nearest pixel's if that helps."""
 
     slope: float
     offset: float
     """[dB]"""
+    fills: bool
+    """Whether what returns nothing is filled: it is where that errs less on the training pairs."""
 
     @classmethod
     def fit(cls, pairs: Corpus, codec: PirCodec) -> AffineBaseline:
-        """Least squares over the pixels that return something in both images of training pairs."""
+        """Least squares over the pixels that return something in both images of training pairs.
+
+        Skies return nothing in either: filling them would make the baseline weaker than it need be.
+        """
         x, y = _levels(pairs, codec)
         known = np.isfinite(x) & np.isfinite(y)
         slope, offset = np.polyfit(x[known], y[known], 1)
-        return cls(float(slope), float(offset))
+        filled, plain = (cls(float(slope), float(offset), fills) for fills in (True, False))
+        absent = codec.energy_db[0]
+        errors = [[energy_error(line(a), b, absent) for a, b in zip(x, y, strict=True)] for line in (filled, plain)]
+        return filled if np.mean(errors[0]) < np.mean(errors[1]) else plain
 
     def __call__(self, level: FloatArray) -> FloatArray:
         """(row, column) levels [dB] of a completed image."""
         seen = np.isfinite(level)
-        if not seen.any():
-            return level
+        if not self.fills or not seen.any():
+            return np.asarray(self.slope * level + self.offset)
         nearest = tuple(distance_transform_edt(~seen, return_distances=False, return_indices=True))
         return np.asarray(self.slope * level[nearest] + self.offset)
 
@@ -93,9 +101,11 @@ def examine_paths(
                 energy_error(level, goal, absent),
                 energy_error(baseline(level), goal, absent),
                 energy_error(new, goal, absent),
-                _range_error(given, truth, there),
-                _range_error(refined, truth, there),
+                _range_error(given, truth, there & (given.energy > 0)),
+                _range_error(refined, truth, there & (given.energy > 0)),
                 float(np.abs(_decibels(again) - goal)[there].mean()),
+                _range_error(refined, truth, there & (given.energy <= 0) & (refined.energy > 0)),
+                float(((given.energy <= 0) & (refined.energy > 0)).mean()),
             )
         )
     table = np.array(rows)
@@ -121,6 +131,8 @@ def examine_paths(
         "range error of the incomplete image [m]": float(table[:, 3].mean()),
         "range error refined [m]": float(table[:, 4].mean()),
         "change of a complete image [dB]": float(table[:, 5].mean()),
+        "range error of added energy [m]": float(np.nanmean(table[:, 6])) if np.isfinite(table[:, 6]).any() else None,
+        "share of the pixels that are added": float(table[:, 7].mean()),
     }
 
 
@@ -175,4 +187,6 @@ def _decibels(pir: Pir) -> FloatArray:
 def _range_error(pir: Pir, truth: Pir, there: NDArray[np.bool_]) -> float:
     """Mean difference of range [m] where both return something."""
     both = there & np.isfinite(pir.time_of_arrival) & np.isfinite(truth.time_of_arrival)
+    if not both.any():
+        return float("nan")
     return float(0.5 * SPEED_OF_LIGHT * np.abs(pir.time_of_arrival - truth.time_of_arrival)[both].mean())

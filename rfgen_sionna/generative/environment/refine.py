@@ -19,7 +19,7 @@ from rfgen_sionna.generative.environment.views import NATIVE, resized
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
 
-STEPS, GUIDANCE, SAMPLES = 6, 1.0, 3
+STEPS, GUIDANCE, SAMPLES = 4, 1.0, 3
 """Of the default drawing: few steps and the mean of a few samples err least."""
 MOST_GAIN_DB = 15.0
 """By how much existing energy is raised or lowered at most."""

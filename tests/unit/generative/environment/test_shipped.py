@@ -1,0 +1,103 @@
+"""The environment model that ships: small enough, loaded offline, and drawing what it is told in physical units."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.environment.data import PLACES
+from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.metrics import Physical
+from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model
+from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
+
+WEIGHTS = files("rfgen_sionna.generative.environment") / "weights"
+
+
+@pytest.fixture(scope="module")
+def rooms() -> EnvironmentDiffusion:
+    return EnvironmentDiffusion(steps=8, sampler="dpm")
+
+
+def distance(pir: Pir) -> np.ndarray:
+    return 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival
+
+
+def test_the_files_are_small_enough() -> None:
+    from pathlib import Path
+
+    sizes = [Path(str(WEIGHTS / name)).stat().st_size for name in (BASE_FILE, CONTROL_FILE)]
+    assert sum(sizes) <= 60e6
+
+
+@pytest.mark.parametrize(
+    ("prompt", "place"),
+    [
+        ("a cosy lounge with two sofas", "living room"),
+        ("a teacher's classroom full of desks", "classroom"),
+        ("long hallway", "corridor"),
+        ("a grassy meadow", "open field"),
+        ("a garage with a parked car", "garage"),
+        ("a children's playground", "playground"),
+    ],
+)
+def test_unseen_wordings_are_understood(prompt: str, place: str) -> None:
+    named, chance = read_model().text.place_of(prompt)
+    assert (named, chance > 0.5) == (place, True)
+
+
+def test_rooms_are_closed_and_fields_open(rooms: EnvironmentDiffusion) -> None:
+    room = rooms.generate("a living room", seed=1)
+    field = rooms.generate("an open field", seed=1)
+    assert (room.energy <= 0).mean() < 0.03
+    assert (field.energy <= 0).mean() > 0.1
+    assert np.nanmax(distance(room)) < 15.0
+    assert np.nanmax(distance(field)) > 15.0
+    level = 10 * np.log10(np.median(room.energy[room.energy > 0]))
+    assert -150 < level < -125
+    assert not room.velocity.any()
+
+
+def test_height_and_pitch_move_the_floor(rooms: EnvironmentDiffusion) -> None:
+    """The lowest rows show the floor: near where the radar is low or looks down. The model is soft, so to a quarter."""
+
+    def floor(height: float, pitch: float) -> float:
+        views = rooms.generate_many(
+            ["an office"] * 6, seeds=range(6), fov_deg=80.0, position=(0.0, 0.0, height), orientation=(0.0, pitch, 0.0)
+        )
+        return float(np.median([distance(pir)[-6:, 24:40] for pir in views]))
+
+    for height, pitch in ((1.0, 0.35), (1.0, 0.0), (1.8, 0.35)):
+        # the middle of those rows lies some 37 degrees under the line of sight
+        assert floor(height, pitch) == pytest.approx(height / np.sin(pitch + np.radians(37.0)), rel=0.25)
+
+
+def test_refinement_keeps_delays(rooms: EnvironmentDiffusion) -> None:
+    mixed = rooms.generate("a living room", seed=1)
+    refined = PathDiffusion(steps=2, samples=1).refine(mixed, "a living room", seed=1)
+    there = mixed.energy > 0
+    np.testing.assert_array_equal(refined.time_of_arrival[there], mixed.time_of_arrival[there])
+    assert np.abs(10 * np.log10(refined.energy[there] / mixed.energy[there])).max() <= 15.0 + 1e-9
+
+
+def test_images_are_in_the_range_of_renders(rooms: EnvironmentDiffusion) -> None:
+    model = read_model()
+    assert set(model.text.places) == set(PLACES)
+    many = rooms.generate_many(["an office"] * 4, seeds=range(4))
+    seen = Physical.of(np.stack([model.codec.encode(p) for p in many]), model.codec)
+    assert 1.0 < np.nanmedian(seen.range) < 6.0
+
+
+def test_nothing_is_imported_before_it_is_asked_for() -> None:
+    code = (
+        "import sys, rfgen_sionna.generative.environment, rfgen_sionna.generative.environment.diffusion, "
+        "rfgen_sionna.pir.codec; "
+        "print([m for m in ('torch', 'diffusers', 'peft', 'transformers') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
