@@ -58,9 +58,9 @@ def in_stretches(
             part = _part(wish, start, LONGEST)
             if part.draft is not None:
                 # the draft goes on from where the motion has got to
-                at = _OVERLAP - _FADE
-                draft = turned(recentred(part.draft, at), float(heading(before)[at]))
-                draft[:, :2] += before[at, :2]
+                seam = _OVERLAP - _FADE
+                draft = turned(recentred(part.draft, seam), float(heading(before)[seam]))
+                draft[:, :2] += before[seam, :2]
                 part = replace(part, draft=draft)
             more.append(replace(part, known=known, given=given, seed=wish.seed + start))
         for k, rows in enumerate(sampler(model, more, LONGEST)):
