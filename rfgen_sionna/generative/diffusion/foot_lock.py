@@ -22,7 +22,8 @@ _ROLLING = 0.012
 _RIDE = 0.06
 """Time over which the pelvis is moved to the floor [s]."""
 _SWINGS = 2.0
-"""Speed from which a foot is taken to be swinging, whatever its contacts say; beyond twice that it surely is [m/s]."""
+"""Speed from which a foot is taken to be swinging, whatever its contacts say; beyond twice that it surely is [m/s],
+for the legs of a mean adult."""
 _CLEAR = 0.018
 """Height at which a swinging foot clears the floor, halfway [m]."""
 _RELEASE = 0.07
@@ -91,6 +92,7 @@ def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         return motion
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+    fast = _SWINGS * skeleton.leg_length() / MEAN_ADULT.leg_length()
     total = np.zeros((len(places) - 1, 2))
     weight = np.zeros((len(places) - 1, 1))
     for i, side in enumerate(SIDES):
@@ -101,7 +103,7 @@ def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         planted = (motion.contacts[1:, i] & motion.contacts[:-1, i])[:, None].astype(float)
         # a foot that is called planted while it swings doesn't take the body along
         speed = np.linalg.norm(step, axis=-1, keepdims=True) * motion.frame_rate
-        total += planted * step * np.clip(2.0 - speed / _SWINGS, 0.0, 1.0)
+        total += planted * step * np.clip(2.0 - speed / fast, 0.0, 1.0)
         weight += planted
     slip = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
     slip = gaussian_filter1d(slip, 0.03 * motion.frame_rate, axis=0, mode="nearest")
