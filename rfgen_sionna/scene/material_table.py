@@ -119,7 +119,7 @@ TABLE: dict[str, tuple[Permittivity, str]] = {
     ),
     "vegetation": (
         LossTangent(8.0, 0.5, _MILLIMETRE),
-        _ASSUMED + "fresh leaves and grass, mostly water in which the bands above 30 GHz find eps' 8-20 and as much loss",
+        _ASSUMED + "fresh leaves and grass, mostly water, in which bands above 30 GHz find eps' 8-20 and as much loss",
     ),
 }
 

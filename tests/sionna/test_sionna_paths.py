@@ -44,7 +44,7 @@ def mirror_level(radar, length):
 
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (1500.0, -2300.0, 20.0)])
 def test_a_mirror_has_the_image_s_delay_in_double_precision(rt, centre):
-    """Wherever the scene is; Sionna's own delays lose 0.1 um of path beside the origin and 0.1 mm in a town."""
+    """Wherever the scene is; single precision loses up to 0.1 mm of path in a town."""
     centre = np.array(centre)
     radar = Radar.load("awr1843", position=tuple(centre + np.array([0.25, 0.125, 1.0])))
     scene = scene_of(radar.center_frequency, mirror=(np.array(wall(4.0)) + centre, "metal"))
@@ -53,9 +53,6 @@ def test_a_mirror_has_the_image_s_delay_in_double_precision(rt, centre):
     found = rfgen.from_sionna(paths, radar)
     lengths = image(radar.tx_world, radar.rx_world, (0, centre[0] + 4.0))
     np.testing.assert_allclose(SPEED_OF_LIGHT * found.tau[:, :, 0, 0], lengths, rtol=0, atol=1e-10)
-    sionna = SPEED_OF_LIGHT * paths.tau.numpy()[0, :, 0, :, 0].T.astype(float)
-    worst = np.abs(sionna - lengths).max()
-    assert worst > (1e-7 if not centre.any() else 3e-5)
     # Real metal keeps 1e-3 of the field.
     np.testing.assert_allclose(abs(found.a[:, :, 0, 0]), mirror_level(radar, lengths), rtol=1.2e-3)
     assert (found.num_paths, found.object_names[found.object_id[0]], found.bounces[0]) == (1, "mirror", 1)
