@@ -20,8 +20,8 @@ from rfgen_sionna.generative.decisions import Decision, argument
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_kind, set_up
-from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment
+from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_kind, missing_packages, set_up
+from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
@@ -69,7 +69,7 @@ def generate(
     fov_deg: float | tuple[float, float] | None = None,
     max_bounces: int | None = 1,
     transmission: bool = False,
-    motion: str = "kinematic",
+    motion: str = "auto",
     collisions: Policy = "error",
     device: str = "auto",
     progress: Callable[[int, int], None] | None = None,
@@ -86,12 +86,15 @@ def generate(
         is none.
     surroundings
         Where they come from: "scene" (a scene of a file, always the same), "furnished" (a place furnished by the seed),
-        "diffusion" (an image that a diffusion model draws, :mod:`rfgen_sionna.generative.environment`) or "auto": a
-        scene of a file where there is one of that name, else furnished.
+        "diffusion" (an image that a diffusion model draws, :mod:`rfgen_sionna.generative.environment`), "none" (free
+        space) or "auto": a place in words is imagined, a scene by its own name ("living_room", "Munich") is that scene.
+        Without diffusers "auto" warns, and takes a scene where there is one, else furnished. What "scene", "furnished"
+        and "none" don't need isn't imported.
     negative_environment
         What an imagined place is without.
     refine
-        Whether path diffusion completes what is traced and imagined; None does where surroundings are imagined.
+        Whether path diffusion completes what is traced and imagined; None does where surroundings are imagined. False
+        leaves it unloaded.
     radar
         Name or TOML file of a radar, or a placed Radar.
     preset
@@ -119,12 +122,13 @@ def generate(
         looks, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
     pir_resolution, fov_deg
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file, by default (128, 128) and 60.
-        Imagined surroundings come in 64 x 64 pixels, and by default 90 degrees: beyond the field of view is nothing.
+        Imagined surroundings are by default 64 x 64 pixels and 90 degrees: beyond the field of view is nothing.
     max_bounces, transmission
         Most surfaces on a path, and whether walls and glass are seen through, as in
         :class:`~rfgen_sionna.simulation.Simulator`.
     motion
-        Where the motion comes from: "kinematic" (rules of movement) or "diffusion" (the learned model).
+        Where the motion comes from: "kinematic" (rules of movement), "diffusion" (the learned model) or "auto", the
+        learned model where its packages are installed.
     collisions
         What to do where the person goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
         "warn" says so and goes on, "ignore" doesn't look.
@@ -149,8 +153,8 @@ def generate(
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     device = chosen_device(device)
-    source = motion_source(motion)
-    said, asked = _read(prompt, negative, environment, seed, distance)
+    source = motion_source(_learned(motion))
+    said, asked = _read(prompt, negative, environment, seed, distance, surroundings)
     kind = check_kind(surroundings, asked, negative=negative_environment, refine=refine)
     resolution, fov = _view(pir_resolution, fov_deg, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
@@ -166,7 +170,9 @@ def generate(
     _check_size(duration, radar, resolution, target)
     # What they refuse is refused before a scene is read, and before a body is built.
     count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
-    setting = set_up(asked, kind, radar, seed=seed, negative=negative_environment, refine=refine, fov_deg=fov)
+    setting = set_up(
+        asked, kind, radar, seed=seed, negative=negative_environment, refine=refine, fov_deg=fov, resolution=resolution
+    )
     scene = setting.scene
     Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces, transmission=transmission)
 
@@ -239,12 +245,8 @@ def _view(
     resolution: tuple[int, int] | None, fov_deg: float | tuple[float, float] | None, kind: str
 ) -> tuple[tuple[int, int], float | tuple[float, float]]:
     """Resolution and field of view [degrees] of the images in the file, checked."""
-    if kind == "diffusion":
-        if resolution is not None and tuple(resolution) != IMAGE_PIXELS:
-            raise ValueError(f"pir_resolution is {resolution!r}: imagined surroundings come in {IMAGE_PIXELS} pixels")
-        resolution, fov = IMAGE_PIXELS, IMAGE_FOV if fov_deg is None else fov_deg
-    else:
-        resolution, fov = (128, 128) if resolution is None else resolution, 60.0 if fov_deg is None else fov_deg
+    usual = (IMAGE_PIXELS, IMAGE_FOV) if kind == "diffusion" else ((128, 128), 60.0)
+    resolution, fov = usual[0] if resolution is None else resolution, usual[1] if fov_deg is None else fov_deg
     check_view(resolution, fov)
     return resolution, fov
 
@@ -257,8 +259,13 @@ def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
     return known if noise else known.without_noise()
 
 
+def _learned(motion: str) -> str:
+    """The origin of motion that "auto" stands for."""
+    return motion if motion != "auto" else "kinematic" if missing_packages() else "diffusion"
+
+
 def _read(
-    prompt: str, negative: str, environment: str | None, seed: int, distance: float | None
+    prompt: str, negative: str, environment: str | None, seed: int, distance: float | None, kind: str
 ) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
     """What the prompt and the arguments beside it ask for; logs the words without effect."""
     check_seed(seed)
@@ -267,7 +274,10 @@ def _read(
         raise ValueError(f"distance is {distance!r} m: a positive, finite distance is needed")
     if distance is not None and said.distance_m is None:
         said = replace(said, distance_m=float(distance), origins={**said.origins, "distance": argument("distance")})
-    surroundings = parse_environment(said.surroundings if environment is None else environment)
+    if kind == "none" and environment is None:
+        said = replace(said, surroundings=NOWHERE, origins={**said.origins, "surroundings": argument("surroundings")})
+    named = in_words(said.surroundings) if said.surroundings else None
+    surroundings = named if environment is None else parse_environment(environment)
     if environment is not None:
         name = NOWHERE if surroundings is None else surroundings.scene
         if said.surroundings not in (None, name):

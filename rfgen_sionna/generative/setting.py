@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from rfgen_sionna.generative.body_prompt import PromptError
@@ -18,13 +20,17 @@ if TYPE_CHECKING:
     from rfgen_sionna.pir.fused import Refiner
     from rfgen_sionna.radar import Radar
 
-KINDS = ("auto", "scene", "furnished", "diffusion")
+KINDS = ("auto", "scene", "furnished", "diffusion", "none")
+NEEDED = ("torch", "diffusers", "safetensors")
+"""Packages that imagine surroundings."""
+INSTALL = "pip install 'rfgen-sionna[diffusion]'"
 IMAGE_FOV = 90.0
 """Field of view [degrees] of an imagined image: what lies outside of it returns nothing."""
 IMAGE_PIXELS = (64, 64)
-"""Rows and columns of an imagined image."""
+"""Rows and columns that an imagined image is drawn in."""
 STRENGTH = 1.0
 """How far path diffusion goes from the image that is traced and imagined."""
+_LOG = logging.getLogger(__name__)
 _FILE_ALONE = "is a scene of a file alone; surroundings='scene' has it"
 
 
@@ -57,33 +63,66 @@ class _Repair:
         )
 
 
+def missing_packages() -> tuple[str, ...]:
+    """Packages that imagining surroundings needs and that aren't installed; nothing is imported."""
+    return tuple(name for name in NEEDED if find_spec(name) is None)
+
+
 def check_kind(kind: str, asked: EnvironmentPrompt | None, *, negative: str, refine: bool | None) -> str:
     """Where surroundings come from: "scene", "furnished", "diffusion", or "none" where there are none.
+
+    "auto" is "diffusion" where a place is described that can be imagined. A scene that is called by its own name
+    ("living_room", "Munich") is that scene; without the packages that imagine, so is a place that there is a scene of,
+    and any other is furnished, with a warning.
 
     Raises
     ------
     ValueError, PromptError
         If `kind` is none of :data:`KINDS`, there are no such surroundings of it, or an argument would have no effect.
+    ImportError
+        Surroundings are to be imagined, and packages are missing.
     """
     if kind not in KINDS:
         raise ValueError(f"surroundings is {kind!r}; allowed are {', '.join(map(repr, KINDS))}")
-    if asked is None:
+    wishes = {"negative_environment": negative, "refine": refine}
+    wished = next((f"{name} is {value!r}" for name, value in wishes.items() if value), None)
+    if asked is None or kind == "none":
         found = "none"
-        if kind != "auto":
+        if kind not in ("auto", "none"):
             raise ValueError(f"surroundings is {kind!r}, but no environment is named; leave it out for free space")
+        if asked is not None:
+            raise PromptError(f"environment: {asked.text!r}, but surroundings is 'none': leave one of them out")
     else:
-        found = ("scene" if asked.has_file else "furnished") if kind == "auto" else kind
+        found = _automatic(asked, must=wished) if kind == "auto" else kind
         if found == "scene" and not asked.has_file:
             raise PromptError(
                 f"environment: {asked.text!r} is no scene of a file; surroundings='furnished' or 'diffusion' has it"
             )
         if found in ("furnished", "diffusion") and asked.place is None:
             raise PromptError(f"environment: {asked.text!r} {_FILE_ALONE}")
-    if found != "diffusion":
-        for name, value in (("negative_environment", negative), ("refine", refine)):
-            if value:
-                raise ValueError(f"{name} is {value!r}: only imagined surroundings take it, surroundings='diffusion'")
+    if found == "diffusion":
+        if absent := missing_packages():
+            raise ImportError(
+                f"imagined surroundings need {', '.join(absent)}: {INSTALL}; or take surroundings='scene'"
+            )
+    elif wished:
+        raise ValueError(f"{wished}: only imagined surroundings take it, surroundings='diffusion'")
     return found
+
+
+def _automatic(asked: EnvironmentPrompt, must: str | None) -> str:
+    """What "auto" stands for; a wish that only imagined surroundings fulfil leaves no other."""
+    if asked.place is None or (asked.is_name and must is None):
+        return "scene"
+    absent = missing_packages()
+    if not absent or must is not None:
+        return "diffusion"
+    instead = "scene" if asked.has_file else "furnished"
+    _LOG.warning(
+        "environment: %r would be imagined by a model, which needs %s (%s); surroundings=%r is taken instead",
+        asked.text, ", ".join(absent), INSTALL, instead,
+    )  # fmt: skip
+    return instead
 
 
 def set_up(
@@ -95,6 +134,7 @@ def set_up(
     negative: str = "",
     refine: bool | None = None,
     fov_deg: float | tuple[float, float] = IMAGE_FOV,
+    resolution: tuple[int, int] = IMAGE_PIXELS,
 ) -> Setting:
     """The surroundings that are asked for; `kind` is that of :func:`check_kind`.
 
@@ -110,8 +150,8 @@ def set_up(
         What an imagined place is without.
     refine
         Whether path diffusion completes images of actors and surroundings; None does unless the radar moves.
-    fov_deg
-        Field of view of an imagined image.
+    fov_deg, resolution
+        Field of view and (rows, columns) of an imagined image.
     """
     if asked is None or kind == "none":
         return Setting(load_scene(None), "")
@@ -126,7 +166,9 @@ def set_up(
         size = f"{layout.x[1] - layout.x[0]:.1f} x {layout.y[1] - layout.y[0]:.1f} m"
         what = f"{place} of {size} with {sum(layout.kinds.values())} pieces"
         return Setting(room, f"furnished {place}", decisions=(Decision("place", what, drawn(seed)),))
-    return _imagined(asked, place, radar, seed=seed, negative=negative, refine=refine, fov_deg=fov_deg)
+    return _imagined(
+        asked, place, radar, seed=seed, negative=negative, refine=refine, fov_deg=fov_deg, resolution=resolution
+    )
 
 
 def _imagined(
@@ -138,16 +180,17 @@ def _imagined(
     negative: str,
     refine: bool | None,
     fov_deg: float | tuple[float, float],
+    resolution: tuple[int, int],
 ) -> Setting:
     from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 
     here = radar if radar.trajectory is None else radar.at(0.0)
-    words = asked.text if asked.text != asked.scene else f"a {place}"
+    words = f"{'an' if place[0] in 'aeiou' else 'a'} {place}" if asked.text == asked.scene else asked.text
     image = EnvironmentDiffusion().generate(
         words,
         negative=negative,
         fov_deg=fov_deg,
-        resolution=IMAGE_PIXELS,
+        resolution=resolution,
         position=here.position,
         orientation=here.orientation,
         seed=seed,

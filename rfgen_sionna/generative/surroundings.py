@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.reading import Reader, compile_pattern
@@ -72,6 +72,11 @@ class EnvironmentPrompt:
         return _PLACES_OF_SCENES.get(self.scene, self.scene if self.scene in PLACE_PATTERNS else None)
 
     @property
+    def is_name(self) -> bool:
+        """Whether the text is nothing but the name of a scene of a file, as `load_scene` takes it."""
+        return self.has_file and self.text.strip() == self.scene
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """One sentence for each phrase without effect."""
         return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in self.unused)
@@ -103,6 +108,14 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
     if scenes == [NOWHERE]:
         return None
     return EnvironmentPrompt(text=text, scene=scenes[0], unused=reader.rest(FILLERS))
+
+
+def in_words(scene: str) -> EnvironmentPrompt | None:
+    """The surroundings that a sentence was read as naming, as words instead of the name of a scene."""
+    asked = parse_environment(scene)
+    if asked is None or asked.place is None:
+        return asked
+    return replace(asked, text=f"{'an' if asked.place[0] in 'aeiou' else 'a'} {asked.place}")
 
 
 def split_keyword(text: str) -> tuple[str, list[tuple[str, str]]]:

@@ -115,6 +115,15 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
     assert "warning: another one neither" in err
 
 
+def test_no_environment_is_free_space(rfgen: Rfgen) -> None:
+    code, _, err = rfgen("generate", "a person walks in an office", "--no-environment", "--no-pictures")
+    assert code == 0, err
+    assert rfgen.calls[0]["surroundings"] == "none"
+    code, _, err = rfgen("generate", "a person walks", "--no-environment", "--surroundings", "scene", "--no-pictures")
+    assert code == 2
+    assert "--surroundings is 'scene', but --no-environment" in err
+
+
 def test_generate_draws_what_it_made_and_names_it_after_the_action(rfgen: Rfgen, tmp_path: Path) -> None:
     code, out, err = rfgen("generate", "a person doing jumping jacks")
     assert code == 0, err
@@ -231,7 +240,7 @@ def test_every_option_is_one_of_the_pipeline() -> None:
 
     from rfgen_sionna.pipeline import generate
 
-    shown = set(signature(cli.generate).parameters) - {"pictures"}
+    shown = set(signature(cli.generate).parameters) - {"pictures", "no_environment"}
     assert shown <= set(signature(generate).parameters)
 
 

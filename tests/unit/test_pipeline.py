@@ -35,7 +35,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="module")
 def quick(tiny_toml: Path) -> Any:
     """Options of a run that takes a second."""
-    return {"environment": "free space", "radar": tiny_toml, "duration": 0.1, "pir_resolution": (12, 16), "rtol": 0.03}
+    small = {"radar": tiny_toml, "duration": 0.1, "pir_resolution": (12, 16), "rtol": 0.03}
+    return {"environment": "free space", "motion": "kinematic", **small}
 
 
 @pytest.fixture
@@ -158,7 +159,7 @@ def test_a_radar_in_the_wall_of_the_room(quick: dict[str, Any]) -> None:
     place = (*(0.5 * (low + high))[:2], 0.05)  # under any window
     radar = rfgen.Radar.load(quick["radar"], position=place, look_at=(0, 0, 1))
     with pytest.raises(ValueError, match=rf"radar position .*{wall.name}"):
-        rfgen.generate(PROMPT, **quick | {"radar": radar, "environment": "a living room"})
+        rfgen.generate(PROMPT, **quick | {"radar": radar, "environment": "living_room"})
 
 
 @pytest.mark.usefixtures("no_work")
@@ -372,7 +373,7 @@ def test_a_radar_placed_in_a_scene_of_sionna(quick: dict[str, Any]) -> None:
     """The person stands where the radar looks, at the distance, on what is there: the floor of a street at -3 cm."""
     with rfgen.generate(
         "a person pushing, 2 m away", output="run.h5", radar_position=(1, -2, 1.2), look_at=(1, 3, 1),
-        **quick | {"environment": "a street", "duration": 0.05},
+        **quick | {"environment": "a street", "surroundings": "scene", "duration": 0.05},
     ) as run:  # fmt: skip
         assert run.radar.position == (1, -2, 1.2)
         np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [1, 0], atol=0.2)
@@ -476,5 +477,5 @@ def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, fold
 def test_a_person_behind_the_wall_is_refused(tmp_path):
     """The living room ends 5.4 m from the radar: nobody is seen 8 m away."""
     with pytest.raises(ValueError, match=r"distance is 8 m: the surfaces of scene 'living_room' hide the person"):
-        rfgen.generate("a person pushing, 8 m away", environment="a living room", output=tmp_path / "run.h5")
+        rfgen.generate("a person pushing, 8 m away", environment="living_room", output=tmp_path / "run.h5")
     assert not list(tmp_path.iterdir())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +12,10 @@ import numpy as np
 import pytest
 
 import rfgen_sionna as rfgen
+from rfgen_sionna.generative import setting
 from rfgen_sionna.generative.prompts import PromptError, parse_environment
 from rfgen_sionna.generative.setting import IMAGE_PIXELS, check_kind, set_up
+from rfgen_sionna.generative.surroundings import in_words
 from rfgen_sionna.scene.furnished import FurnishedScene
 
 
@@ -18,13 +23,40 @@ def kind(environment: str | None, surroundings: str = "auto", negative: str = ""
     return check_kind(surroundings, parse_environment(environment), negative=negative, refine=refine)
 
 
-def test_a_scene_of_a_file_comes_first() -> None:
-    assert kind("a living room") == "scene"
-    assert kind("Munich") == "scene"
-    assert kind("an office") == "furnished"
+@pytest.fixture
+def nothing_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(setting, "missing_packages", tuple)
+
+
+@pytest.fixture
+def no_diffusers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(setting, "missing_packages", lambda: ("diffusers",))
+
+
+@pytest.mark.usefixtures("nothing_missing")
+def test_a_place_in_words_is_imagined_and_a_scene_by_its_name_is_that_scene() -> None:
+    assert (
+        kind("a living room") == kind("an office") == kind("a living room with a sofa", "auto", "desk") == "diffusion"
+    )
+    assert kind("living_room") == kind("Munich") == "scene"
+    assert kind("living_room", "auto", "sofa") == "diffusion"
+    assert kind("a living room", "scene") == "scene"
     assert kind("a living room", "furnished") == "furnished"
-    assert kind("a living room", "diffusion") == "diffusion"
-    assert kind(None) == kind("free space") == "none"
+    assert kind(None) == kind("free space") == kind(None, "none") == "none"
+    words = in_words("living_room")
+    assert words is not None
+    assert words.text == "a living room"
+    assert not words.is_name
+
+
+@pytest.mark.usefixtures("no_diffusers")
+def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: pytest.LogCaptureFixture) -> None:
+    assert kind("a living room") == "scene"
+    assert kind("an office") == "furnished"
+    assert caplog.text.count("pip install 'rfgen-sionna[diffusion]'") == 2
+    for asked in (("an office", "diffusion"), ("an office", "auto", "desk"), ("an office", "auto", "", True)):
+        with pytest.raises(ImportError, match=r"need diffusers: pip install 'rfgen-sionna\[diffusion\]'"):
+            kind(*asked)
 
 
 @pytest.mark.parametrize(
@@ -32,14 +64,15 @@ def test_a_scene_of_a_file_comes_first() -> None:
     [
         (
             ("a living room", "painted"),
-            "surroundings is 'painted'; allowed are 'auto', 'scene', 'furnished', 'diffusion'",
+            "surroundings is 'painted'; allowed are 'auto', 'scene', 'furnished', 'diffusion', 'none'",
         ),
         ((None, "furnished"), "no environment is named"),
         (("an office", "scene"), "'an office' is no scene of a file"),
         (("Munich", "furnished"), "'Munich' is a scene of a file alone"),
         (("Munich", "diffusion"), "'Munich' is a scene of a file alone"),
         (("an office", "furnished", "desk"), "negative_environment is 'desk': only imagined surroundings"),
-        (("a living room", "auto", "", True), "refine is True: only imagined surroundings"),
+        (("a living room", "scene", "", True), "refine is True: only imagined surroundings"),
+        (("a living room", "none"), "'a living room', but surroundings is 'none'"),
     ],
 )
 def test_what_has_no_effect_is_refused(arguments: tuple[Any, ...], words: str) -> None:
@@ -59,7 +92,9 @@ def test_a_seed_furnishes(tiny_toml: Path) -> None:
 def test_a_run_in_a_furnished_place(tiny_toml: Path, tmp_path: Path) -> None:
     pytest.importorskip("anny", reason="people need the body model")
     quick: dict[str, Any] = {"radar": tiny_toml, "duration": 0.05, "pir_resolution": (12, 16), "rtol": 0.03}
-    with rfgen.generate("a person stands in a corridor", seed=2, output=tmp_path / "c.h5", **quick) as run:
+    with rfgen.generate(
+        "a person stands in a corridor", surroundings="furnished", seed=2, output=tmp_path / "c.h5", **quick
+    ) as run:
         assert run.environment == "furnished corridor"
         assert run.seeds["surroundings"] == 2
         assert "corridor of" in run.report
@@ -70,11 +105,12 @@ def test_a_run_in_an_imagined_place(tiny_toml: Path, tmp_path: Path) -> None:
     """Object, environment and path diffusion at work; images have the model's own pixels."""
     pytest.importorskip("anny", reason="people need the body model")
     pytest.importorskip("diffusers", reason="the models need it")
-    asked: dict[str, Any] = {"environment": "a bedroom", "surroundings": "diffusion", "radar": tiny_toml}
+    asked: dict[str, Any] = {"environment": "a bedroom", "radar": tiny_toml}
     quick: dict[str, Any] = {"duration": 0.05, "rtol": 0.03, "seed": 2, **asked}
     with rfgen.generate("a person stands, at 2 m", output=tmp_path / "refined.h5", **quick) as run:
         assert run.environment == "imagined bedroom"
         assert "path diffusion" in run.report
+        assert re.search(r"motion +diffusion", run.report)
         refined = run.pir(0)
     with rfgen.generate("a person stands, at 2 m", output=tmp_path / "plain.h5", refine=False, **quick) as run:
         assert "path diffusion" not in run.report
@@ -85,5 +121,48 @@ def test_a_run_in_an_imagined_place(tiny_toml: Path, tmp_path: Path) -> None:
     change = 10 * np.log10(refined.energy[both] / plain.energy[both])
     assert 0.01 < np.sqrt(np.mean(change**2)) < 15.0
     np.testing.assert_allclose(refined.time_of_arrival[both], plain.time_of_arrival[both], rtol=1e-3)
-    with pytest.raises(ValueError, match="imagined surroundings come in"):
-        rfgen.generate("a person stands", output=tmp_path / "no.h5", pir_resolution=(32, 32), **quick)
+    with rfgen.generate("a person stands", output=tmp_path / "wide.h5", pir_resolution=(32, 48), **quick) as run:
+        assert run.pir(0).energy.shape == (32, 48)
+        assert np.isfinite(run.pir(0).time_of_arrival).mean() > 0.8
+
+
+@pytest.mark.parametrize("without", [["--no-environment"], ["--surroundings", "scene"]], ids=lambda each: each[-1])
+def test_what_is_not_asked_for_is_not_imported(tiny_toml: Path, tmp_path: Path, without: list[str]) -> None:
+    """Rules move the person, surroundings are exact or none: nothing learned is loaded."""
+    pytest.importorskip("anny", reason="people need the body model")
+    code = """
+import sys
+from rfgen_sionna import cli
+try:
+    cli.main()
+except SystemExit as end:
+    assert not end.code, end.code
+found = [n for n in sys.modules if n.split(".")[0] in ("diffusers", "transformers", "peft")
+         or n.startswith(("rfgen_sionna.generative.environment", "rfgen_sionna.generative.diffusion"))]
+assert not found, found
+"""
+    place = [] if "--no-environment" in without else ["--environment", "a living room"]
+    options = ["--radar", str(tiny_toml), "--duration", "0.05", "--rtol", "0.1", "--pir-resolution", "8x8"]
+    options += ["--motion", "kinematic", "--no-pictures", "--output", str(tmp_path / "run.h5")]
+    command = [sys.executable, "-c", code, "generate", "a person stands, in a living room, at 2 m", *place, *options]
+    done = subprocess.run([*command, *without], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with rfgen.open_run(tmp_path / "run.h5") as run:
+        assert run.environment == ("" if without == ["--no-environment"] else "living_room")
+
+
+def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None:
+    pytest.importorskip("diffusers", reason="the models need it")
+    code = f"""
+import sys
+from rfgen_sionna.generative.setting import set_up
+from rfgen_sionna.generative.surroundings import parse_environment
+from rfgen_sionna.radar import Radar
+radar = Radar.load({str(tiny_toml)!r}, position=(0, 0, 1), look_at=(3, 0, 1))
+made = set_up(parse_environment("an office"), "diffusion", radar, seed=0, refine=False)
+assert made.environment is not None and made.refiner is None
+assert "rfgen_sionna.generative.environment.diffusion" in sys.modules
+assert "rfgen_sionna.generative.environment.refine" not in sys.modules
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,208 @@
+"""The command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen bench`."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import math
+import signal
+import sys
+import threading
+import types
+import warnings
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from rfgen_sionna.cli.console import draw, warn, wrote
+from rfgen_sionna.cli.console import err as _err
+from rfgen_sionna.cli.console import out as _out
+from rfgen_sionna.cli.generate import EPILOG, generate
+
+app = typer.Typer(
+    name="rfgen",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    help="Synthetic radar data of people moving in rooms, from a sentence to raw ADC cubes.",
+    epilog='Start with: [bold]rfgen generate "a person doing jumping jacks" --environment "a living room"[/bold]',
+)
+app.command(epilog=EPILOG)(generate)
+
+
+@app.command()
+def radars() -> None:
+    """List the radars, their configurations and what follows from them."""
+    from rfgen_sionna.radar import Radar
+
+    # Narrow enough for 80 columns; where it is narrower still, names fold and nothing is cut off.
+    table = Table(box=None, padding=(0, 1, 0, 0))
+    table.add_column("radar, preset", overflow="fold")
+    for heading in ("GHz", "Tx×Rx", "frame", "Hz", "range m", "speed m/s"):
+        table.add_column(heading, justify="right", no_wrap=True, overflow="fold")
+    for name, presets in Radar.available().items():
+        table.add_row(f"[bold]{name}[/bold]")
+        for preset in presets:
+            r = Radar.load(name, preset)
+            wave = r.waveform
+            low, high = wave.sampled_band
+            cell = f"{r.range_resolution:.3f}" if math.isfinite(r.range_resolution) else "-"
+            table.add_row(
+                f"  {preset}",
+                f"{low / 1e9:.2f}–{high / 1e9:.2f}",
+                f"{len(r.tx_positions)}×{len(r.rx_positions)}",
+                f"{wave.num_loops}×{wave.num_samples}",
+                f"{1 / wave.frame_period:g}",
+                f"{cell} {r.max_range:.1f}",
+                f"{r.velocity_resolution:.3f} ±{r.max_velocity:.2f}",
+            )
+    _out.print(table)
+    _out.print("frame: loops × samples; Hz: frames per second; range, speed: resolution, unambiguous maximum")
+
+
+@app.command(
+    epilog="""[bold]Examples[/bold]
+
+rfgen show jacks.h5
+
+rfgen show jacks.h5 --overwrite
+
+Pictures that exist already, such as those of `rfgen generate`, are left unless --overwrite is given."""
+)
+def show(
+    file: Annotated[Path, typer.Argument(help="A file that `rfgen generate` wrote.", show_default=False)],
+    pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
+) -> None:
+    """Say what a file holds, and draw it."""
+    from rfgen_sionna.show import summary
+
+    _out.print(escape(summary(file)), soft_wrap=True)
+    if pictures:
+        draw(file, overwrite, keep=True)
+
+
+@app.command(
+    epilog="""[bold]Examples[/bold]
+
+rfgen export jacks.h5 --format dca1000 --output captures/
+
+rfgen export jacks.h5 --format matlab --output jacks.mat
+
+rfgen export jacks.h5 --format dca1000 --output captures/ --scale=-20dBm"""
+)
+def export(
+    file: Annotated[Path, typer.Argument(help="A file that `rfgen generate` wrote.", show_default=False)],
+    format: Annotated[
+        str, typer.Option("--format", help="dca1000, cascade, position2go, rfgenesis or matlab.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option(help="Data file, or folder for the files.", show_default=False)],
+    scale: Annotated[
+        str,
+        typer.Option(help='"auto", a number in √W per LSB, or the full scale as a power, such as -20dBm.'),
+    ] = "auto",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+) -> None:
+    """Write the samples as the files that a radar's own tools write."""
+    from rfgen_sionna.dataset import open_run
+    from rfgen_sionna.records import AdcCube
+    from rfgen_sionna.signal.formats import write_capture
+
+    options = _scale(scale)
+    with open_run(file) as run, _out.status("exporting"):
+        # The samples stay on the disk: a frame at a time is read, scaled and written.
+        cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
+        report = write_capture(cube, output, format, overwrite=overwrite, **options)
+    for path in report.paths:
+        wrote(path)
+    level = "" if report.full_scale_dbm is None else f", full scale {report.full_scale_dbm:.1f} dBm"
+    _out.print(f"{report.frames} frames, {report.scale:g} √W per LSB{level}, {report.clipped} values clipped")
+
+
+@app.command(
+    epilog="""[bold]Examples[/bold]
+
+rfgen bench --quick
+
+rfgen bench --scene sphere --scene hand --out bench/
+
+It needs a checkout of the repository: the benchmark is no part of the installed package. docs/benchmarks.md tells how
+to read what it writes."""
+)
+def bench(
+    scene: Annotated[list[str] | None, typer.Option(help="A scene alone, without the rest; may be repeated.")] = None,
+    part: Annotated[list[str] | None, typer.Option(help="A part of the benchmark alone; may be repeated.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer scenes and points.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for JSON, tables and pictures.", file_okay=False)] = Path("bench"),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn.")] = 0,
+) -> None:
+    """Measure time, memory and error against other methods and independent truth, on this machine."""
+    benchmark = _benchmark()
+    with _out.status("starting") as status:
+        result = benchmark.run(out, scene or (), quick, seed, status.update, part or ())
+    for name in ("bench.json", "bench.md"):
+        wrote(out / name)
+    _out.print(f"{result['seconds']:.0f} s; pictures in {escape(str(out))}")
+
+
+def _benchmark() -> Any:
+    """The benchmark's module, from the checkout that this package is installed from."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / "tests" / "benchmarks" / "bench.py").is_file():
+        raise FileNotFoundError(
+            "the benchmark is in tests/benchmarks of the repository, and this package is not installed from a checkout "
+            "of it: clone the repository and install it with `pip install -e .[dev]`"
+        )
+    if "tests" not in sys.modules:  # by its path: another package of that name may be installed
+        tests = types.ModuleType("tests")
+        tests.__path__ = [str(root / "tests")]
+        sys.modules["tests"] = tests
+    return importlib.import_module("tests.benchmarks.bench")
+
+
+def _scale(text: str) -> dict[str, Any]:
+    number, decibels = text.strip().lower(), False
+    if number == "auto":
+        return {}
+    if number.endswith("dbm"):
+        number, decibels = number.removesuffix("dbm"), True
+    try:
+        return {"full_scale_dbm" if decibels else "scale": float(number)}
+    except ValueError:
+        raise ValueError(f"--scale: {text!r} is not auto, a number of √W per LSB, or a power such as -20dBm") from None
+
+
+class _LogLines(logging.Handler):
+    """What the package logs, as warnings are shown."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _err.print(f"[yellow]{record.levelname.lower()}:[/yellow] {escape(record.getMessage())}", soft_wrap=True)
+
+
+_ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a program without a word; here what is half done is cleaned up first."""
+
+
+def _end(number: int, _: object) -> NoReturn:
+    """Unwind as an interruption from the keyboard does, so that no partial file stays behind."""
+    sys.exit(128 + number)
+
+
+def main() -> None:
+    """Entry point: what the user can mend is one line and exit code 2, anything else is a bug and a traceback."""
+    from rfgen_sionna.scene.errors import BackendError
+
+    warnings.showwarning = warn  # type: ignore[assignment]
+    logging.getLogger("rfgen_sionna").addHandler(_LogLines(logging.WARNING))
+    if threading.current_thread() is threading.main_thread():  # no other one may
+        for number in _ENDINGS:
+            signal.signal(number, _end)
+    try:
+        app()
+    except (ValueError, OSError, ImportError, BackendError) as error:
+        _err.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
+        sys.exit(2)
