@@ -15,6 +15,7 @@ from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.geometry import ViewUNet
 from rfgen_sionna.generative.environment.polish import Polish
 from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.pir.codec import PirCodec
@@ -45,9 +46,9 @@ class Shape:
     latents: int = 32
     heads: int = 4
 
-    def unet(self) -> UNet2DConditionModel:
+    def unet(self) -> ViewUNet:
         """A network with random weights; attention below full resolution, where the cost is small."""
-        return UNet2DConditionModel(
+        return ViewUNet(
             sample_size=LATENT_SIZE,
             in_channels=self.latents,
             out_channels=self.latents,
@@ -190,7 +191,10 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
     vae = PatchAutoencoder(latent_channels=shape.latents)
     text = PlaceEncoder(header["places"], header["things"])
     for name, module in (("unet", unet), ("vae", vae), ("text", text)):
-        module.load_state_dict({k[len(name) + 1 :]: v for k, v in tensors.items() if k.startswith(f"{name}.")})
+        found = {k[len(name) + 1 :]: v for k, v in tensors.items() if k.startswith(f"{name}.")}
+        if module is unet:  # models from before there were maps of views: untrained, those add nothing
+            found = {k: v for k, v in unet.state_dict().items() if k.startswith("view_in.")} | found
+        module.load_state_dict(found)
         module.eval().requires_grad_(False)
     net: ControlNetModel | None = None
     control_facts: dict[str, Any] = {}

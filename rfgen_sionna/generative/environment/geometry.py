@@ -1,0 +1,127 @@
+"""What a view alone says of an image: where each pixel looks, and where a floor and walls would lie.
+
+diffusers' U-Net with one more input. It reads the view from the token of numbers (`text.view_tokens`), so that
+diffusers' pipelines call it as any other; nothing about the place is told, only what follows from field of view, height
+and direction. Rooms stand square to the axes: on each of their surfaces the range is a distance over one component of
+the direction, which this gives the network for a few distances.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import torch
+from diffusers import UNet2DConditionModel
+from torch import Tensor, nn
+
+from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.pir.codec import PirCodec
+
+WALLS = (1.5, 4.0, 10.0)
+"""Distances of walls [m] whose ranges are given, ahead and aside."""
+CEILING = 2.7
+"""Height [m] of a ceiling whose range is given."""
+MAPS = 5 + 2 * len(WALLS)
+"""Numbers of a pixel."""
+_NUMBERS = 8
+"""Of a view, in its token."""
+_LEAST = 1e-3
+
+
+def numbers_of(token: Tensor) -> Tensor:
+    """(view, 8) numbers that `text.view_tokens` wrote into (view, WIDTH): the inverse of its lowest frequency."""
+    bands = token.float().reshape(len(token), _NUMBERS, -1)
+    half = bands.shape[-1] // 2
+    return torch.atan2(bands[..., 0], bands[..., half]) / (0.25 * math.pi)
+
+
+def view_maps(token: Tensor, rows: int, columns: int, codec: PirCodec | None = None) -> Tensor:
+    """(view, MAPS, row, column) of the views in (view, WIDTH) tokens.
+
+    The direction's components in the world, and the channel of range (:class:`PirCodec`) of the floor, of a ceiling,
+    and of walls square to x and y at `WALLS`.
+    """
+    codec = codec or PirCodec()
+    x = numbers_of(token)
+    fov = torch.deg2rad(60.0 * (x[:, :2] + 1.0)).clamp(0.05, 3.0)
+    height, pitch = (x[:, 2] + 1.0).clamp(min=0.05), 0.5 * x[:, 3]
+    yaw, roll = torch.atan2(x[:, 5], x[:, 4]), torch.atan2(x[:, 7], x[:, 6])
+    half = torch.tan(0.5 * fov)
+    across = 1.0 - (2.0 * torch.arange(columns, device=x.device) + 1.0) / columns
+    up = 1.0 - (2.0 * torch.arange(rows, device=x.device) + 1.0) / rows
+    left = (half[:, :1] * across)[:, None, :].expand(-1, rows, -1)
+    above = (half[:, 1:] * up)[:, :, None].expand(-1, -1, columns)
+    device = torch.stack([torch.ones_like(left), left, above], dim=-1)
+    device = device / device.norm(dim=-1, keepdim=True)
+    world = torch.einsum("nij,nrcj->nrci", _rotation(yaw, pitch, roll), device)
+    away = world.abs().clamp(min=_LEAST)
+
+    def channel(distance: Tensor | float) -> Tensor:
+        reach = torch.as_tensor(distance, device=x.device).clamp(max=codec.max_range)
+        return 2.0 * torch.log1p(reach / codec.knee) / math.log1p(codec.max_range / codec.knee) - 1.0
+
+    height = height[:, None, None]
+    far = torch.full_like(left, codec.max_range)
+    floor = torch.where(world[..., 2] < 0, height / away[..., 2], far)
+    ceiling = torch.where(world[..., 2] > 0, (CEILING - height).clamp(min=0.2) / away[..., 2], far)
+    maps = [*world.unbind(-1), channel(floor), channel(ceiling)]
+    maps += [channel(distance / away[..., axis]) for axis in (0, 1) for distance in WALLS]
+    return torch.stack(maps, dim=1)
+
+
+def _rotation(yaw: Tensor, pitch: Tensor, roll: Tensor) -> Tensor:
+    """(view, 3, 3) device to world, as :func:`~rfgen_sionna.radar.pose.rotation_matrix`."""
+    one, zero = torch.ones_like(yaw), torch.zeros_like(yaw)
+
+    def matrix(*values: Tensor) -> Tensor:
+        return torch.stack(values, dim=-1).reshape(-1, 3, 3)
+
+    c, s = torch.cos(yaw), torch.sin(yaw)
+    about_z = matrix(c, -s, zero, s, c, zero, zero, zero, one)
+    c, s = torch.cos(pitch), torch.sin(pitch)
+    about_y = matrix(c, zero, s, zero, one, zero, -s, zero, c)
+    c, s = torch.cos(roll), torch.sin(roll)
+    about_x = matrix(one, zero, zero, zero, c, -s, zero, s, c)
+    return about_z @ about_y @ about_x
+
+
+class _SummingConv(nn.Conv2d):
+    """A convolution whose output something is added to."""
+
+    added: Tensor | None = None
+
+    def forward(self, x: Tensor) -> Tensor:
+        out = super().forward(x)
+        return out if self.added is None else out + self.added.to(out)
+
+
+class ViewUNet(UNet2DConditionModel):
+    """diffusers' U-Net, which sees a view's maps beside its latents; the first token of the words is the view."""
+
+    conv_in: nn.Conv2d
+
+    # Its signature is what diffusers writes into configurations.
+    @functools.wraps(UNet2DConditionModel.__init__)  # type: ignore[misc]
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        old = self.conv_in
+        self.conv_in = _SummingConv(old.in_channels, old.out_channels, 3, padding=1)
+        self.conv_in.load_state_dict(old.state_dict())
+        self.view_in = nn.Conv2d(MAPS * PATCH**2, old.out_channels, 3, padding=1)
+        for parameter in self.view_in.parameters():  # no say before it has learnt one
+            nn.init.zeros_(parameter)
+
+    def forward(self, sample: Tensor, timestep: Any, encoder_hidden_states: Tensor, *args: Any, **kwargs: Any) -> Any:
+        """As the parent's."""
+        rows, columns = sample.shape[-2:]
+        with torch.no_grad():
+            maps = view_maps(encoder_hidden_states[:, 0], PATCH * rows, PATCH * columns)
+            patches = nn.functional.pixel_unshuffle(maps, PATCH).to(self.view_in.weight)
+        conv = getattr(self.conv_in, "base_layer", self.conv_in)
+        conv.added = self.view_in(patches)
+        try:
+            return super().forward(sample, timestep, encoder_hidden_states, *args, **kwargs)
+        finally:
+            conv.added = None
