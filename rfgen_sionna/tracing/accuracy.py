@@ -72,11 +72,12 @@ def measure(
     probes: FloatArray = PROBES,
     usual: FloatArray | None = None,
 ) -> Accuracy:
-    """Compare coherent returns with facets integrated in four times as many parts, at the probes themselves.
+    """Compare coherent returns with those of finer facets, at the probes themselves.
 
-    The integral's error is of second order in the phase bulge of a part and so goes down sixteen times with it: what
-    is left in the finer returns is below a tenth of the difference. The error of the expansion over band and array and
-    that of constant Fresnel coefficients on a facet are in it as well; that of visibility is not.
+    Flat facets are integrated in four times as many parts, bent ones split into four. The integral's error is of second
+    order in the phase bulge of a part and so goes down sixteen times with it: what is left in the finer returns is
+    below a tenth of the difference. The error of the expansion over band and array is in it as well, and so are those
+    of Fresnel coefficients and slopes over a facet; that of visibility is not.
 
     Parameters
     ----------
@@ -98,16 +99,20 @@ def measure(
     if len(facets) == 0:
         return Accuracy(*np.zeros((4, count)))
     frequency = band.frequency(probes)
-    fine = band.at_probes(facets, materials, probes, pair, 2 * facets.parts)
+    finer_ones, index = facets.finer()
+    fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
     turns = np.mod(frequency[:, None] * fine.tau, 1.0)
-    phasor = np.exp(-2j * np.pi * turns)
-    truth = fine.a * phasor
-    coarse = (np.vander(probes, len(coefficients), increasing=True) @ coefficients) * phasor
-    error, returned = (sums(each * weight, facets.surface, count) for each in (coarse - truth, truth))
+    truth = fine.a * np.exp(-2j * np.pi * turns) * weight[index]
+    tau = band.ways(facets, pair)
+    gains = np.vander(probes, len(coefficients), increasing=True) @ coefficients
+    coarse = gains * np.exp(-2j * np.pi * np.mod(frequency[:, None] * tau, 1.0)) * weight
+    returned = sums(truth, finer_ones.surface, count)
+    error = sums(coarse, facets.surface, count) - returned
+    single = np.abs(coarse)
     least = np.zeros(count) if usual is None else usual.copy()
-    np.maximum.at(least, facets.surface, CANCELLED * np.abs(truth * weight).max(axis=0))
+    np.maximum.at(least, facets.surface, CANCELLED * single.max(axis=0))
     level = np.sqrt((np.abs(returned) ** 2).mean(axis=0))
-    energy = np.bincount(facets.surface, (np.abs(truth * weight) ** 2).mean(axis=0), count)
+    energy = np.bincount(facets.surface, (single**2).mean(axis=0), count)
     return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
 
 

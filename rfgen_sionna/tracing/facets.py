@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
@@ -18,14 +19,23 @@ CANCELLED = 0.01
 to it."""
 RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
+_QUARTERS = 0.5 * np.array(
+    [
+        [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
+        [[1, 1, 0], [0, 2, 0], [0, 1, 1]],
+        [[1, 0, 1], [0, 1, 1], [0, 0, 2]],
+        [[0, 1, 1], [1, 0, 1], [1, 1, 0]],
+    ]
+)
+"""(quarter, corner, vertex) of a facet divided at the middles of its edges."""
 
 
 @dataclass(frozen=True)
 class Facets:
-    """Flat pieces of surfaces at one instant."""
+    """Pieces of surfaces at one instant: flat ones, and how they are bent."""
 
     corners: FloatArray
-    """(facet, 3, 3) [m], world."""
+    """(facet, 3, 3) [m], world; of the flat piece, which is what rays meet."""
     number: IntArray
     """(facet,) face among all faces of the ray scene."""
     face: IntArray
@@ -38,12 +48,10 @@ class Facets:
     """(facet,) number of parts that the integral divides each edge into."""
     place: IntArray
     """(facet,) number that tells the facets of a face apart, the same for as long as they stay the same."""
-    normals: FloatArray | None = field(default=None, kw_only=True)
-    """(facet, 3, 3) unit normals of the smooth surface at the corners; None where all facets are flat."""
+    bend: Bend | None = field(default=None, kw_only=True)
+    """How the facets are bent; None where all are flat."""
     curved: NDArray[np.bool_] | None = field(default=None, kw_only=True)
-    """(facet,) which facets are curved; None where none is."""
-    anchors: FloatArray | None = field(default=None, kw_only=True)
-    """(facet, 3) points on the faces that delays go by [m], where pieces of them lie off; None is the centroids."""
+    """(facet,) which facets are bent; None where none is."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -58,15 +66,28 @@ class Facets:
             self.facing[index],
             self.parts[index],
             self.place[index],
-            normals=None if self.normals is None else self.normals[index],
+            bend=None if self.bend is None else self.bend.take(index),
             curved=None if self.curved is None else self.curved[index],
-            anchors=None if self.anchors is None else self.anchors[index],
         )
+
+    def finer(self) -> tuple[Facets, NDArray[np.intp]]:
+        """The same surface in facets half as wide where it is bent, and in twice as many parts where it is flat; and
+        which facet each of them is of."""
+        split = np.zeros(len(self), np.bool_) if self.curved is None else self.curved
+        flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
+        index = np.concatenate([flat, np.repeat(bent, len(_QUARTERS))])
+        found = self.take(index)
+        parts = np.where(split[index], found.parts, 2 * found.parts)
+        if self.bend is None or len(bent) == 0:
+            return replace(found, parts=parts), index
+        weights = np.concatenate([np.broadcast_to(np.eye(3), (len(flat), 3, 3)), np.tile(_QUARTERS, (len(bent), 1, 1))])
+        bend = None if found.bend is None else found.bend.within(weights)
+        return replace(found, corners=weights @ found.corners, bend=bend, parts=parts), index
 
     @property
     def centroids(self) -> FloatArray:
         """(facet, 3) the points that delays go by [m]"""
-        return middles(self.corners) if self.anchors is None else self.anchors
+        return middles(self.corners)
 
     def directions(self, viewpoint: FloatArray) -> FloatArray:
         """(facet, 3) unit vectors from the viewpoint to the centroids."""
@@ -82,12 +103,11 @@ def stack_facets(
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     facing = [np.zeros(0, np.bool_)]
-    tips, anchors, bent = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros(0, np.bool_)]
+    bends, bent = [Bend(np.zeros((0, 3, 3)))], [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c = piece.corners(points, surface.faces)
-        anchors.append(middles(c))
         if curved:
-            tips.append(piece.curve(points, surface.faces, surface.smooth, c))
+            bends.append(piece.bend(points, surface.faces, surface.smooth))
             bent.append(np.full(len(c), surface.smooth is not None))
         normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
         towards = np.einsum("fi,fi->f", normal, viewpoint - middles(c)) > 0
@@ -98,7 +118,6 @@ def stack_facets(
         place.append(piece.places)
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
-    lifted = curved and any(len(piece.pieces) for piece in pieces)
     return Facets(
         corners=np.concatenate(corners),
         number=np.concatenate(number),
@@ -107,9 +126,8 @@ def stack_facets(
         facing=np.concatenate(facing),
         parts=np.concatenate(parts),
         place=np.concatenate(place),
-        normals=np.concatenate(tips) if curved else None,
+        bend=Bend.stack(bends) if curved else None,
         curved=np.concatenate(bent) if curved else None,
-        anchors=np.concatenate(anchors) if lifted else None,
     )
 
 

@@ -98,6 +98,10 @@ class BandTracer:
         to_tx, to_rx = (lengths(place - each[:, None]) for each in (self._tx, self._rx))
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
+    def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
+        """(facet,) delays [s] that the gains of one pair go by."""
+        return self.delays(facets.centroids, pair)
+
     def __call__(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
         """(order, tx, rx, facet) gains as polynomials in u; `materials` are those of the facets' surfaces."""
         gains = self._gains(facets, materials, expansion.nodes).a
@@ -186,7 +190,6 @@ class BandTracer:
         corners = facets.corners - self._origin
         nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))
         monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
-        reference = None if facets.anchors is None else facets.anchors - self._origin
 
         def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
             return facet_gains(
@@ -197,8 +200,7 @@ class BandTracer:
                 *self._fields,
                 parts[index],
                 monostatic,
-                reference=None if reference is None else reference[index],
-                normals=facets.normals[index] if curved and facets.normals is not None else None,
+                bend=facets.bend.take(index) if curved and facets.bend is not None else None,
             )
 
         return by_curvature(facets.curved, len(nodes), of)

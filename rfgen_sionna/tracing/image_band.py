@@ -76,6 +76,12 @@ class ImageBand(BandTracer):
         to_rx = np.linalg.norm((seen(shown.last) if self.rx else place) - self._rx[:, None], axis=2)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
+    def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
+        """(facet,) delays [s] that the gains of one pair go by."""
+        if not isinstance(facets, MirroredFacets):
+            raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
+        return np.asarray(self.lengths(facets.centroids, facets)[pair])
+
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
     ) -> FacetGains:
@@ -83,7 +89,6 @@ class ImageBand(BandTracer):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
         parts = facets.parts if parts is None else parts
         corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
-        reference = None if facets.anchors is None else facets.anchors - self._origin
 
         def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
             return facet_gains(
@@ -93,8 +98,7 @@ class ImageBand(BandTracer):
                 nodes,
                 *self._fields,
                 parts[index],
-                reference=None if reference is None else reference[index],
-                normals=facets.normals[index] if curved and facets.normals is not None else None,
+                bend=facets.bend.take(index) if curved and facets.bend is not None else None,
                 **self._by(facets, nodes, index),
             )
 

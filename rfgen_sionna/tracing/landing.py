@@ -20,7 +20,7 @@ from rfgen_sionna.tracing.gains import by_curvature
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.plates import Plate
-from rfgen_sionna.tracing.smooth import rounded
+from rfgen_sionna.tracing.smooth import barycentric
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
 
 DIRECT = -1
@@ -105,6 +105,10 @@ class LandedFacets(MirroredFacets):
             share=landing.share[kept],
         )
 
+    def finer(self) -> tuple[LandedFacets, NDArray[np.intp]]:
+        """The same in twice as many parts."""
+        return replace(self, parts=2 * self.parts), np.arange(len(self))
+
     def take(self, index: NDArray[np.intp]) -> LandedFacets:
         """The facets that `index`, no number of them twice, counts out."""
         place = np.full(len(self), -1, dtype=np.intp)
@@ -145,14 +149,14 @@ class LandingBand(ImageBand):
         owner = facets.owner
         media, parts = Media.at(materials, nodes.frequency, self.half_band), facets.parts if parts is None else parts
         reference = facets.centroids - self._origin
-        pieces, normals = facets.pieces, None
-        if facets.normals is not None:
-            pieces, normals = rounded(pieces, facets.corners[owner], facets.normals[owner])
+        bend = None
+        if facets.bend is not None:
+            bend = facets.bend.take(owner).within(barycentric(facets.pieces, facets.corners[owner]))
 
         def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
             whose = owner[index]
             return facet_gains(
-                pieces[index] - self._origin,
+                facets.pieces[index] - self._origin,
                 facets.surface[whose],
                 media,
                 nodes,
@@ -160,7 +164,7 @@ class LandingBand(ImageBand):
                 parts[whose],
                 via=self._via(nodes, facets.first[whose], facets.last[whose]),
                 reference=reference[whose],
-                normals=normals[index] if curved and normals is not None else None,
+                bend=bend.take(index) if curved and bend is not None else None,
             )
 
         found = by_curvature(None if facets.curved is None else facets.curved[owner], len(nodes), of)

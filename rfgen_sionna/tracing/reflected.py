@@ -92,14 +92,13 @@ def _wall(dr: Any, types: Any, via: Via, chosen: IntArray, facet: Any, node: Any
 class Strength:
     """Obliquity over the product of the distances, at the points of a facet; `surface` holds the elements' images.
 
-    The Fresnel coefficients of wall and facet are those at the `centre`: how they change over a facet is less than
-    directions and distances do, and weaker by the wall's reflection.
+    The Fresnel coefficients of wall and facet are those at the `centre`, where it has this `normal`: how they change
+    over a facet is less than directions and distances do, and weaker by the wall's reflection.
     """
 
-    def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any) -> None:
+    def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any, normal: Any) -> None:
         self._dr, self._vector, self._surface, self._complex = dr, vector, surface, complex_type
         first, last = surface.walls
-        normal = surface.normal
 
         def coefficients(medium: Medium, k: Any, n: Any) -> tuple[Any, Any]:
             across = dr.cross(k, n)

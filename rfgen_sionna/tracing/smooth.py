@@ -4,10 +4,14 @@ A mesh of a ball, of a body or of a car door stands for something round. Between
 p_k - p_i rises in its middle by a circle's sagitta, about (n_k - n_i) . (p_k - p_i) / 8, and a facet by the quadratic
 that its three edges fix. Neighbours share edges and normals, so that the surface stays closed. Where faces meet at an
 angle, as those of a box do, each side has normals of its own and stays as it is.
+
+That surface alone is what returns: its slope is its own, which where neighbours turn by tens of degrees is not quite
+that of the vertices' normals it was made from.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +50,10 @@ class Smoothing:
         total = self.gather @ (weight[:, :, None] * cross[:, None]).reshape(-1, 3)
         total /= np.maximum(lengths(total), 1e-300)[:, None]
         return np.asarray(total[self.group])
+
+    def bend(self, vertices: FloatArray, faces: IntArray) -> Bend:
+        """How the faces are bent, for vertices (vertex, 3) [m]."""
+        return Bend(edge_rises(vertices[faces], self.normals(vertices, faces)))
 
 
 def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:
@@ -105,26 +113,46 @@ def edge_rises(corners: FloatArray, normals: FloatArray) -> FloatArray:
     return np.asarray(size[..., None] * mean)
 
 
-def rounded(pieces: FloatArray, corners: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Corners [m] and unit normals (piece, 3, 3) of pieces of facets, laid onto the smooth surface; `corners` and
-    `normals` (piece, 3, 3) are those of each one's facet."""
+@dataclass(frozen=True)
+class Bend:
+    """By how much facets leave their flat triangles: a quadratic displacement, that of their face, fixed by the corners
+    and the middles of the edges. Pieces of a facet inherit it exactly, so that however finely a face is split, the
+    surface stays the same."""
+
+    rises: FloatArray
+    """(facet, 3, 3) of the middle of the edge opposite each corner, beyond the mean of its ends [m]."""
+    lifts: FloatArray | None = None
+    """(facet, 3, 3) of the corners [m]; None where there is none, as all facets are whole faces."""
+
+    def take(self, index: IntArray | NDArray[np.intp] | slice) -> Bend:
+        return Bend(self.rises[index], None if self.lifts is None else self.lifts[index])
+
+    def within(self, weights: FloatArray) -> Bend:
+        """Of one piece of each facet, its corners at barycentric coordinates `weights` (facet, corner, vertex)."""
+        middle = 4.0 * weights[:, :, [1, 2, 0]] * weights[:, :, [2, 0, 1]]
+        along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]  # of the edge opposite each corner
+        lifts = middle @ self.rises
+        if self.lifts is not None:
+            lifts += weights @ self.lifts
+        return Bend(-(along[:, :, [1, 2, 0]] * along[:, :, [2, 0, 1]]) @ self.rises, lifts)
+
+    @staticmethod
+    def stack(parts: Sequence[Bend]) -> Bend:
+        """One after the other."""
+        lifts = [np.zeros_like(each.rises) if each.lifts is None else each.lifts for each in parts]
+        flat = all(each.lifts is None for each in parts)
+        return Bend(np.concatenate([each.rises for each in parts]), None if flat else np.concatenate(lifts))
+
+
+def barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """(facet, 3, corner) coordinates of three `points` (facet, 3, 3) [m] in the planes of facets with `corners`
+    (facet, 3, 3) [m]; those of facets without area are at their first corner."""
     edges = corners[:, 1:] - corners[:, :1]
-    offset = pieces - corners[:, :1]
-    # Barycentric coordinates in the facet's plane, by its Gram matrix.
+    offset = points - corners[:, :1]
     gram = np.einsum("pei,pfi->pef", edges, edges)
     along = np.einsum("pei,pci->pce", edges, offset)
     determinant = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
     scale = np.where(determinant > 0, 1.0 / np.where(determinant > 0, determinant, 1.0), 0.0)[:, None]
     second = scale * (along[..., 0] * gram[:, None, 1, 1] - along[..., 1] * gram[:, None, 0, 1])
     third = scale * (along[..., 1] * gram[:, None, 0, 0] - along[..., 0] * gram[:, None, 0, 1])
-    weights = np.stack([1.0 - second - third, second, third], axis=2)
-    turned = weights @ normals
-    turned /= np.maximum(lengths(turned), 1e-300)[..., None]
-    return pieces + lifted(weights, edge_rises(corners, normals)), turned
-
-
-def lifted(weights: FloatArray, rises: FloatArray) -> FloatArray:
-    """(facet, 3, 3) by how much points at barycentric `weights` (facet, point, corner) of faces lie off the plane [m],
-    for the faces' :func:`edge_rises` (facet, 3, 3)."""
-    products = 4.0 * weights[:, :, [1, 2, 0]] * weights[:, :, [2, 0, 1]]
-    return np.asarray(products @ rises)
+    return np.stack([1.0 - second - third, second, third], axis=2)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, middles
-from rfgen_sionna.tracing.smooth import Smoothing, edge_rises, lifted
+from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
 _MAX_SPLITS = 64
 MAX_BULGE = 1.0
@@ -59,22 +59,17 @@ class Tessellation:
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
 
-    def curve(self, vertices: FloatArray, faces: IntArray, smooth: Smoothing | None, corners: FloatArray) -> FloatArray:
-        """(facet, 3, 3) unit normals at the facets' `corners` (facet, 3, 3) [m]; those of pieces of faces are lifted
-        onto the surface."""
+    def bend(self, vertices: FloatArray, faces: IntArray, smooth: Smoothing | None) -> Bend:
+        """How the facets are bent."""
         if smooth is None:
-            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            normal /= np.maximum(lengths(normal), 1e-300)[:, None]
-            return np.repeat(normal[:, None], 3, axis=1)
-        of_faces = smooth.normals(vertices, faces)
-        normals = of_faces[self.face]
+            return Bend(np.zeros((len(self.face), 3, 3)))
+        bend = smooth.bend(vertices, faces).take(self.face)
         pieces = self.pieces
-        if len(pieces):
-            face, weights = self.face[pieces], self.weights[pieces]
-            corners[pieces] += lifted(weights, edge_rises(vertices[faces[face]], of_faces[face]))
-            turned = weights @ of_faces[face]
-            normals[pieces] = turned / np.maximum(lengths(turned), 1e-300)[..., None]
-        return normals
+        if len(pieces) == 0:
+            return bend
+        some, lifts = bend.take(pieces).within(self.weights[pieces]), np.zeros((len(self.face), 3, 3))
+        bend.rises[pieces], lifts[pieces] = some.rises, some.lifts
+        return Bend(bend.rises, lifts)
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
         """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
@@ -199,7 +194,7 @@ def tessellate(
     height = None
     if smooth is not None:
         # In the middle of a face 4/9 of what its edges rise.
-        height = lengths(edge_rises(vertices[faces], smooth.normals(vertices, faces))).sum(axis=1) * (4 / 9)
+        height = lengths(smooth.bend(vertices, faces).rises).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []
     done_weights: list[FloatArray] = []

@@ -13,7 +13,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.smooth import edge_rises, lifted, smoothing
+from rfgen_sionna.tracing.smooth import Bend, edge_rises, smoothing
 from rfgen_sionna.tracing.tracer import Tracer
 
 VERTICAL = np.array([0.0, 0.0, 1.0])
@@ -79,20 +79,20 @@ def test_spheres_of_skin_and_concrete_against_metal(material, radius):
     assert 10 * np.log10(found / metal) == pytest.approx(10 * np.log10(mie / of_metal), abs=0.3)
 
 
-def dense(corners, normals, frequency, points=60):
-    """Physical optics of a metal patch z = quadratic over a triangle, monostatic at the origin, by Gauss's rule.
+def dense(corners, rises, frequency, points=60):
+    """Physical optics of a metal patch, quadratic over a triangle, monostatic at the origin, by Gauss's rule.
 
-    The patch is corners and rises by `lifted`; its normals come from its tangents, by differences.
+    `rises` (3, 3) are those of the middles of its edges; its normals come from its tangents, by differences.
     """
     node, weight = np.polynomial.legendre.leggauss(points)
     node, weight = 0.5 * (node + 1), 0.5 * weight
     u, v = (each.ravel() for each in np.meshgrid(node, node, indexing="ij"))
     area = (2.0 * u * np.outer(weight, weight).ravel()) * 0.5
-    rises = edge_rises(corners[None], normals[None])
 
     def place(second, third):
-        weights = np.stack([1 - second - third, second, third], axis=-1)[None]
-        return (weights @ corners + lifted(weights, rises))[0]
+        first = 1 - second - third
+        flat = np.stack([first, second, third], axis=-1) @ corners
+        return flat + 4 * np.stack([second * third, third * first, first * second], axis=-1) @ rises
 
     second, third, step = u * (1 - v), u * v, 1e-5
     point = place(second, third)
@@ -134,10 +134,10 @@ def test_a_curved_facet_agrees_with_dense_quadrature(seed, parts):
         VERTICAL,
         np.array([parts], np.int32),
         monostatic=True,
-        normals=normals[None],
+        bend=Bend(edge_rises(corners[None], normals[None])),
     )
     gain = found.a[0, 0] * np.exp(-2j * np.pi * np.mod(frequency * found.tau[0, 0], 1.0))
-    truth = dense(corners, normals, frequency)
+    truth = dense(corners, edge_rises(corners[None], normals[None])[0], frequency)
     most = 0.5 * np.linalg.norm(np.cross(*(corners[1:] - corners[0]))) / (4 * np.pi * 0.8**2)
     assert abs(gain - truth) < 1e-2 * most
 
