@@ -215,9 +215,22 @@ class RayScene:
         import mitsuba as mi
 
         ray = mi.Ray3f(mi.Point3f(*upload((origins - self.origin).T)), mi.Vector3f(*upload(directions.T)))
-        facet = dr.full(mi.UInt32, _NO_PRIMITIVE, len(origins))
-        distance = dr.full(mi.Float, dr.inf, len(origins))
-        weights = [dr.zeros(mi.Float, len(origins)), dr.zeros(mi.Float, len(origins))]
+        facet, distance, weights = self._nearest(ray, len(origins))
+        outputs: list[Any] = [facet, distance, *(weights if uv else [])]
+        dr.eval(*outputs)
+        # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
+        index = outputs[0].numpy().astype(np.int64)
+        index[index == _NO_PRIMITIVE] = -1
+        return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
+
+    def _nearest(self, ray: Any, count: int) -> tuple[Any, Any, list[Any]]:
+        """Facet, distance and barycentric u and v of the first hits of `count` rays, as Dr.Jit arrays."""
+        import drjit as dr
+        import mitsuba as mi
+
+        facet = dr.full(mi.UInt32, _NO_PRIMITIVE, count)
+        distance = dr.full(mi.Float, dr.inf, count)
+        weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
         for layer, offset in ((self._static, 0), (self._moving, self._num_static)):
             if layer is None:
                 continue
@@ -226,12 +239,56 @@ class RayScene:
             facet = dr.select(nearer, found.prim_index + dr.opaque(mi.UInt32, offset), facet)
             distance = dr.select(nearer, found.t, distance)
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
-        outputs: list[Any] = [facet, distance, *(weights if uv else [])]
-        dr.eval(*outputs)
-        # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
-        index = outputs[0].numpy().astype(np.int64)
-        index[index == _NO_PRIMITIVE] = -1
-        return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
+        return facet, distance, weights
+
+    def sees(
+        self,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facets: IntArray,
+        of: NDArray[np.intp],
+        weights: FloatArray,
+        row: NDArray[np.intp],
+    ) -> NDArray[np.bool_]:
+        """(ray,) whether points on facets are seen from one place: :meth:`occluded` for points that are found on the
+        device, several times faster for many.
+
+        Args:
+            viewpoint: (3,) [m].
+            corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
+            facets: (piece,) the facet that each is a piece of, which does not hide it.
+            of: (ray,) the piece that each ray goes to.
+            weights: (place, 3) barycentric coordinates of places on a piece.
+            row: (ray,) the place that each ray goes to.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        double, whole = dr.float64_array_t(mi.Float), mi.UInt32
+        flat = double(np.ascontiguousarray(corners - viewpoint).reshape(-1))
+        table = double(np.ascontiguousarray(weights, np.float64).reshape(-1))
+        own = whole(np.ascontiguousarray(facets, np.uint32))
+        seen = np.empty(len(of), np.bool_)
+        for start in range(0, len(of), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            lane = dr.arange(whole, len(of[part]))
+            piece = dr.gather(whole, whole(np.ascontiguousarray(of[part], np.uint32)), lane)
+            place = dr.gather(whole, whole(np.ascontiguousarray(row[part], np.uint32)), lane)
+            share = [dr.gather(double, table, 3 * place + i) for i in range(3)]
+            corner = [[dr.gather(double, flat, 9 * piece + 3 * i + k) for i in range(3)] for k in range(3)]
+            offset = [sum(share[i] * each[i] for i in range(3)) for each in corner]
+            reach = dr.sqrt(sum(each * each for each in offset))
+            direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
+            shift = viewpoint - self.origin
+            origin = mi.Point3f(*(dr.opaque(mi.Float, float(each), len(lane)) for each in shift))
+            facet, distance, _ = self._nearest(mi.Ray3f(origin, direction), len(lane))
+            size = reach * 0.0 + dr.opaque(double, float(np.abs(shift).max()))
+            for k in range(3):
+                size = dr.maximum(size, dr.abs(offset[k] + dr.opaque(double, float(shift[k]))))
+            limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
+            hidden = (facet != _NO_PRIMITIVE) & (double(distance) < limit) & (facet != dr.gather(whole, own, piece))
+            seen[part] = ~hidden.numpy()
+        return seen
 
 
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +19,12 @@ FIRST_COUNT = 4
 RIM_ERROR, INNER_ERROR = 0.02, 0.005
 """Errors (root mean square over time) of a not-a-knot cubic spline through a phasor whose phase swings by 1 rad between
 knots: of the cubic through four knots, and through more of them. They grow with the swing's fourth power."""
+RIM_GAPS = 5
+"""Gaps up to which a spline errs as at its rim."""
+LOOKS = 6
+"""Stretches between knots over which gains are looked at; delays may have many more."""
+ENOUGH = 8000
+"""Faces that tell how gains change."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
@@ -102,12 +110,12 @@ def gain_knots(
     tolerance: float,
     max_spacing: float,
 ) -> FloatArray:
-    """Those of `knots`, evenly spaced, between which a spline follows the gains; more than them where it takes more.
+    """Evenly spaced instants, as many as a spline through them needs to follow the gains.
 
     The gain of a facet follows the phases of its corners against their mean. Where they swing by x rad between two
     instants, a spline errs by about `INNER_ERROR` x^4. The error is held to `tolerance` in the root mean square over
     each mesh, faces weighted with the energy that they may return: the square of their solid angle's mean phasor, which
-    falls with the spread of the corners' phases.
+    falls with the spread of the corners' phases. Of very many faces the widest tell it.
 
     Parameters
     ----------
@@ -116,52 +124,77 @@ def gain_knots(
     faces
         (face, 3) of each mesh.
     knots
-        (knot,) of :func:`choose_knots` [s].
+        (knot,) of :func:`choose_knots` [s], at which the swing is looked at.
     tolerance
         Allowed error relative to the gains.
     max_spacing
         Longest gap [s].
     """
+    if len(knots) == 1:
+        return knots
     wavenumber = 4 * np.pi * frequency / SPEED_OF_LIGHT
-    sizes = [_solid_angles(points, mesh, viewpoint) for points, mesh in zip(positions(knots[0]), faces, strict=True)]
-
-    def error(times: FloatArray) -> float:
-        worst, before = 0.0, None
-        share = RIM_ERROR if len(times) <= FIRST_COUNT else INNER_ERROR
-        for t in times:
-            now = [
-                wavenumber * _corner_distances(p, mesh, viewpoint)
-                for p, mesh in zip(positions(float(t)), faces, strict=True)
-            ]
-            for old, new, size in zip(before or now, now, sizes, strict=True):
-                weight = size / (1.0 + 3.0 * (new**2).sum(axis=1)) ** 2
-                missed = np.minimum(share * np.abs(new - old).max(axis=1) ** 4, 1.0)
-                if weight.any():
-                    worst = max(worst, float(np.sqrt((weight * missed**2).sum() / weight.sum())))
-            before = now
-        return worst
-
-    strides = [
-        n for n in (32, 16, 8, 4, 2, 1) if (len(knots) - 1) % n == 0 and (len(knots) - 1) // n >= FIRST_COUNT - 1
+    length = float(knots[-1] - knots[0])
+    steps = len(knots) - 1
+    times = knots[:: max(steps // LOOKS, 1)]
+    swings = [
+        _Swings.between(times, lambda t, i=i: positions(t)[i], mesh, viewpoint, wavenumber)
+        for i, mesh in enumerate(faces)
     ]
-    for stride in strides:
-        times = knots[::stride]
-        if len(times) == 1 or (times[1] - times[0] <= max_spacing * (1 + 1e-9) and error(times) <= tolerance):
-            return times
-    times = knots
-    while len(times) > 1 and times[1] - times[0] > 2 * MIN_SPACING and error(times) > tolerance:
-        times = np.linspace(times[0], times[-1], 2 * len(times) - 1)
-    return times
+    least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
+    most = max(least, int(length / MIN_SPACING))
+    gaps = least
+    while gaps < most:
+        error = max((each.error((len(times) - 1) / gaps, gaps) for each in swings), default=0.0)
+        if error <= tolerance:
+            break
+        gaps = min(max(gaps + 1, int(0.7 * gaps * (error / tolerance) ** 0.25)), most)
+    return np.linspace(knots[0], knots[-1], gaps + 1)
+
+
+@dataclass(frozen=True)
+class _Swings:
+    """By how much the corners' phases of faces swing from one time to the next."""
+
+    swing: FloatArray
+    """(step, face) [rad]."""
+    weight: FloatArray
+    """(step, face)"""
+
+    @staticmethod
+    def between(
+        times: FloatArray,
+        positions: Callable[[float], FloatArray],
+        faces: IntArray,
+        viewpoint: FloatArray,
+        wavenumber: float,
+    ) -> _Swings:
+        size = _solid_angles(positions(float(times[0])), faces, viewpoint)
+        if len(faces) > ENOUGH:
+            faces = faces[np.sort(np.argpartition(-size, ENOUGH)[:ENOUGH])]
+            size = _solid_angles(positions(float(times[0])), faces, viewpoint)
+        phases = [wavenumber * _corner_distances(positions(float(t)), faces, viewpoint) for t in times]
+        swing = [np.abs(new - old).max(axis=0) for old, new in pairwise(phases)]
+        weight = [size / (1.0 + 3.0 * (each**2).sum(axis=0)) ** 2 for each in phases[1:]]
+        return _Swings(np.stack(swing), np.stack(weight))
+
+    def error(self, scale: float, gaps: int) -> float:
+        """Of a spline with so many `gaps`, each `scale` times as long as the steps."""
+        share = RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR
+        missed = np.minimum(share * (scale * self.swing) ** 4, 1.0)
+        total = self.weight.sum(axis=1)
+        found = (self.weight * missed**2).sum(axis=1) / np.where(total > 0, total, 1.0)
+        return float(np.sqrt(found.max(initial=0.0)))
 
 
 def _corner_distances(vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> FloatArray:
-    """(face, 3) distances of the corners less their mean [m]."""
-    corners = lengths(vertices - viewpoint)[faces]
-    return np.asarray(corners - np.einsum("fc->f", corners)[:, None] / 3.0)
+    """(3, face) distances of the corners less their mean [m]."""
+    corners = lengths(vertices - viewpoint)[faces.T]
+    return np.asarray(corners - (corners[0] + corners[1] + corners[2]) / 3.0)
 
 
 def _solid_angles(vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> FloatArray:
     """(face,) what each face takes of the view, if it is small [sr]."""
-    a, b, c = (vertices[faces[:, i]] - viewpoint for i in range(3))
-    volume = np.abs(np.einsum("fi,fi->f", a, np.cross(b - a, c - a)))
-    return np.asarray(0.5 * volume / np.maximum(lengths(a), 1e-9) ** 3)
+    a, b, c = np.moveaxis(np.ascontiguousarray((vertices - viewpoint).T)[:, faces.T], 1, 0)
+    (x, y, z), (u, v, w) = b - a, c - a
+    volume = np.abs(a[0] * (y * w - z * v) + a[1] * (z * u - x * w) + a[2] * (x * v - y * u))
+    return np.asarray(0.5 * volume / np.maximum(np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2), 1e-9) ** 3)

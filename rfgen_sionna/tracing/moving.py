@@ -9,23 +9,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import Accuracy, finer, measure
+from rfgen_sionna.tracing.accuracy import finer, measure
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
+from rfgen_sionna.tracing.sampling import sampled_fraction, touching
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 from rfgen_sionna.tracing.veils import Veiled, Veils
-from rfgen_sionna.tracing.visibility import visible_fraction
 
 RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
+MEASURED_EVERY = 4
+"""The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
+next and takes about as long to know as all else."""
 _LOG = logging.getLogger(__name__)
 
 Positions = Callable[[float], Sequence[FloatArray]]
@@ -62,7 +65,7 @@ class MovingParts:
     `bounces` from one flat part or body to the other, and what is seen through slabs, behind `veils`.
 
     Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
-    measured in every stretch; where it is above the tolerance, facets and expansion are chosen anew.
+    measured in every few stretches; where it is above the tolerance, facets and expansion are chosen anew.
     """
 
     def __init__(
@@ -82,10 +85,11 @@ class MovingParts:
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
+        self._places: IntArray = np.zeros((0, 3), np.int32)
         self._distance = np.zeros(len(surfaces.moving))
         self._expansion: Expansion | None = None
         self._level = np.zeros(len(surfaces.moving))
-        self._error = 0.0
+        self._error = self._last = 0.0
         self._turn = 0
 
     def trace(
@@ -114,8 +118,10 @@ class MovingParts:
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
             gains = [self._band(each, self._materials, expansion) for each in facets]
-            found = self._measure(facets[middle], seen[middle].fraction[kept], gains[middle])
-            if float(found.error.max(initial=0.0)) <= 1.5 * max(self._rtol, self._error) or attempt:
+            if self._turn % MEASURED_EVERY:
+                break
+            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains[middle])
+            if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
         for gain, each, there in zip(gains, seen, facets, strict=True):
@@ -124,7 +130,7 @@ class MovingParts:
                 gain[0] += np.sqrt(each.fraction[kept]) * rough  # of energy, half of a facet returns half
         paths = self._paths(knots, instants, positions, facets, gains, kept)
         self._turn += 1
-        error = max(float(found.error.max(initial=0.0)), self._error)
+        error = max(self._last, self._error)
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
             return self._centroids(positions(t), chosen)
@@ -201,10 +207,13 @@ class MovingParts:
                 vertices, self._surfaces.moving, self._fineness, images, strict=True
             )
         ]
+        placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
+        corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
+        self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]))
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed."""
-        before = np.inf
+        before, self._last = np.inf, 0.0
         for attempt in range(MAX_ROUNDS):
             seen = self._see(t, positions, rays)
             share = seen.fraction
@@ -251,9 +260,17 @@ class MovingParts:
         fraction = np.zeros(len(facets))
         if len(facing) == 0:
             return _Seen(facets, fraction, 0, 0)
-        seen = visible_fraction(rays(t), self._viewpoint, facets.corners[facing], facets.number[facing])
-        fraction[facing] = seen.fraction
-        return _Seen(facets, fraction, len(facing), seen.rays)
+        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        fraction[facing], sent = sampled_fraction(
+            rays(t),
+            self._viewpoint,
+            facets.corners[facing],
+            facets.number[facing],
+            self._places[facing],
+            wavenumber,
+            self._rtol,
+        )
+        return _Seen(facets, fraction, len(facing), sent)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
@@ -262,12 +279,14 @@ class MovingParts:
     def _weight(self, facets: Facets, fraction: FloatArray) -> FloatArray:
         return np.asarray(fraction * self._band.importance(facets.directions(self._viewpoint)))
 
-    def _measure(self, facets: Facets, fraction: FloatArray, gains: NDArray[np.complex128]) -> Accuracy:
-        """Accuracy at one place of the band for one pair, other ones from turn to turn."""
-        pair = (self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])
-        probe = PROBES[[self._turn % len(PROBES)]]
+    def _measure(self, facets: Facets, fraction: FloatArray, gains: NDArray[np.complex128]) -> float:
+        """Error of the worst surface at one place of the band for one pair, other ones from turn to turn."""
+        turn = self._turn // MEASURED_EVERY
+        pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
+        probe = PROBES[[turn % len(PROBES)]]
         weight = self._weight(facets, fraction)
-        return measure(self._band, facets, self._materials, weight, gains[:, *pair], pair, probe, self._level)
+        found = measure(self._band, facets, self._materials, weight, gains[:, *pair], pair, probe, self._level)
+        return float(found.error.max(initial=0.0))
 
     def _paths(
         self,

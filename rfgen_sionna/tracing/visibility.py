@@ -11,7 +11,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
 
 
-def _lattice(n: int) -> FloatArray:
+def lattice(n: int) -> FloatArray:
     """(n^2, 3) barycentric centroids of the n^2 equal triangles that a triangle splits into."""
     upright = [(i + 1 / 3, j + 1 / 3) for i in range(n) for j in range(n - i)]
     inverted = [(i + 2 / 3, j + 2 / 3) for i in range(n) for j in range(n - i - 1)]
@@ -20,7 +20,7 @@ def _lattice(n: int) -> FloatArray:
 
 
 GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
-FINE = _lattice(4)
+FINE = lattice(4)
 _LEAST_HEIGHT = 1e-4
 """What lies nearer to a mirror than this [m] is on it."""
 

@@ -16,13 +16,13 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, IntArray
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing import bounces, gains, ghosts, moving, static, tracer, visibility
+from rfgen_sionna.tracing import sampling as sampling_of
 from tests.benchmarks.measuring import timed
 from tests.benchmarks.subjects import standing
 
@@ -66,12 +66,17 @@ def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any) -> Any:
     return visibility.Visibility(through.mean(axis=1), guides, count)
 
 
+def _all_samples(rays: Any, viewpoint: Any, corners: Any, facet: Any, *_: Any) -> Any:
+    seen = _all_rays(rays, viewpoint, corners, facet)
+    return seen.fraction, len(visibility.FINE) * len(corners)
+
+
 _COLLECT = tracer.collect_surfaces
 _EVERYWHERE = (gains.BandTracer, "importance", lambda self, direction: np.ones(direction.shape[:-1]))
 _BEHIND = (static.StaticTrace, "_behind", lambda self, actors: np.ones(len(self.facets), dtype=np.bool_))
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
-_RAYS = ((moving, "visible_fraction", _all_rays), (static, "visible_fraction", _all_rays))
+_RAYS = ((moving, "sampled_fraction", _all_samples), (static, "visible_fraction", _all_rays))
 _ENERGY = ((ghosts, "SKIPPED", 0.0), (bounces, "SKIPPED", 0.0))
 
 SKIPS = (
@@ -79,7 +84,7 @@ SKIPS = (
     Skip("static facets are tested anew only behind actors", _patched(_BEHIND)),
     Skip("facets that look away", _patched(_FACING)),
     Skip("coarse facets outside the antenna pattern", _patched(_EVERYWHERE), anew=True),
-    Skip("more visibility rays only where neighbours differ", _patched(*_RAYS), anew=True),
+    Skip("more visibility rays only where neighbours differ and it matters", _patched(*_RAYS), anew=True),
     Skip("one obliquity for a short baseline", _patched(_PAIRS), anew=True),
     Skip("bounces under the tolerance", _patched(*_ENERGY), max_bounces=3),
     Skip("outside the range window", _patched(), anew=True, far=True),
@@ -198,8 +203,8 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
 def sampling(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     """RF adaptive sampling of visibility: error of an adult's return against the rays sent, uniform or adaptive.
 
-    Uniform are n^2 rays to each facet; adaptive three, and 16 where they or neighbours disagree. Truth is a lattice so
-    dense that each facet is known to a few tenths of a percent.
+    Uniform are n^2 rays to each facet; adaptive one, and the more where neighbours disagree the more a facet may return.
+    Truth is a lattice so dense that each facet is known to a few tenths of a percent.
     """
     from tests.benchmarks.subjects import person
 
@@ -221,7 +226,7 @@ def sampling(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     fields = values.a[0] * np.exp(-2j * np.pi * np.mod(band.centre * values.tau[0], 1.0))
 
     def lattice(n: int) -> np.ndarray:
-        return visibility._through(rays, viewpoint, corners, number, visibility._lattice(n)).mean(axis=1)
+        return visibility._through(rays, viewpoint, corners, number, visibility.lattice(n)).mean(axis=1)
 
     truth = (fields * lattice(12 if quick else 24)).sum()
     rows = []
@@ -229,33 +234,14 @@ def sampling(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
         elapsed, share = timed(lambda n=n: lattice(n))
         error = abs((fields * share).sum() - truth) / abs(truth)
         rows.append({"method": "uniform", "rays": n * n * len(corners), "relative": error, "seconds": elapsed})
-    elapsed, seen = timed(lambda: visibility.visible_fraction(rays, viewpoint, corners, number))
-    error = abs((fields * seen.fraction).sum() - truth) / abs(truth)
-    rows.append({"method": "adaptive", "rays": seen.rays, "relative": error, "seconds": elapsed})
-    # What would do better: neighbours in the mesh instead of in the list of facets, and 64 rays where 16 disagree.
-    fraction = visibility._through(rays, viewpoint, corners, number, visibility.GUIDE).mean(axis=1)
-    one, other = _neighbours(surface.faces[facing])
-    mixed = (fraction > 0) & (fraction < 1)
-    mixed[np.concatenate([one, other])[np.tile(fraction[one] != fraction[other], 2)]] = True
-    sent = 3 * len(corners)
-    for name, n in (("adaptive, by the mesh (proposed)", 4), ("adaptive, by the mesh, one step more (proposed)", 8)):
-        edge = np.flatnonzero(mixed)
-        fine = visibility._through(rays, viewpoint, corners[edge], number[edge], visibility._lattice(n))
-        fraction[edge] = fine.mean(axis=1)
-        sent += fine.size
-        mixed &= (fraction > 0) & (fraction < 1)
-        error = abs((fields * fraction).sum() - truth) / abs(truth)
-        rows.append({"method": name, "rays": sent, "relative": error, "seconds": 0.0})
+    places, wavenumber = sampling_of.touching(corners), 2 * np.pi * band.highest / SPEED_OF_LIGHT
+    for rtol in (3e-2, 1e-2, 3e-3, 1e-3):
+        elapsed, (share, sent) = timed(
+            lambda rtol=rtol: sampling_of.sampled_fraction(rays, viewpoint, corners, number, places, wavenumber, rtol)
+        )
+        error = abs((fields * share).sum() - truth) / abs(truth)
+        rows.append({"method": f"adaptive, rtol {rtol:g}", "rays": sent, "relative": error, "seconds": elapsed})
     return {"facets": len(corners), "rays_of_an_instant": paths.report.rays, "rows": rows}
-
-
-def _neighbours(faces: IntArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of faces that share an edge."""
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).astype(np.int64)
-    key = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    return order[same] // 3, order[same + 1] // 3
 
 
 def _whole(count: int) -> list[Any]:

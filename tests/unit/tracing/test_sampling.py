@@ -1,0 +1,87 @@
+"""RF adaptive sampling: the shares that many rays would find, with a fraction of them."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.sampling import sampled_fraction, touching
+from rfgen_sionna.tracing.visibility import lattice
+
+VIEW = np.array([0.0, 0.0, 1.0])
+WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
+
+
+def facets_of(*meshes):
+    """Ray scene, and corners and numbers of all faces that look at the radar."""
+    scene = RayScene([], [(np.asarray(m.vertices), np.asarray(m.faces)) for m in meshes], origin=VIEW)
+    corners = np.concatenate([m.vertices[m.faces] for m in meshes])
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = np.flatnonzero(np.einsum("fi,fi->f", cross, VIEW - corners.mean(axis=1)) > 0)
+    return scene, corners[facing], facing
+
+
+def uniform(scene, corners, number, n):
+    rows = lattice(n)
+    of, row = np.repeat(np.arange(len(corners)), len(rows)), np.tile(np.arange(len(rows)), len(corners))
+    seen = scene.sees(VIEW, corners, number, of, rows, row).reshape(len(corners), -1)
+    return seen.mean(axis=1)
+
+
+def returned(corners, fraction):
+    """Sum of what facets return: solid angles with the phases of a few of their points."""
+    points = np.einsum("wc,fci->fwi", lattice(6), corners) - VIEW
+    distance = np.linalg.norm(points, axis=2)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    angle = 0.5 * np.abs(np.einsum("fi,fi->f", cross, points.mean(axis=1))) / distance.mean(axis=1) ** 3
+    return (fraction * angle * np.exp(-2j * WAVENUMBER * distance).mean(axis=1)).sum()
+
+
+def test_facets_touch_where_they_share_a_corner_and_nowhere_else():
+    mesh = trimesh.creation.box((1, 1, 1))
+    soup = trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)
+    places = touching(soup.vertices[soup.faces])
+    assert len(np.unique(places)) == 8
+    points = {}
+    for place, point in zip(places.ravel(), soup.vertices[soup.faces].reshape(-1, 3), strict=True):
+        assert np.allclose(points.setdefault(int(place), point), point)
+    assert touching(np.zeros((0, 3, 3))).shape == (0, 3)
+
+
+def test_nothing_in_the_way_takes_one_ray_a_facet():
+    scene, corners, number = facets_of(trimesh.creation.box((0.01, 0.5, 0.5)).apply_translation((3, 0, 1)))
+    fraction, rays = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    assert (fraction == 1).all() and rays == len(corners)
+    assert sampled_fraction(scene, VIEW, corners[:0], number[:0], touching(corners[:0]), WAVENUMBER, 1e-3)[1] == 0
+
+
+@pytest.mark.parametrize("y", np.linspace(-0.4, 0.4, 5))
+def test_the_area_that_a_board_leaves_of_a_plate(y):
+    """A board's edge in the middle of the way covers what its shadow, twice as wide, falls on."""
+    plate = trimesh.creation.box((0.01, 1.0, 1.0)).subdivide().subdivide().subdivide().apply_translation((3, 0, 1))
+    board = trimesh.creation.box((0.001, 2.0, 2.0)).apply_translation((1.4975, 1.0 + 0.5 * y, 1.0))
+    scene, corners, number = facets_of(plate, board)
+    of_plate = number < len(plate.faces)
+    corners, number = corners[of_plate], number[of_plate]
+    fraction, _ = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert (fraction * area).sum() / area.sum() == pytest.approx(0.5 + y, abs=0.01)
+
+
+def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
+    """A knot that hides parts of itself, of a centimetre's facets: 16 rays to each against those that adapt."""
+    # A torus that turns its rim to the radar, and a ball before it.
+    ring = trimesh.creation.torus(0.4, 0.1, major_sections=192, minor_sections=64)
+    ring.apply_transform(trimesh.transformations.rotation_matrix(1.2, (0, 1, 0.3))).apply_translation((3, 0, 1))
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.15).apply_translation((2.6, 0.2, 1.1))
+    scene, corners, number = facets_of(ring, ball)
+    truth = uniform(scene, corners, number, 4)
+    partly = np.flatnonzero((truth > 0) & (truth < 1))
+    evenly = returned(corners, truth)
+    truth[partly] = uniform(scene, corners[partly], number[partly], 32)
+    exact = returned(corners, truth)
+    places = touching(corners)
+    fraction, rays = sampled_fraction(scene, VIEW, corners, number, places, WAVENUMBER, 1e-2)
+    assert rays < 16 * len(corners) / 5
+    assert abs(returned(corners, fraction) - exact) < abs(evenly - exact) + 1e-3 * abs(exact)
