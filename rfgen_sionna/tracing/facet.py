@@ -21,6 +21,7 @@ its vector element of area, slope and stretch in one, weighs the strength at its
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -30,7 +31,7 @@ from numpy.typing import ArrayLike
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.arrays import drjit_types, upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, media_of_lanes, transverse
-from rfgen_sionna.tracing.quadratic import Quadratic, lattice_triangle
+from rfgen_sionna.tracing.quadratic import Quadratic, flattened, lattice_triangle, summed
 from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Slab, Slabs, bulk_length, slabs_of_lanes
@@ -60,6 +61,8 @@ class FacetGains:
     """(node, facet) complex gain without the propagation phase of the centroid, or of another point of reference."""
     tau: FloatArray
     """(node, facet) delay by way of that point [s]."""
+    slopes: ComplexArray | None = None
+    """(way, node, facet) of the gains over the wavenumber [m] and over the `axes`, if they were asked for."""
 
 
 def facet_gains(
@@ -75,6 +78,7 @@ def facet_gains(
     reference: FloatArray | None = None,
     bend: Bend | None = None,
     slabs: Slabs | None = None,
+    axes: FloatArray | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -108,6 +112,9 @@ def facet_gains(
     slabs
         What Tx and Rx see the facets through, if anything; it may not go together with mirrors. Delays hold that of the
         slabs' bulk.
+    axes
+        (axis, 3) displacements [m] of Tx and Rx together, their sum, over which slopes of the gains are asked for; they
+        leave out how obliquity, Fresnel coefficients and polarisation change. Neither with mirrors nor with slabs.
 
     Notes
     -----
@@ -171,40 +178,48 @@ def facet_gains(
     ends = t, r, field_of_tx, field_of_rx
     surface = _Surface(cross, away, medium, *ends, monostatic, walls, crossed, turn)
 
+    moved = None if axes is None else [Array3(*(dr.opaque(Float, float(x)) for x in axis)) for axis in axes]
+
     whole_facets = parts is None or int(np.max(parts)) == 1
     if parts is None or whole_facets or rises is not None:
         each = None if parts is None or whole_facets else whole(parts, facet)
-        gain, excess = _triangle(dr, Array3, Complex, surface, p, rises, wavenumber, origin, each)
+        terms, excess = _triangle(dr, Array3, Complex, surface, p, rises, wavenumber, origin, moved, each)
         if reference is not None or (bend is not None and bend.lifts is not None):
-            sin, cos = dr.sincos(-wavenumber * excess)
-            gain = gain.times(ComplexPair(cos, sin))
-        real, imaginary = gain.re, gain.im
+            terms = _carried(dr, terms, wavenumber, excess)
     else:
         count = Float(whole(parts, facet))
 
         def lattice(row: Any, column: Any) -> Any:
             return p[0] + (row / count) * (p[1] - p[0]) + (column / count) * (p[2] - p[1])
 
-        def step(index: Any, re: Any, im: Any) -> tuple[Any, Any, Any]:
+        def step(index: Any, *sums: Any) -> tuple[Any, ...]:
             row, column, turned, last = lattice_triangle(dr, Float(index))
             part = [
                 lattice(row, column),
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            gain, excess = _triangle(dr, Array3, Complex, surface, part, None, wavenumber, origin)
-            sin, cos = dr.sincos(-wavenumber * excess)
-            gain = gain.times(ComplexPair(cos, sin)).scaled(1.0 / (count * count))
-            return index + 1, re + gain.re, im + gain.im
+            terms, excess = _triangle(dr, Array3, Complex, surface, part, None, wavenumber, origin, moved)
+            found = [each.scaled(1.0 / (count * count)) for each in _carried(dr, terms, wavenumber, excess)]
+            return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
         total = whole(np.asarray(parts) ** 2, facet)
-        start = (dr.zeros(UInt32, len(lane)), dr.zeros(Float, len(lane)), dr.zeros(Float, len(lane)))
-        _, real, imaginary = dr.while_loop(start, lambda index, re, im: index < total, step)
+        terms = summed(dr, Float, total, step, 1 if axes is None else 2 + len(axes), len(lane))
     length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
-    dr.eval(real, imaginary, length)
-    a = np.empty(shape, dtype=np.complex128)
-    a.real, a.imag = real.numpy().reshape(shape), imaginary.numpy().reshape(shape)
-    return FacetGains(a, length.numpy().reshape(shape) / SPEED_OF_LIGHT)
+    dr.eval(*flattened(terms), length)
+    a = np.empty((len(terms), *shape), dtype=np.complex128)
+    for values, term in zip(a, terms, strict=True):
+        values.real, values.imag = term.re.numpy().reshape(shape), term.im.numpy().reshape(shape)
+    return FacetGains(a[0], length.numpy().reshape(shape) / SPEED_OF_LIGHT, None if axes is None else a[1:])
+
+
+def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:
+    """Gain and slopes of a point whose path exceeds that of the point of reference by `excess` [m], from there."""
+    sin, cos = dr.sincos(-wavenumber * excess)
+    carrier = ComplexPair(cos, sin)
+    if len(terms) > 1:
+        terms = [terms[0], terms[1] - terms[0].turned().scaled(excess), *terms[2:]]
+    return [each.times(carrier) for each in terms]
 
 
 class _Surface(NamedTuple):
@@ -237,11 +252,12 @@ def _triangle(
     rises: list[Any] | None,
     wavenumber: Any,
     reference: Any,
+    axes: list[Any] | None,
     parts: Any = None,
-) -> tuple[ComplexPair, Any]:
-    """Gain of a triangle `p` as if it were the whole facet, and by how much its centroid's path exceeds that by way of
-    the `reference` point [m]. `rises` are those of its edges, if it is bent; it may be integrated in `parts` to an edge
-    then."""
+) -> tuple[list[ComplexPair], Any]:
+    """Gain of a triangle `p` as if it were the whole facet, with its slopes if there are `axes`, and by how much its
+    centroid's path exceeds that by way of the `reference` point [m]. `rises` are those of its edges, if it is bent; it
+    may be integrated in `parts` to an edge then."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
     twice_area = dr.norm(surface.cross)
@@ -273,19 +289,14 @@ def _triangle(
     if rises is not None:
         edges = [edge + rise for edge, rise in zip(edges, rises, strict=True)]
     sags = [0.5 * (lengths[(i + 1) % 3] + lengths[(i + 2) % 3]) - excess(edge, centre) for i, edge in enumerate(edges)]
-    # Unit normals in the middle and at the corners, and by how much the area there is that of the flat facet.
-    facing, stretch = normal, None
-    tips, stretches = [normal] * 3, [None] * 3
+    # Where the strength is found, with the normal there and by how much the area is that of the flat facet.
+    places, facing = [(corner, normal, None) for corner in p], normal
     if rises is not None:
         sign = dr.select(surface.turned, -inverse, inverse)
-        elements = [element * sign for element in _elements(dr, p, rises)]
-        stretch, *stretches = [dr.norm(element) for element in elements]
-        facing, *tips = [
-            element / dr.maximum(size, 1e-9) for element, size in zip(elements, (stretch, *stretches), strict=True)
-        ]
-
-    def stretched(strength: ComplexPair, by: Any) -> ComplexPair:
-        return strength if by is None else strength.scaled(by)
+        elements = [sign * _element(dr, p, rises, weight) for weight in _NODES]
+        sizes = [dr.norm(element) for element in elements]
+        facing, *tips = [element / dr.maximum(size, 1e-9) for element, size in zip(elements, sizes, strict=True)]
+        places = list(zip([*p, *edges], tips, sizes[1:], strict=True))
 
     # How spreading, Fresnel coefficients and polarisation change over the facet is taken for an element half way
     # between Tx and Rx: the difference to the pair itself is of second order.
@@ -296,37 +307,68 @@ def _triangle(
         fields = surface.tx_field, surface.rx_field
         return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
 
+    def everywhere(strength: Callable[[Any, Any], ComplexPair]) -> list[ComplexPair]:
+        found = [(strength(point, normal), stretch) for point, normal, stretch in places]
+        return [each if stretch is None else each.scaled(stretch) for each, stretch in found]
+
     if surface.walls is not None:  # the images may lie in very different directions
         by_wall = Strength(dr, vector, complex_type, surface, middle, facing)
-        of_middle = stretched(by_wall.at(middle, facing), stretch)
-        corners = [stretched(by_wall.at(*each), by) for *each, by in zip(p, tips, stretches, strict=True)]
+        strengths = everywhere(by_wall.at)
+        swells = _swells(strengths, None if rises is not None else by_wall.at(middle, normal))
     else:
-        half_way = stretched(at(middle, facing), stretch)
+        strengths = everywhere(at)
+        half_way = None if rises is not None and surface.monostatic else at(middle, facing)
+        swells = _swells(strengths, None if rises is not None else half_way)
         if surface.monostatic:
-            of_middle = half_way.scaled(dr.square(dr.norm(middle - element)) / spread)
-        else:
+            ratio = dr.square(dr.norm(middle - element)) / spread
+            strengths, swells = ([each.scaled(ratio) for each in some] for some in (strengths, swells))
+        elif half_way is not None:
             e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
             there = Way(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
             back = Way(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(dr, complex_type, surface.medium)
-            of_middle = stretched(ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread), stretch)
-        more = of_middle - half_way
-        corners = [stretched(at(*each), by) + more for *each, by in zip(p, tips, stretches, strict=True)]
-    swell = of_middle - (corners[0] + corners[1] + corners[2]).scaled(1.0 / 3.0)
-    quadratic = Quadratic(lengths, sags, corners, swell)
-    total = quadratic.mean(dr, wavenumber) if parts is None else quadratic.mean_in_parts(dr, wavenumber, parts)
-    gain = total.turned().scaled(twice_area / (8.0 * dr.pi))
-    gain = ComplexPair(dr.select(usable, gain.re, 0.0), dr.select(usable, gain.im, 0.0))
-    return gain, excess(centre, reference)
+            more = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread) - half_way
+            strengths = [
+                each + (more if stretch is None else more.scaled(stretch))
+                for each, (_, _, stretch) in zip(strengths, places, strict=False)
+            ]
+    quadratic = Quadratic(lengths, sags, strengths[:3], swells)
+    ways = None
+    if axes is not None:
+        # Path lengths at the corners, beyond that by way of the point of reference, per unit of each displacement.
+        looks = [dr.normalize(point - element) for point in (reference, *p)]
+        ways = [[dr.dot(axis, looks[0] - look) for look in looks[1:]] for axis in axes]
+    if parts is None:
+        terms = quadratic.mean(dr, wavenumber, ways)
+    else:
+        terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways)
+    if axes is not None:  # nearer is stronger
+        nearer = [dr.dot(middle - element, axis) / spread for axis in axes]
+        terms[2:] = [each + terms[0].scaled(more) for each, more in zip(terms[2:], nearer, strict=True)]
+    factor = dr.select(usable, twice_area / (8.0 * dr.pi), 0.0)
+    terms = [each.turned() for each in terms]
+    terms = [
+        ComplexPair(dr.select(usable, each.re * factor, 0.0), dr.select(usable, each.im * factor, 0.0))
+        for each in terms
+    ]
+    return terms, excess(centre, reference)
 
 
-def _elements(dr: Any, p: list[Any], rises: list[Any]) -> list[Any]:
-    """Vector elements of area of the patch with corners `p` and `rises`, in its middle and at each corner, as long as
+def _swells(strengths: list[ComplexPair], middle: ComplexPair | None) -> list[ComplexPair]:
+    """By how much the strength rises in the middle of the edge opposite each corner: from that at corners and middles
+    of edges, or all alike, from that in the `middle` of the facet."""
+    if middle is not None:
+        return [(middle - (strengths[0] + strengths[1] + strengths[2]).scaled(1.0 / 3.0)).scaled(0.75)] * 3
+    return [
+        each - (strengths[(i + 1) % 3] + strengths[(i + 2) % 3]).scaled(0.5) for i, each in enumerate(strengths[3:])
+    ]
+
+
+_NODES = ((1 / 3, 1 / 3, 1 / 3), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 0.5, 0))
+"""Barycentric coordinates of the middle of a facet, of its corners and of the middles of the edges opposite them."""
+
+
+def _element(dr: Any, p: list[Any], rises: list[Any], weight: tuple[float, float, float]) -> Any:
+    """Vector element of area of the patch with corners `p` and `rises`, at barycentric coordinates `weight`, as long as
     twice a flat facet's area."""
-    found = []
-    one, other = p[1] - p[0], p[2] - p[0]
-    for weight in ((1 / 3, 1 / 3, 1 / 3), (1, 0, 0), (0, 1, 0), (0, 0, 1)):
-        slope = [
-            sum(4 * weight[3 - i - k] * rises[k] for k in range(3) if k != i and weight[3 - i - k]) for i in range(3)
-        ]
-        found.append(dr.cross(one + (slope[1] - slope[0]), other + (slope[2] - slope[0])))
-    return found
+    slope = [sum(4 * weight[3 - i - k] * rises[k] for k in range(3) if k != i and weight[3 - i - k]) for i in range(3)]
+    return dr.cross(p[1] - p[0] + (slope[1] - slope[0]), p[2] - p[0] + (slope[2] - slope[0]))

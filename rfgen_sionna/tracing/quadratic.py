@@ -6,6 +6,7 @@ so that where it is large the triangle is integrated in parts, each with its own
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
@@ -21,62 +22,99 @@ class Quadratic(NamedTuple):
     """By how much a linear path length lies above the true one in the middle of the edge opposite each corner [m]."""
     strengths: list[ComplexPair]
     """At the corners."""
-    swell: ComplexPair
-    """By how much the strength in the middle lies above the mean of the corners; all edges have their share of it."""
+    swells: list[ComplexPair]
+    """By how much the strength in the middle of the edge opposite each corner lies above the mean of its ends."""
 
     def at(self, weight: tuple[Any, Any, Any]) -> tuple[Any, ComplexPair]:
         """Path length [m] and strength at barycentric coordinates."""
-        product = [weight[(i + 1) % 3] * weight[(i + 2) % 3] for i in range(3)]
-        length, strength = 0.0, self.swell.scaled(3.0 * (product[0] + product[1] + product[2]))
+        length, strength = 0.0, ComplexPair(0.0, 0.0)
         for i in range(3):
-            length = length + weight[i] * self.lengths[i] - 4.0 * product[i] * self.sags[i]
-            strength = strength + self.strengths[i].scaled(weight[i])
+            product = 4.0 * weight[(i + 1) % 3] * weight[(i + 2) % 3]
+            length = length + weight[i] * self.lengths[i] - product * self.sags[i]
+            strength = strength + self.strengths[i].scaled(weight[i]) + self.swells[i].scaled(product)
         return length, strength
 
-    def mean(self, dr: Any, wavenumber: Any) -> ComplexPair:
-        """Mean of w exp(-j k s), to first order in the sags."""
-        found = moments(dr, (wavenumber * self.lengths[0], wavenumber * self.lengths[1], wavenumber * self.lengths[2]))
-        sag = [wavenumber * each for each in self.sags]
-        mean_sag = (sag[0] + sag[1] + sag[2]) / 3.0  # <4 l_i l_k> = 1/3
-        edge = found.edge
-        quadratic = edge[0].scaled(4 * sag[0]) + edge[1].scaled(4 * sag[1]) + edge[2].scaled(4 * sag[2])
-        middle = (self.strengths[0] + self.strengths[1] + self.strengths[2]).scaled(1.0 / 3.0)
-        total = (middle + self.swell.scaled(0.75)).times((quadratic - found.mean.scaled(mean_sag)).turned())
-        for strength, moment in zip(self.strengths, found.corner, strict=True):
-            total = total + strength.times(moment)
-        total = total + self.swell.times((edge[0] + edge[1] + edge[2]).scaled(3.0))
-        sin, cos = dr.sincos(mean_sag)
-        return total.times(ComplexPair(cos, sin))
+    def mean(self, dr: Any, wavenumber: Any, ways: Sequence[list[Any]] | None = None) -> list[ComplexPair]:
+        """Mean of w exp(-j k s), to first order in the sags; with `ways` its slopes as well.
 
-    def mean_in_parts(self, dr: Any, wavenumber: Any, parts: Any) -> ComplexPair:
+        These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
+        something, that are added to s. Slopes leave the sags' change of slopes out.
+        """
+        found = moments(dr, (wavenumber * self.lengths[0], wavenumber * self.lengths[1], wavenumber * self.lengths[2]))
+        mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
+        edge = found.edge
+        quadratic = edge[0].scaled(4 * self.sags[0]) + edge[1].scaled(4 * self.sags[1])
+        quadratic = (quadratic + edge[2].scaled(4 * self.sags[2]) - found.mean.scaled(mean_sag)).turned()
+        swell = (self.swells[0] + self.swells[1] + self.swells[2]).scaled(1.0 / 3.0)
+        middle = (self.strengths[0] + self.strengths[1] + self.strengths[2]).scaled(1.0 / 3.0)
+        bent = (middle + swell).times(quadratic)
+        total = bent.scaled(wavenumber)
+        for i in range(3):
+            total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
+        sin, cos = dr.sincos(wavenumber * mean_sag)
+        carrier = ComplexPair(cos, sin)
+        total = total.times(carrier)
+        if ways is None:
+            return [total]
+        strengths = [each + swell for each in self.strengths]
+
+        def slope(way: list[Any]) -> ComplexPair:
+            """-j <w s exp(-j k s)> for s as long as `way`."""
+            of_way = ComplexPair(0.0, 0.0)
+            for i in range(3):
+                k, m = (i + 1) % 3, (i + 2) % 3
+                moment = found.corner[i].scaled(way[i]) + edge[m].scaled(way[k] - way[i])
+                of_way = of_way + strengths[i].times(moment + edge[k].scaled(way[m] - way[i]))
+            return of_way.turned().scaled(-1.0)
+
+        over_wavenumber = (slope(self.lengths) + bent).times(carrier) + total.turned().scaled(mean_sag)
+        return [total, over_wavenumber, *(slope(way).times(carrier).scaled(wavenumber) for way in ways)]
+
+    def mean_in_parts(
+        self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None
+    ) -> list[ComplexPair]:
         """The same, each edge divided into so many `parts`."""
         Float = type(wavenumber)
         count = Float(parts)
         scale = 1.0 / count
 
-        def corner(row: Any, column: Any) -> tuple[Any, ComplexPair]:
-            return self.at((1.0 - row * scale, (row - column) * scale, column * scale))
-
-        def step(index: Any, re: Any, im: Any) -> tuple[Any, Any, Any]:
+        def step(index: Any, *sums: Any) -> tuple[Any, ...]:
             row, column, turned, last = lattice_triangle(dr, Float(index))
-            ends = [
-                corner(row, column),
-                corner(row + 1.0, dr.select(turned, column + 1.0, column)),
-                corner(last, column + 1.0),
+            places = [
+                (1.0 - x * scale, (x - y) * scale, y * scale)
+                for x, y in ((row, column), (row + 1.0, dr.select(turned, column + 1.0, column)), (last, column + 1.0))
             ]
-            # Edges of the turned triangles run the other way round.
-            own = self.sags
-            sags = [dr.select(turned, own[(i + 2) % 3], own[i]) * scale * scale for i in range(3)]
-            swell = self.swell.scaled(scale * scale)
-            piece = Quadratic([length for length, _ in ends], sags, [strength for _, strength in ends], swell)
-            part = piece.mean(dr, wavenumber).scaled(scale * scale)
-            return index + 1, re + part.re, im + part.im
+            ends = [self.at(place) for place in places]
 
-        width = dr.width(wavenumber)
-        start = (dr.zeros(type(parts), width), dr.zeros(Float, width), dr.zeros(Float, width))
-        total = parts * parts
-        _, re, im = dr.while_loop(start, lambda index, re, im: index < total, step)
-        return ComplexPair(re, im)
+            # Edges of the turned triangles run the other way round.
+            def own(values: list[Any]) -> list[Any]:
+                return [dr.select(turned, values[(i + 2) % 3], values[i]) * scale * scale for i in range(3)]
+
+            swells = zip(own([each.re for each in self.swells]), own([each.im for each in self.swells]), strict=True)
+            piece = Quadratic(
+                [length for length, _ in ends],
+                own(self.sags),
+                [strength for _, strength in ends],
+                [ComplexPair(*each) for each in swells],
+            )
+            there = None
+            if ways is not None:
+                there = [[sum(w * at for w, at in zip(place, way, strict=True)) for place in places] for way in ways]
+            found = [part.scaled(scale * scale) for part in piece.mean(dr, wavenumber, there)]
+            return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
+
+        return summed(dr, Float, parts * parts, step, 1 if ways is None else 2 + len(ways), dr.width(wavenumber))
+
+
+def flattened(terms: Sequence[ComplexPair]) -> list[Any]:
+    return [value for each in terms for value in each]
+
+
+def summed(dr: Any, real: Any, total: Any, step: Any, terms: int, width: int) -> list[ComplexPair]:
+    """Sums of `terms` complex numbers over `step` (index, real and imaginary parts so far) from 0 to `total`."""
+    start = (dr.zeros(type(total), width), *(dr.zeros(real, width) for _ in range(2 * terms)))
+    _, *sums = dr.while_loop(start, lambda index, *_: index < total, step)
+    return [ComplexPair(*sums[k : k + 2]) for k in range(0, 2 * terms, 2)]
 
 
 def lattice_triangle(dr: Any, index: Any) -> tuple[Any, Any, Any, Any]:
