@@ -1,8 +1,8 @@
 """Train path diffusion: `python -m rfgen_sionna.generative.environment.controlnet --data PAIRS --out FOLDER`.
 
 It learns from pairs of the same view: what a hurried tracer sees, and everything there is. The base model stays as it
-is. The same command goes on where it was stopped. What of the drawn gains holds is measured on the validation split
-when training ends, and goes with the weights.
+is. The same command goes on where it was stopped. How far the drawn gains hold is measured on the validation split when
+training ends, and goes with the weights.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from rfgen_sionna.generative.environment.control_training import ControlRecipe, 
 from rfgen_sionna.generative.environment.corpus import read_corpus
 from rfgen_sionna.generative.environment.data import PirData
 from rfgen_sionna.generative.environment.model import read_control, read_model, write_control
-from rfgen_sionna.generative.environment.path_evaluation import calibrated_share
+from rfgen_sionna.generative.environment.path_evaluation import calibrated
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.train import Device, progress_bar
 
-_JUDGED = 48
+_JUDGED = 64
 """Pairs of the validation split."""
 
 
@@ -58,10 +58,10 @@ def main(
         )
         judged = bar.add_task("validation", total=1, note="")
         check = read_corpus(PirData.open(data).select(split="validation"), model.codec, pairs=True)
-        share = calibrated_share(PathDiffusion(base, path, device=device), check, count=_JUDGED, seed=seed)
+        doubt = calibrated(PathDiffusion(base, path, device=device), check, count=_JUDGED, seed=seed)
         control, facts = read_control(path, model.unet)
-        write_control(path, control, {**facts, "share": share})
-        bar.update(judged, completed=1, note=f"share {share:.2f}")
+        write_control(path, control, {**facts, **doubt.facts})
+        bar.update(judged, completed=1, note=f"share {doubt.share:.2f}")
     Console().print(f"ControlNet: {path}")
 
 

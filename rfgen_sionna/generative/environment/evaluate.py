@@ -20,8 +20,9 @@ from rfgen_sionna.generative.environment.corpus import Corpus, read_corpus
 from rfgen_sionna.generative.environment.data import PirData
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.evaluation import examine
-from rfgen_sionna.generative.environment.judge import Judge, train_judge
-from rfgen_sionna.generative.environment.lora_evaluation import examine_lora
+from rfgen_sionna.generative.environment.judge import Judge, train_judge, untrained
+from rfgen_sionna.generative.environment.lora_evaluation import RATES, examine_lora
+from rfgen_sionna.generative.environment.lora_training import LoraRecipe
 from rfgen_sionna.generative.environment.path_evaluation import examine_paths
 from rfgen_sionna.generative.environment.pictures import sheet
 from rfgen_sionna.generative.environment.refine import PathDiffusion
@@ -37,12 +38,16 @@ def load_judge(out: Path, train: Corpus, steps: int, bar: Any) -> Judge:
     """The judge, trained or from `out`."""
     path = out / "judge.pt"
     if path.is_file():
-        judge = train_judge(train.images[:64], np.arange(64) % len(train.names), steps=1, items=2)
+        judge = untrained(len(train.names))
         judge.net.load_state_dict(torch.load(path, weights_only=True))
         return judge
     task = bar.add_task("judge", total=steps, note="")
     judge = train_judge(
-        train.images, train.places, steps=steps, progress=lambda step, _: bar.update(task, completed=step)
+        train.images,
+        train.places,
+        train.views,
+        steps=steps,
+        progress=lambda step, _: bar.update(task, completed=step),
     )
     torch.save(judge.net.state_dict(), path)
     return judge
@@ -56,15 +61,20 @@ def main(
     control: Annotated[Path | None, typer.Option(help="ControlNet; none: the one beside the model.")] = None,
     lora_base: Annotated[Path | None, typer.Option(help="Model that has not seen --lora-place.")] = None,
     lora_place: Annotated[str, typer.Option(help="That place.")] = "garage",
+    lora_rank: Annotated[int, typer.Option(help="Rank of that RF LoRA.")] = LoraRecipe.rank,
+    lora_convolutions: Annotated[bool, typer.Option(help="Whether it adapts convolutions too.")] = False,
+    lora_rate: Annotated[
+        list[float] | None, typer.Option(help="Its learning rates; the best on the validation split counts.")
+    ] = None,
     seeds: Annotated[int, typer.Option(help="How many seeds.")] = 3,
-    each: Annotated[int, typer.Option(help="Views of each place, half and seed.")] = 25,
+    each: Annotated[int, typer.Option(help="Views of each place, half and seed: whole layouts.")] = 24,
     view_count: Annotated[int, typer.Option(help="Environments of which several views are compared.")] = 16,
     pair_count: Annotated[int, typer.Option(help="Pairs on which path diffusion is examined.")] = 150,
     strength: Annotated[float, typer.Option(help="Strength of path diffusion.")] = 1.0,
     steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
     guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
     split: Annotated[str, typer.Option(help="test; or validation, to choose settings with.")] = "test",
-    judge_steps: Annotated[int, typer.Option(help="Optimiser steps of the judge.")] = 1500,
+    judge_steps: Annotated[int, typer.Option(help="Optimiser steps of the judge.")] = 2500,
     half: Annotated[bool, typer.Option(help="Draw in half precision.")] = False,
     threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
 ) -> None:
@@ -84,7 +94,11 @@ def main(
 
     with progress_bar() as bar:
         judge = load_judge(out, train, judge_steps, bar)
-        report["judge on held-out renders"] = float((judge.look(test.images)[1] == test.places).mean())
+        _, chances = judge.look(test.images, test.views)
+        report["judge on held-out renders"] = {
+            "views": float(judge.right(chances, test.places).mean()),
+            "all views of a layout together": float(judge.right(chances, test.places, held.layout).mean()),
+        }
         report["surroundings"] = []
         for seed in range(seeds):
             task = bar.add_task(f"surroundings, seed {seed}", total=None, note="")
@@ -116,7 +130,18 @@ def main(
             write()
         if lora_base is not None:
             task = bar.add_task("RF LoRA", total=1, note="")
-            report["RF LoRA"] = examine_lora(lora_base, views, lora_place, judge, out / "lora", sampler=sampler)
+            report["RF LoRA"] = examine_lora(
+                lora_base,
+                views,
+                lora_place,
+                judge,
+                out / "lora",
+                sampler=sampler,
+                rates=lora_rate or RATES,
+                rank=lora_rank,
+                convolutions=lora_convolutions,
+                half=half,
+            )
             bar.update(task, completed=1)
             write()
 

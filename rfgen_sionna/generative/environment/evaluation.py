@@ -38,17 +38,16 @@ class Halves:
 
 
 def halves(corpus: Corpus, layouts: NDArray[np.integer], each: int, seed: int) -> Halves:
-    """Up to `each` views a place in either half; a layout's views are all in one half."""
+    """About `each` views a place in either half: whole layouts, with all of their views."""
     rng = np.random.default_rng([seed, 71])
     out: tuple[list[int], list[int]] = ([], [])
     for place in np.unique(corpus.places):
         here = np.flatnonzero(corpus.places == place)
-        rooms = rng.permutation(np.unique(layouts[here]))
-        first = np.isin(layouts[here], rooms[: len(rooms) // 2])
-        parts = rng.permutation(here[first]), rng.permutation(here[~first])
-        count = min(each, len(parts[0]), len(parts[1]))
-        for half, part in zip(out, parts, strict=True):
-            half.extend(part[:count].tolist())
+        rooms, views = np.unique(layouts[here], return_counts=True)
+        count = int(min(max(1, round(each / views.max())), len(rooms) // 2))
+        rooms = rng.permutation(rooms)
+        for half, part in zip(out, (rooms[:count], rooms[count : 2 * count]), strict=True):
+            half.extend(here[np.isin(layouts[here], part)].tolist())
     return Halves(np.array(out[0], dtype=np.intp), np.array(out[1], dtype=np.intp))
 
 
@@ -78,12 +77,15 @@ def drawn_like(
 
 
 def compare(
-    images: NDArray[np.floating], real: NDArray[np.floating], judge: Judge, codec: PirCodec
+    images: NDArray[np.floating],
+    real: NDArray[np.floating],
+    features: tuple[FloatArray, FloatArray],
+    codec: PirCodec,
 ) -> dict[str, float]:
-    """Distances of two sets of images of as many views of each place."""
+    """Distances of two sets of images of as many views of each place, of which the judge saw `features`."""
     a, b = Physical.of(images, codec), Physical.of(real, codec)
     return {
-        "frechet": frechet(judge.look(images)[0], judge.look(real)[0]),
+        "frechet": frechet(*features),
         "range wasserstein, up to 10 m [m]": range_distance(a, b),
         "range wasserstein, all [m]": range_distance(a, b, np.inf),
         "energy-range law, 1 to 8.5 m [dB]": law_distance(a, b),
@@ -126,17 +128,28 @@ def examine(
     split = halves(test, layouts, each, seed)
     images = drawn_like(model, test, split.first, sampler, seed, note)
     real_a, real_b = (test.images[part].astype(np.float64) for part in (split.first, split.second))
-    drawn, floor = (compare(x, real_b, judge, model.codec) for x in (images, real_a))
-    named = judge.look(images)[1] == test.places[split.first]
-    facts = [test.views[i] for i in split.first]
-    shape = [np.array(x) for x in zip(*((v.height, v.pitch, v.fov_deg) for v in facts), strict=True)]
+    first, second = ([test.views[i] for i in part] for part in (split.first, split.second))
+    (seen, chances), (seen_a, chances_a) = (judge.look(x, first) for x in (images, real_a))
+    seen_b = judge.look(real_b, second)[0]
+    drawn, floor = (compare(x, real_b, (f, seen_b), model.codec) for x, f in ((images, seen), (real_a, seen_a)))
+    goal, rooms = test.places[split.first], layouts[split.first]
+
+    def recognised(chances: FloatArray, together: bool = False) -> NDArray[np.bool_]:
+        return judge.right(chances, goal, rooms if together else None)
+
+    named, named_together = recognised(chances), recognised(chances, True)
+    shape = [np.array(x) for x in zip(*((v.height, v.pitch, v.fov_deg) for v in first), strict=True)]
     result = {
         "views": len(split.first),
+        "layouts": len(np.unique(np.stack([rooms, goal]), axis=1).T),
         "recognised": float(named.mean()),
-        "recognised, by place": {
-            test.names[p]: float(named[test.places[split.first] == p].mean()) for p in np.unique(test.places)
+        "recognised, real": float(recognised(chances_a).mean()),
+        "recognised, all views of a layout together": float(named_together.mean()),
+        "recognised, all views of a layout together, real": float(recognised(chances_a, True).mean()),
+        "recognised, by place": {test.names[p]: float(named[goal == p].mean()) for p in np.unique(goal)},
+        "recognised together, by place": {
+            test.names[p]: float(named_together[goal == p].mean()) for p in np.unique(goal)
         },
-        "recognised, real": float((judge.look(real_a)[1] == test.places[split.first]).mean()),
         "drawn": drawn,
         "real": floor,
         "frechet over floor": drawn["frechet"] / floor["frechet"],

@@ -1,12 +1,14 @@
 """A judge of images of surroundings: names the place, and measures how far two sets lie apart.
 
-It is trained on the training split's renders alone, and never on drawn images.
+It is trained on the training split's renders alone, and never on drawn images. It knows how a view is taken, so that it
+sees how high each point lies and what a surface returns at whatever range. A wall looks alike in many rooms: where
+several views of one place are at hand, it may judge them together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -14,22 +16,54 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.generative.environment.geometry import view_maps
+from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
+from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 FEATURES = 48
+SIGHTS = 6
+"""Numbers of a pixel that a judge looks at."""
+_ROUGH = 0.02
+"""Noise that it learns to look past."""
+_WIDTHS = (32, 48, 96, 128)
+_LEVEL, _SPREAD = -135.0, 15.0
+"""Middle and spread [dB] of levels at 1 m."""
+
+
+def sights(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirCodec) -> Tensor:
+    """(image, SIGHTS, row, column) what a judge looks at, in half precision.
+
+    The channels as they are, how high each point lies, its level if it were at 1 m, and how far the floor lies behind.
+    """
+    parts = []
+    for start in range(0, len(images), 256):
+        x = torch.from_numpy(images[start : start + 256].astype(np.float32))
+        some = views[start : start + 256]
+        maps = view_maps(view_tokens(some)[:, 0], x.shape[-2], x.shape[-1], codec)
+        energy, arrival, _ = codec.decode_arrays(x.numpy().astype(np.float64), clip=True)
+        there = torch.from_numpy(energy > 0)
+        reach = torch.from_numpy(np.nan_to_num(0.5 * SPEED_OF_LIGHT * arrival)).float()
+        height = torch.tensor([view.height for view in some])[:, None, None] + reach * maps[:, 2]
+        level = torch.from_numpy(10 * np.log10(np.maximum(energy, 1e-30))).float()
+        level = (level + 20 * torch.log10(reach.clamp(min=0.3)) - _LEVEL) / _SPREAD
+        behind = (maps[:, 3] - x[:, 1]).clamp(-1, 1)
+        more = [(0.5 * height.clamp(-0.5, 5.0) - 0.6) * there, level * there, behind]
+        parts.append(torch.cat([x, torch.stack(more, dim=1)], dim=1).half())
+    return torch.cat(parts)
 
 
 class _Net(nn.Module):
     def __init__(self, classes: int) -> None:
         super().__init__()
         layers: list[nn.Module] = []
-        width = 3
-        for wider in (32, 48, 64, 96):
+        width = SIGHTS
+        for wider in _WIDTHS:
             layers += [nn.Conv2d(width, wider, 3, stride=2, padding=1), nn.GroupNorm(8, wider), nn.GELU()]
             layers += [nn.Conv2d(wider, wider, 3, padding=1), nn.GroupNorm(8, wider), nn.GELU()]
             width = wider
         self.body = nn.Sequential(*layers)
-        self.squeeze = nn.Sequential(nn.Dropout(0.2), nn.Linear(2 * width, FEATURES), nn.LayerNorm(FEATURES))
+        self.squeeze = nn.Sequential(nn.Dropout(0.3), nn.Linear(2 * width, FEATURES), nn.LayerNorm(FEATURES))
         self.classes = nn.Linear(FEATURES, classes)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
@@ -43,46 +77,69 @@ class Judge:
     """A trained judge."""
 
     net: _Net
+    codec: PirCodec = field(default_factory=PirCodec)
 
-    def look(self, images: NDArray[np.floating]) -> tuple[FloatArray, NDArray[np.intp]]:
-        """(image, FEATURES) features and (image,) places of (image, 3, row, column) channels in −1 … 1."""
-        features, places = [], []
+    def look(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> tuple[FloatArray, FloatArray]:
+        """(image, FEATURES) features and (image, place) logarithms of chances of (image, 3, row, column) channels."""
+        features, chances = [], []
         with torch.no_grad():
             for start in range(0, len(images), 128):
-                f, logits = self.net(torch.from_numpy(images[start : start + 128].astype(np.float32)))
+                part = slice(start, start + 128)
+                f, logits = self.net(sights(images[part], views[part], self.codec).float())
                 features.append(f.double().numpy())
-                places.append(logits.argmax(dim=-1).numpy())
-        return np.concatenate(features), np.concatenate(places)
+                chances.append(logits.log_softmax(dim=-1).double().numpy())
+        return np.concatenate(features), np.concatenate(chances)
+
+    def right(
+        self, chances: FloatArray, places: NDArray[np.integer], together: NDArray[np.integer] | None = None
+    ) -> NDArray[np.bool_]:
+        """(image,) whether each image, or the images of one place `together` (image,), is named as its place."""
+        if together is not None:
+            _, which = np.unique(np.stack([together, places]), axis=1, return_inverse=True)
+            sums = np.zeros((int(which.max()) + 1, chances.shape[1]))
+            np.add.at(sums, which.ravel(), chances)
+            chances = sums[which.ravel()]
+        return np.asarray(chances.argmax(axis=-1) == places)
+
+
+def untrained(places: int, codec: PirCodec | None = None) -> Judge:
+    """A judge of that many places, before it has learnt."""
+    return Judge(_Net(places).eval().requires_grad_(False), codec or PirCodec())
 
 
 def train_judge(
     images: NDArray[np.floating],
     places: NDArray[np.intp],
+    views: Sequence[ViewFacts],
     *,
+    codec: PirCodec | None = None,
     seed: int = 0,
-    steps: int = 1500,
+    steps: int = 2500,
     items: int = 48,
     progress: Callable[[int, int], None] | None = None,
 ) -> Judge:
-    """A judge from (image, 3, row, column) channels and their places; places are drawn equally often."""
+    """A judge from (image, 3, row, column) channels, their places and views; places are drawn equally often."""
     torch.manual_seed(seed)
     rng = np.random.default_rng([seed, 61])
+    codec = codec or PirCodec()
     net = _Net(int(places.max()) + 1)
+    shown = sights(images, views, codec)
     groups = [np.flatnonzero(places == k) for k in np.unique(places)]
     optimiser = torch.optim.AdamW(net.parameters(), lr=1e-3, weight_decay=0.05)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, total_steps=steps)
     for step in range(steps):
         index = [int(rng.choice(groups[int(rng.integers(len(groups)))])) for _ in range(items)]
-        x = torch.from_numpy(images[index].astype(np.float32))
+        x = shown[index].float()
         flip = torch.from_numpy(rng.integers(2, size=items) > 0)[:, None, None, None]
         x = torch.where(flip, x.flip(-1), x)
-        x = x + 0.01 * torch.randn(x.shape)
-        _, logits = net(x)
-        loss = cross_entropy(logits, torch.from_numpy(places[index]), label_smoothing=0.05)
+        x = x + _ROUGH * torch.randn(x.shape)
+        with torch.autocast("cpu", torch.bfloat16):
+            _, logits = net(x)
+        loss = cross_entropy(logits.float(), torch.from_numpy(places[index]), label_smoothing=0.05)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         schedule.step()
         if progress is not None:
             progress(step + 1, steps)
-    return Judge(net.eval().requires_grad_(False))
+    return Judge(net.eval().requires_grad_(False), codec)

@@ -19,7 +19,7 @@ from rfgen_sionna.generative.environment.judge import Judge
 from rfgen_sionna.generative.environment.lora_training import LoraRecipe, choose_rate
 from rfgen_sionna.generative.environment.sampling import Sampler
 
-RATES = (1e-4, 2e-3)
+RATES = (1e-4, 2e-3, 5e-3)
 """The paper's, and what small networks need."""
 _LEARNT_FROM = 800
 
@@ -34,6 +34,11 @@ def examine_lora(
     sampler: Sampler,
     rates: Sequence[float] = RATES,
     items: int = 16,
+    steps: int = LoraRecipe.steps,
+    rank: int = LoraRecipe.rank,
+    convolutions: bool = False,
+    most: int = 48,
+    half: bool = False,
     seed: int = 0,
 ) -> dict[str, Any]:
     """Fréchet distances to held-out renders of a place: of the base, with each rate's LoRA, of other real renders.
@@ -46,23 +51,25 @@ def examine_lora(
         out: folder for checkpoints.
         sampler: how to draw.
         rates: learning rates; which is kept is decided on the validation split.
-        items: views a step.
+        items, steps, rank, convolutions: of the training.
+        most: views that are drawn at most; of the renders all count.
+        half: draw in half precision.
         seed: of everything.
     """
     model = load_embedded(base, None, "cpu")
     learn, check, test = (
         read_corpus(views.select(split=name, place=place), model.codec) for name in ("train", "validation", "test")
     )
-    recipe = LoraRecipe(frames=_LEARNT_FROM, items=items, seed=seed)
-    everything = np.arange(len(test))
-    real = judge.look(test.images)[0]
-    other = judge.look(check.images)[0]
+    recipe = LoraRecipe(_LEARNT_FROM, steps, items, rank, convolutions, seed=seed)
+    some = np.random.default_rng([seed, 37]).permutation(len(test))[:most]
+    real = judge.look(test.images, test.views)[0]
+    other = judge.look(check.images, check.views)[0]
     noise_seed = seed + 1
 
     def distance(lora: Path | None) -> tuple[float, float]:
-        drawn = drawn_like(load_embedded(base, lora, "cpu"), test, everything, sampler, noise_seed)
-        features, named = judge.look(drawn)
-        return frechet(features, real), float((named == test.places).mean())
+        drawn = drawn_like(load_embedded(base, lora, "cpu", half=half), test, some, sampler, noise_seed)
+        features, chances = judge.look(drawn, [test.views[i] for i in some])
+        return frechet(features, real), float(judge.right(chances, test.places[some]).mean())
 
     before = distance(None)
     report: dict[str, Any] = {
@@ -70,6 +77,9 @@ def examine_lora(
         "views of the test split": len(test),
         "frames": min(_LEARNT_FROM, len(learn)),
         "steps": recipe.steps,
+        "rank": rank,
+        "convolutions": convolutions,
+        "views drawn": len(some),
         "frechet, base": before[0],
         "recognised, base": before[1],
         "frechet, real validation against real test": frechet(other, real),

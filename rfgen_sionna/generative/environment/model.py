@@ -94,7 +94,7 @@ class EnvironmentModel:
     """What is done to drawn images."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
-    """Of the ControlNet; `share` is what of its gains holds on validation views."""
+    """Of the ControlNet; `share` and `doubt` say how far its gains hold (:class:`Doubt` in doubt.py)."""
 
     def parts(self) -> dict[str, Any]:
         """What diffusers' pipelines take."""

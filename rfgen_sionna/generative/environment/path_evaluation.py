@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.doubt import Doubt, features
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
@@ -136,35 +138,28 @@ def examine_paths(
     }
 
 
-def calibrated_share(refiner: PathDiffusion, pairs: Corpus, *, count: int, seed: int) -> float:
-    """What of the drawn gains holds: their least-squares factor on validation pairs, 0 … 1."""
-    plain = replace_share(refiner, 1.0)
+def calibrated(refiner: PathDiffusion, pairs: Corpus, *, count: int, seed: int) -> Doubt:
+    """How far the gains that `refiner` draws hold, from `count` validation pairs."""
+    plain = copy(refiner)
+    plain.doubt = Doubt()
     codec = refiner.backend.model.codec
     rng = np.random.default_rng([seed, 89])
-    over, under = 0.0, 1e-12
+    asked: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+    drawn, wanted = [], []
     assert_pairs(pairs)
     for i in rng.permutation(len(pairs))[:count].tolist():
         given = pir_of(pairs.incomplete[i], pairs.views[i], codec)  # type: ignore[index]
         truth = pir_of(pairs.images[i], pairs.views[i], codec)
-        refined = plain.refine(given, pairs.captions[i], seed=seed)
+        gains = []
+        for image, told in zip((given, truth), asked, strict=True):
+            refined = plain.refine(image, pairs.captions[i], seed=seed)
+            gains.append(np.where(image.energy > 0, _decibels(refined) - _decibels(image), 0.0))
+            told.append(features(gains[-1], image.energy > 0))
         both = (given.energy > 0) & (truth.energy > 0)
-        drawn, wanted = (_decibels(p)[both] - _decibels(given)[both] for p in (refined, truth))
-        wanted = np.clip(wanted, -refiner.most_gain_db, refiner.most_gain_db)
-        over += float(drawn @ wanted)
-        under += float(drawn @ drawn)
-    return float(np.clip(over / under, 0.0, 1.0))
-
-
-def replace_share(refiner: PathDiffusion, share: float) -> PathDiffusion:
-    """The same refiner with another share of its gains."""
-    from copy import copy
-
-    from rfgen_sionna.generative.environment.backend import EmbeddedBackend
-
-    other = copy(refiner)
-    model = refiner.backend.model
-    other.backend = EmbeddedBackend(replace(model, control_facts={**model.control_facts, "share": share}))
-    return other
+        drawn.append(np.where(both, gains[0], np.nan).ravel())
+        most = refiner.most_gain_db
+        wanted.append(np.where(both, np.clip(_decibels(truth) - _decibels(given), -most, most), np.nan).ravel())
+    return Doubt.fit(np.array(asked[0]), np.array(asked[1]), np.array(drawn), np.array(wanted))
 
 
 def assert_pairs(pairs: Corpus) -> None:

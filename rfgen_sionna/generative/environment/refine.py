@@ -14,12 +14,13 @@ from scipy.ndimage import map_coordinates
 
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
 from rfgen_sionna.generative.environment.control_training import condition_of
+from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, resized
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
 
-STEPS, GUIDANCE, SAMPLES = 4, 1.0, 3
+STEPS, GUIDANCE, SAMPLES = 2, 1.0, 6
 """Of the default drawing: few steps and the mean of a few samples err least."""
 MOST_GAIN_DB = 15.0
 """By how much existing energy is raised or lowered at most."""
@@ -87,6 +88,7 @@ class PathDiffusion:
         )
         self.backend = EmbeddedBackend(own)
         self.samples, self.most_gain_db = samples, most_gain_db
+        self.doubt = Doubt.of(own.control_facts)
 
     def refine(self, mixed: Pir, prompt: str, *, negative: str = "", strength: float = 1.0, seed: int = 0) -> Pir:
         """One image completed; see :meth:`refine_sequence`."""
@@ -105,7 +107,8 @@ class PathDiffusion:
         """Images of one view over time, completed coherently.
 
         Where something returns already its energy is multiplied by a bounded gain, and its time of arrival and velocity
-        stay as they are. Where nothing did, energy may appear, which stands still. All frames share their noise, and a
+        stay as they are. Where nothing did, energy may appear, which stands still. Images that look complete are
+        changed less (:class:`~rfgen_sionna.generative.environment.doubt.Doubt`). All frames share their noise, and a
         pixel that stands still keeps one gain as long as it does, so that it has no Doppler.
 
         Parameters
@@ -143,6 +146,8 @@ class PathDiffusion:
             guesses += self._guess(part, prompt, negative, strength, seed)
             if progress is not None:
                 progress(len(guesses), len(frames))
+        believed = self.doubt([guess.gain for guess in guesses], [frame.energy > 0 for frame in small])
+        guesses = [replace(guess, gain=believed * guess.gain) for guess in guesses]
         return [self._applied(frame, guess) for frame, guess in zip(frames, _held(small, guesses), strict=True)]
 
     def _guess(self, frames: Sequence[Pir], prompt: str, negative: str, strength: float, seed: int) -> list[_Guess]:
@@ -170,10 +175,9 @@ class PathDiffusion:
         with torch.no_grad():
             kept = model.vae.decode(start).sample.float().clamp(-1, 1).cpu().numpy()
         drawn = drawn.reshape(len(frames), self.samples, *drawn.shape[1:])
-        share = float(model.control_facts.get("share", 1.0))
-        return [self._compare(frame, old, new, share) for frame, old, new in zip(frames, kept, drawn, strict=True)]
+        return [self._compare(frame, old, new) for frame, old, new in zip(frames, kept, drawn, strict=True)]
 
-    def _compare(self, frame: Pir, old: FloatArray, new: FloatArray, share: float) -> _Guess:
+    def _compare(self, frame: Pir, old: FloatArray, new: FloatArray) -> _Guess:
         """Gains from what the model drew (sample, 3, row, column), against what it would have drawn unchanged."""
         codec = self.backend.model.codec
         before, _, _ = codec.decode_arrays(old, clip=True)
@@ -183,7 +187,7 @@ class PathDiffusion:
         level = np.where(there, _decibels(energy), 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         was = frame.energy > 0
         known = was & (before > 0) & (votes > 0)
-        gain = np.where(known, share * (level - _decibels(before)), 0.0)
+        gain = np.where(known, level - _decibels(before), 0.0)
         appears = ~was & (votes > 0.5)
         when = np.where(there, np.nan_to_num(arrival), 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         return _Guess(

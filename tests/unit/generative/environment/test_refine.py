@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rfgen_sionna.generative.environment.doubt import Doubt, features
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -80,6 +82,29 @@ def test_what_stands_still_keeps_one_gain(refiner: PathDiffusion, wall: Callable
     alone = [refiner.refine(frame, "a bedroom", seed=1) for frame in frames]
     loose = np.stack([10 * np.log10(r.energy / f.energy) for r, f in zip(alone, frames, strict=True)])
     assert np.ptp(loose[:, :, 32:], axis=0).max() > 1e-6
+
+
+def test_gains_that_look_like_chance_are_not_believed(refiner: PathDiffusion, mixed: Pir) -> None:
+    """Complete images ask for little, everywhere alike: what is fitted on such pairs leaves them nearly alone."""
+    rng = np.random.default_rng(0)
+    there = np.ones((8, 8), np.bool_)
+    complete = [rng.normal(0.0, 2.0, (8, 8)) for _ in range(40)]
+    wanted = [rng.normal(-3.0, 4.0, (8, 8)) for _ in range(40)]
+    drawn = [gain + rng.normal(0.0, 2.0, (8, 8)) for gain in wanted]
+    seen = [np.array([features(gain, there) for gain in gains]) for gains in (drawn, complete)]
+    doubt = Doubt.fit(seen[0], seen[1], *(np.array(gains).reshape(40, -1) for gains in (drawn, wanted)))
+    held = [np.mean([doubt([gain], [there]) for gain in gains]) for gains in (drawn, complete)]
+    assert held[0] > 0.7
+    assert held[1] < 0.1
+    # half of the variance of what is drawn is wanted: a bit more than that, for the common part, is applied
+    assert 0.7 < doubt.share < 0.95
+    assert Doubt.of(doubt.facts) == doubt
+    assert Doubt()([drawn[0]], [there]) == 1.0
+    timid = copy(refiner)
+    timid.doubt = Doubt(1.0, (-20.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(
+        timid.refine(mixed, "a bedroom").energy[mixed.energy > 0], mixed.energy[mixed.energy > 0]
+    )
 
 
 def test_finer_images_get_the_same_gains(refiner: PathDiffusion, wall: Callable[..., Pir]) -> None:
