@@ -22,6 +22,7 @@ from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.clearance import check_radar_clear, check_way_clear, nearest_surface
 from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.enclosure import check_radar_placed
+from rfgen_sionna.scene.encounters import check_encounters
 from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import RadarScene, load_scene
 from rfgen_sionna.scene.places import (
@@ -80,8 +81,8 @@ class Simulator:
         Relative error that the return of each actor, and that of the static scene, may have: a smaller value takes more
         time.
     collisions
-        What to do where an actor goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
-        "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.
+        What to do where an actor goes more than 5 cm into a wall, a piece of furniture or another actor: "error"
+        refuses the run, "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.
     seed
         Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
     max_bounces
@@ -337,6 +338,7 @@ class Simulator:
         moves = self.radar.trajectory is not None
         check_places(self.radar, seen_from(self.radar, None, self.actors) if moves else self.actors, start, stop)
         check_collisions(self.scene, self._surroundings, self.actors, start, stop, self.collisions, stacklevel=3)
+        check_encounters(self.actors, start, stop, self.collisions, 3, self.radar.pose(start)[0])
 
     def _warn_silent(self) -> None:
         """A scene that returns nothing at all is not what a user expects of it."""

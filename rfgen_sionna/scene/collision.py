@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.clearance import distance, winding_number
 from rfgen_sionna.scene.rays import Hits, RayScene
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene.clearance import Body
-    from rfgen_sionna.scene.load import RadarScene
 
 CONTACT = 0.02
 """Depth [m] up to which an actor touches a surface: feet on the floor, a hand on a table."""
@@ -37,6 +36,30 @@ _DIRECTIONS = np.array(
     [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
 )
 _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
+
+
+class Thing(Protocol):
+    """What an actor may run into: an object of a scene, or another actor at one instant."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def vertices(self) -> FloatArray:
+        """(vertex, 3) [m]."""
+        ...
+
+    @property
+    def faces(self) -> IntArray:
+        """(face, 3)."""
+        ...
+
+
+class Surroundings(Protocol):
+    """Whatever holds things: a scene."""
+
+    @property
+    def objects(self) -> Sequence[Thing]: ...
 
 
 @dataclass(frozen=True)
@@ -76,7 +99,7 @@ class CollisionFinder:
         Its faces never change.
     """
 
-    def __init__(self, scene: RadarScene, rays: RayScene, actor: Body) -> None:
+    def __init__(self, scene: Surroundings, rays: RayScene, actor: Body) -> None:
         self._items = scene.objects
         self._rays = rays
         self._actor = actor
