@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, describe, person
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
-from rfgen_sionna.generative.bodies.sampled import load_mesh_sequence
+from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
 from rfgen_sionna.generative.motion.foreign import MOTION_SUFFIXES, load_any_motion
+from rfgen_sionna.generative.motion.loaders import ClipError
 from rfgen_sionna.generative.placing import before_radar, check_way, way_back
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
 from rfgen_sionna.records import MeshSequence, Motion
@@ -171,6 +172,7 @@ class Actor(scene_actor.Actor):
         body: Rig | Phenotype | None = None,
         frame_rate: float | None = None,
         up: str = "z",
+        index: int = 0,
         position: ArrayLike | None = None,
         orientation: ArrayLike | None = None,
         material: str = "skin",
@@ -187,6 +189,7 @@ class Actor(scene_actor.Actor):
             frame_rate: frames per second of a folder of meshes [Hz], needed there; or at which an animation is sampled
                 [Hz], 30 unless given; not for motions.
             up: up axis of the `.npz` clip's world, "z" (AMASS) or "y".
+            index: which motion of a file with several (MDM's `results.npy`).
             position, orientation, material, name, radar: as in :meth:`from_prompt`, without a prompt.
 
         Raises:
@@ -203,7 +206,12 @@ class Actor(scene_actor.Actor):
                 raise ValueError("body: an animated mesh is its own body; leave it out")
             rate = 30.0 if frame_rate is None else frame_rate
             sequence, clip = load_animation(motion, frame_rate=rate), None
-        elif not isinstance(motion, Motion) and Path(motion).suffix not in MOTION_SUFFIXES:
+        elif not isinstance(motion, Motion) and Path(motion).suffix.lower() not in MOTION_SUFFIXES:
+            if not Path(motion).exists():
+                raise FileNotFoundError(f"no motion file or folder of meshes {motion}")
+            if Path(motion).is_file() and Path(motion).suffix.lower() not in MESH_SUFFIXES:
+                allowed = ", ".join((*MOTION_SUFFIXES, *MESH_SUFFIXES))
+                raise ClipError(f"{Path(motion).name}: ending {Path(motion).suffix!r}; allowed are {allowed}")
             if frame_rate is None:
                 raise ValueError(f"frame_rate: needed for the mesh sequence {motion}, in Hz")
             if body is not None:
@@ -212,7 +220,11 @@ class Actor(scene_actor.Actor):
         else:
             if frame_rate is not None:
                 raise ValueError("frame_rate: a motion has its own; leave it out")
-            clip = motion if isinstance(motion, Motion) else load_any_motion(motion, up=up, action=Path(motion).stem)
+            clip = (
+                motion
+                if isinstance(motion, Motion)
+                else load_any_motion(motion, up=up, index=index, action=Path(motion).stem)
+            )
             phenotype = None if isinstance(body, Rig) else body or Phenotype()
             rig = body if isinstance(body, Rig) else person(phenotype, seed=seed)
             sequence = animate(rig, clip)

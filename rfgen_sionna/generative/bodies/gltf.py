@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,15 @@ def load_animation(
         raise FileNotFoundError(f"no mesh file {path}")
     if not (np.isfinite(frame_rate) and frame_rate > 0.0 and np.isfinite(scale) and scale > 0.0 and repeat >= 1):
         raise ClipError(f"frame_rate {frame_rate!r} Hz, scale {scale!r}, repeat {repeat!r}: all must be positive")
+    try:
+        return _load(path, frame_rate, animation, scale, repeat)
+    except (KeyError, IndexError, TypeError, AttributeError, RecursionError, ValueError) as error:
+        if isinstance(error, ClipError):
+            raise
+        raise ClipError(f"{path.name}: not a sound GLB file ({type(error).__name__}: {error})") from error
+
+
+def _load(path: Path, frame_rate: float, animation: str | int, scale: float, repeat: int) -> SampledSequence:
     file = _Glb(path)
     chosen = file.animation(animation)
     # the last pose of a loop is its first again
@@ -79,7 +89,12 @@ def load_animation(
 def is_animated(path: str | PathLike[str]) -> bool:
     """Whether a file is a GLB file with an animation."""
     path = Path(path)
-    return path.suffix.lower() == ".glb" and path.is_file() and bool(_Glb(path).tree.get("animations"))
+    if path.suffix.lower() != ".glb" or not path.is_file():
+        return False
+    tree = _Glb(path).tree
+    if not isinstance(tree, dict):
+        raise ClipError(f"{path.name}: its description is no object")
+    return bool(tree.get("animations"))
 
 
 class _Glb:
@@ -96,11 +111,19 @@ class _Glb:
         except ValueError as error:
             raise ClipError(f"{path.name}: its description is not readable ({error})") from error
         self.data = raw[20 + size + 8 :]
-        self.nodes: list[dict[str, Any]] = self.tree.get("nodes", [])
-        self.parents = [-1] * len(self.nodes)
+
+    @cached_property
+    def nodes(self) -> list[dict[str, Any]]:
+        return list(self.tree.get("nodes", []))
+
+    @cached_property
+    def parents(self) -> list[int]:
+        """(node,) -1 for roots."""
+        found = [-1] * len(self.nodes)
         for k, node in enumerate(self.nodes):
             for child in node.get("children", []):
-                self.parents[child] = k
+                found[child] = k
+        return found
 
     def array(self, index: int) -> FloatArray:
         """(count, width) values of an accessor."""
@@ -108,6 +131,8 @@ class _Glb:
         if "bufferView" not in accessor or "sparse" in accessor:
             raise ClipError(f"{self.name}: has sparse or compressed data, which is not read; export it without")
         view = self.tree["bufferViews"][accessor["bufferView"]]
+        if view.get("buffer", 0) != 0:
+            raise ClipError(f"{self.name}: has data in other files, which are not read; export it as one GLB file")
         dtype = np.dtype(_TYPES[accessor["componentType"]])
         width, count = _WIDTHS[accessor["type"]], accessor["count"]
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
@@ -204,8 +229,10 @@ class _Glb:
     ) -> FloatArray:
         """(time, vertex, 3) positions by linear blend skinning."""
         attributes = primitive["attributes"]
-        joints = self.array(attributes["JOINTS_0"]).astype(int)
-        weights = self.array(attributes["WEIGHTS_0"])
+        # four bones a set, as many sets as there are
+        sets = [k for k in range(8) if f"JOINTS_{k}" in attributes] or [0]
+        joints = np.concatenate([self.array(attributes[f"JOINTS_{k}"]) for k in sets], axis=1).astype(int)
+        weights = np.concatenate([self.array(attributes[f"WEIGHTS_{k}"]) for k in sets], axis=1)
         weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
         count = len(skin["joints"])
         bind = np.tile(np.eye(4), (count, 1, 1))

@@ -76,10 +76,29 @@ def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
     head, found, rest = text.partition("MOTION")
     if "HIERARCHY" not in head or not found:
         raise ClipError(f"{name}: not a BVH file; HIERARCHY or MOTION is missing")
+    try:
+        nodes = _nodes(head.split())
+    except (ValueError, IndexError, StopIteration, RuntimeError) as error:
+        raise ClipError(f"{name}: its HIERARCHY cannot be read ({error or 'it ends too early'})") from error
+    match = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)\s", rest)
+    if match is None or float(match[2]) <= 0.0:
+        raise ClipError(f"{name}: no 'Frames:' and 'Frame Time:' after MOTION")
+    width = sum(len(n.channels) for n in nodes)
+    try:
+        values = np.array(rest[match.end() :].split(), np.float64)
+    except ValueError as error:
+        raise ClipError(f"{name}: a value of the motion is not a number ({error})") from error
+    if not width or values.size != width * int(match[1]) or not values.size:
+        raise ClipError(f"{name}: {values.size} values; {match[1]} frames of {width} channels are announced")
+    return nodes, values.reshape(-1, width), 1.0 / float(match[2])
+
+
+def _nodes(words: list[str]) -> list[_Node]:
+    """The skeleton; ValueError, IndexError or StopIteration where it is none."""
     nodes: list[_Node] = []
     stack: list[int] = []
     current = -1
-    tokens = iter(head.split())
+    tokens = iter(words)
     for token in tokens:
         if token in ("ROOT", "JOINT"):
             nodes.append(_Node(next(tokens), stack[-1] if stack else -1, np.zeros(3)))
@@ -96,17 +115,12 @@ def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
             nodes[current].offset = np.array([float(next(tokens)) for _ in range(3)])
         elif token == "CHANNELS":
             nodes[current].channels = [next(tokens) for _ in range(int(next(tokens)))]
-    match = re.search(r"Frames:\s*(\d+)\s+Frame Time:\s*([\d.eE+-]+)\s", rest)
-    if match is None or float(match[2]) <= 0.0:
-        raise ClipError(f"{name}: no 'Frames:' and 'Frame Time:' after MOTION")
-    width = sum(len(n.channels) for n in nodes)
-    try:
-        values = np.array(rest[match.end() :].split(), np.float64)
-    except ValueError as error:
-        raise ClipError(f"{name}: a value of the motion is not a number ({error})") from error
-    if not width or values.size != width * int(match[1]) or not values.size:
-        raise ClipError(f"{name}: {values.size} values; {match[1]} frames of {width} channels are announced")
-    return nodes, values.reshape(-1, width), 1.0 / float(match[2])
+            wrong = [c for c in nodes[current].channels if not re.fullmatch(r"[XYZ](position|rotation)", c)]
+            if wrong:
+                raise ValueError(f"channel {wrong[0]!r}")
+    if stack:
+        raise ValueError(f"{len(stack)} braces are not closed")
+    return nodes
 
 
 def _positions(nodes: list[_Node], frames: FloatArray) -> FloatArray:

@@ -12,12 +12,14 @@ import numpy as np
 
 from rfgen_sionna.generative.motion.from_positions import motion_from_positions
 from rfgen_sionna.generative.motion.loaders import ClipError, load_motion
-from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.records import FloatArray, Motion
 
 MOTION_SUFFIXES = (".npz", ".npy", ".bvh")
 HUMANML_RATE = 20.0
 """Poses per second of HumanML3D and of MDM's results [Hz]."""
+_LONGER = 0.3
+"""Relative standard deviation of a bone's length over time from which positions are those of no body."""
 _AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From y up, facing z, left at +x to ours."""
 _ALLOWED = {
@@ -47,13 +49,14 @@ def load_any_motion(path: str | PathLike[str], *, up: str = "z", index: int = 0,
         ClipError: the file cannot be used.
     """
     path = Path(path)
-    if path.suffix == ".npz":
+    kind = path.suffix.lower()
+    if kind == ".npz":
         return load_motion(path, up=up, action=action)
     if not path.is_file():
         raise FileNotFoundError(f"no motion file {path}")
-    if path.suffix == ".npy":
+    if kind == ".npy":
         return _load_npy(path, index, action)
-    if path.suffix == ".bvh":
+    if kind == ".bvh":
         from rfgen_sionna.generative.motion.bvh import load_bvh
 
         return load_bvh(path, action=action)
@@ -120,7 +123,25 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
         )
     if not len(positions) or not np.isfinite(positions).all():
         raise ClipError(f"{path.name}: no frames, or values that are not finite")
+    _check_bones(path.name, np.asarray(positions, np.float64))
     return from_y_up(positions, HUMANML_RATE, action, prompt)
+
+
+def _check_bones(name: str, positions: FloatArray) -> None:
+    """Thighs and shanks have a length, and keep it."""
+    bones = [
+        np.linalg.norm(positions[:, JOINT[f"{side}_{b}"]] - positions[:, JOINT[f"{side}_{a}"]], axis=-1)
+        for side in SIDES
+        for a, b in (("hip", "knee"), ("knee", "ankle"))
+    ]
+    if min(float(np.median(b)) for b in bones) < 1e-6:
+        raise ClipError(f"{name}: its joints lie in one place; allowed are legs of some length")
+    spread = max(float(b.std() / b.mean()) for b in bones)
+    if spread > _LONGER:
+        raise ClipError(
+            f"{name}: a leg's bone changes its length by {100 * spread:.0f} %, allowed are {100 * _LONGER:.0f} %; "
+            "features that were normalised for training must be multiplied by Std.npy, and Mean.npy added, first"
+        )
 
 
 class _ArraysOnly(pickle.Unpickler):
@@ -136,8 +157,14 @@ def _read_npy(path: Path) -> Any:
     raw = path.read_bytes()
     try:
         return np.load(io.BytesIO(raw), allow_pickle=False)
-    except ValueError:
-        pass
+    except ValueError as error:
+        # a dictionary is boxed in an array of objects, which numpy would unpickle whatever it is
+        if "allow_pickle" not in str(error):
+            raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
+    except (EOFError, OSError) as error:
+        raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
+    if not raw.startswith(np.lib.format.MAGIC_PREFIX):
+        raise ClipError(f"{path.name}: not a readable .npy file")
     try:
         stream = io.BytesIO(raw)
         version = np.lib.format.read_magic(stream)

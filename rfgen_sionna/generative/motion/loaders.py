@@ -1,9 +1,10 @@
-"""Motion from files: AMASS / SMPL / SMPL-H clips."""
+"""Motion from files: AMASS / SMPL / SMPL-H / SMPL-X clips."""
 
 from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,6 +15,12 @@ from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.records import FloatArray, Motion
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+_PLACES = ("trans", "transl")
+_PARTS = (
+    ("root_orient", "pose_body", "pose_hand"),
+    ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose"),
+)
+"""What AMASS and the smplx package call the parts of `poses`: root, body, hands."""
 _LAYOUTS = {
     66: "SMPL body, 22 joints",
     72: "SMPL, 24 joints",
@@ -36,7 +43,9 @@ class ClipError(ValueError):
 def load_motion(path: str | PathLike[str], *, up: str = "z", action: str = "", recentre: bool = True) -> Motion:
     """Read an AMASS, SMPL or SMPL-H clip.
 
-    Needs `poses` (frame, 66, 72, 156 or 165) axis-angle [rad], `trans` (frame, 3) [m], and the frame rate under
+    Needs `poses` (frame, 66, 72, 156 or 165) axis-angle [rad], or (frame, joint, 3, 3) matrices; or its parts under the
+    names that AMASS (`root_orient`, `pose_body`, `pose_hand`) or the smplx package (`global_orient`, `body_pose`,
+    `left_hand_pose`, `right_hand_pose`) give them; `trans` or `transl` (frame, 3) [m]; and the frame rate under
     `mocap_framerate`, `mocap_frame_rate` or `fps`. SMPL's two rigid hand joints and SMPL-X's jaw and eyes are left out.
     Shape (`betas`) is not used: the body is chosen separately.
 
@@ -86,32 +95,68 @@ def load_motion(path: str | PathLike[str], *, up: str = "z", action: str = "", r
 
 
 def _read(path: Path) -> tuple[FloatArray, FloatArray, float]:
+    if not is_zipfile(path):
+        raise ClipError(f"{path.name}: not a readable .npz file")
     try:
         with np.load(path, allow_pickle=False) as clip:
             present = tuple(clip.files)
-            data = {key: clip[key] for key in ("poses", "trans", *_RATES) if key in present}
-    except (OSError, ValueError) as error:
+            named = ("poses", *_PLACES, *_RATES, *(key for parts in _PARTS for key in parts))
+            data = {key: clip[key] for key in named if key in present}
+    except (OSError, ValueError, BadZipFile) as error:
         raise ClipError(f"{path.name}: not a readable .npz file ({error})") from error
-    for key in ("poses", "trans"):
-        if key not in data:
-            raise ClipError(f"{path.name}: {key!r} is missing; the file has {', '.join(present) or 'nothing'}")
-    rate = next((float(data[key]) for key in _RATES if key in data), None)
-    if rate is None:
+    poses = _poses(path.name, data, present)
+    place = next((key for key in _PLACES if key in data), None)
+    if place is None:
+        raise ClipError(f"{path.name}: 'trans' is missing; the file has {', '.join(present) or 'nothing'}")
+    trans = _numbers(path.name, place, data[place])
+    key = next((key for key in _RATES if key in data), None)
+    if key is None:
         raise ClipError(f"{path.name}: no frame rate; one of {', '.join(_RATES)} is needed")
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise ClipError(f"{path.name}: the frame rate is {rate!r} Hz; allowed is more than 0")
-    poses, trans = np.asarray(data["poses"], float), np.asarray(data["trans"], float)
-    poses = poses.reshape(len(poses), -1) if len(poses) else poses.reshape(0, 0)
+    rates = _numbers(path.name, key, data[key]).ravel()
+    if rates.size != 1 or not (np.isfinite(rates[0]) and rates[0] > 0.0):
+        raise ClipError(f"{path.name}: the frame rate {key} is {data[key]!r}; allowed is one number of Hz more than 0")
     if poses.shape[1] not in _LAYOUTS:
         allowed = ", ".join(f"{n} ({name})" for n, name in _LAYOUTS.items())
         raise ClipError(
             f"{path.name}: poses has {poses.shape[1]} columns and {len(poses)} frames; allowed are {allowed}"
         )
     if trans.shape != (len(poses), 3):
-        raise ClipError(f"{path.name}: trans has shape {trans.shape}; allowed is {(len(poses), 3)}")
+        raise ClipError(f"{path.name}: {place} has shape {trans.shape}; allowed is {(len(poses), 3)}")
     if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
-        raise ClipError(f"{path.name}: poses or trans hold values that are not finite")
-    return poses, trans, rate
+        raise ClipError(f"{path.name}: poses or {place} hold values that are not finite")
+    return poses, trans, float(rates[0])
+
+
+def _poses(name: str, data: dict[str, np.ndarray], present: tuple[str, ...]) -> FloatArray:
+    """(frame, column) axis-angles [rad], put together where the file has them in parts."""
+    if "poses" in data:
+        parts = [data["poses"]]
+    else:
+        root, body, *hands = next((keys for keys in _PARTS if keys[0] in data and keys[1] in data), ("poses", "poses"))
+        if root not in data:
+            raise ClipError(f"{name}: 'poses' is missing; the file has {', '.join(present) or 'nothing'}")
+        parts = [data[key] for key in (root, body, *hands) if key in data]
+    flat = [_axis_angles(name, part) for part in parts]
+    if len({len(part) for part in flat}) > 1:
+        raise ClipError(f"{name}: its parts of poses have {', '.join(str(len(p)) for p in flat)} frames")
+    return np.concatenate(flat, axis=1)
+
+
+def _axis_angles(name: str, values: np.ndarray) -> FloatArray:
+    values = _numbers(name, "poses", values)
+    if values.ndim == 4 and values.shape[2:] == (3, 3) and len(values) and np.isfinite(values).all():
+        try:
+            return Rotation.from_matrix(values.reshape(-1, 3, 3)).as_rotvec().reshape(len(values), -1)
+        except ValueError as error:
+            raise ClipError(f"{name}: poses hold matrices that are no rotations ({error})") from error
+    return values.reshape(len(values), -1) if values.ndim and len(values) else values.reshape(0, 0)
+
+
+def _numbers(name: str, key: str, values: np.ndarray) -> FloatArray:
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ClipError(f"{name}: {key} holds no numbers ({error})") from error
 
 
 def _joint_columns(width: int) -> list[int]:

@@ -199,3 +199,36 @@ def test_other_endings_and_missing_files_are_named(tmp_path: Path) -> None:
     np.save(tmp_path / "odd.npy", np.zeros((4, 5)))
     with pytest.raises(ClipError, match="shape"):
         load_any_motion(tmp_path / "odd.npy")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (np.zeros((30, 263)), "joints lie in one place"),
+        (np.random.default_rng(0).normal(size=(30, 263)), "Std.npy, and Mean.npy"),
+        (np.zeros((30, 251)), r"\(30, 251\); allowed are"),
+        (np.zeros((1, 30, 263)), "allowed are"),
+        (joints(WALK) * np.nan, "not finite"),
+        ({"motion": np.zeros((2, 25, 6, 60))}, "allowed is"),
+    ],
+)
+def test_arrays_that_are_no_motion_are_named(tmp_path: Path, content: object, message: str) -> None:
+    np.save(tmp_path / "x.npy", content)  # type: ignore[arg-type]
+    with pytest.raises(ClipError, match=message):
+        load_any_motion(tmp_path / "x.npy")
+    whole = (tmp_path / "x.npy").read_bytes()
+    (tmp_path / "cut.npy").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ClipError, match=r"cut\.npy"):
+        load_any_motion(tmp_path / "cut.npy")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("}", ""), ("OFFSET", "OFFSET x"), ("Zrotation", "Wrotation"), ("CHANNELS 3", "CHANNELS y")]
+)
+def test_broken_skeletons_are_named(tmp_path: Path, old: str, new: str) -> None:
+    path = tmp_path / "arm.BVH"
+    path.write_text(bvh(WALK, _CMU), encoding="utf-8")
+    assert load_any_motion(path).duration > 3.0
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ClipError, match=r"arm\.BVH: its HIERARCHY cannot be read"):
+        load_any_motion(path)

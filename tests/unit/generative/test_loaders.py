@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, animate, person
@@ -116,12 +117,38 @@ def test_smplx_fingers_are_found_behind_jaw_and_eyes(tmp_path):
         ({"poses": np.zeros((0, 156)), "trans": np.zeros((0, 3)), "fps": 30}, "0 frames"),
         ({"poses": np.zeros((3, 156)), "trans": np.zeros((2, 3)), "fps": 30}, r"allowed is \(3, 3\)"),
         ({"poses": np.full((3, 156), np.nan), "trans": np.zeros((3, 3)), "fps": 30}, "not finite"),
+        ({"poses": np.zeros((3, 156)), "trans": np.zeros((3, 3)), "fps": "fast"}, "fps holds no numbers"),
+        ({"poses": np.zeros((3, 156)), "trans": np.zeros((3, 3)), "fps": [30, 60]}, "allowed is one number"),
+        ({"poses": np.zeros((3, 24, 3, 3)), "trans": np.zeros((3, 3)), "fps": 30}, "no rotations"),
+        ({"root_orient": np.zeros((3, 3)), "pose_body": np.zeros((2, 63))}, "3, 2 frames"),
+        ({"betas": np.zeros(16), "gender": "male"}, "'poses' is missing; the file has betas, gender"),
     ],
 )
 def test_bad_clips_are_refused(tmp_path, content, message):
     np.savez(tmp_path / "bad.npz", **content)
     with pytest.raises(ClipError, match=message):
         load_motion(tmp_path / "bad.npz")
+
+
+def test_poses_in_parts_and_as_matrices(tmp_path):
+    """As AMASS's SMPL-X files, the smplx package's parameters and regressors' matrices have them."""
+    rng = np.random.default_rng(0)
+    poses, trans = rng.normal(0.0, 0.3, (4, 156)), rng.normal(size=(4, 3))
+    np.savez(
+        tmp_path / "whole.npz", poses=poses, trans=trans, mocap_framerate=np.array([60.0]), gender=np.array(b"male")
+    )
+    whole = load_motion(tmp_path / "whole.npz")
+    assert whole.frame_rate == 60.0
+    root, body, hands = poses[:, :3], poses[:, 3:66], poses[:, 66:]
+    amass = {"root_orient": root, "pose_body": body, "pose_hand": hands, "trans": trans, "mocap_frame_rate": 60.0}
+    smplx = {"global_orient": root, "body_pose": body, "left_hand_pose": hands[:, :45], "transl": trans, "fps": 60}
+    smplx["right_hand_pose"] = hands[:, 45:]
+    matrices = Rotation.from_rotvec(poses.reshape(-1, 3)).as_matrix().reshape(4, 52, 3, 3)
+    for name, content in (("amass", amass), ("smplx", smplx), ("r", {"poses": matrices, "trans": trans, "fps": 60})):
+        np.savez(tmp_path / f"{name}.npz", betas=np.zeros((1, 10)), **content)
+        same = load_motion(tmp_path / f"{name}.npz")
+        np.testing.assert_allclose(same.translation, whole.translation)
+        np.testing.assert_allclose(same.rotations, whole.rotations, atol=1e-7)
 
 
 def test_files_that_are_not_there_or_not_clips(tmp_path):

@@ -101,6 +101,39 @@ def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
         load_animation(tmp_path / "cut.glb")
 
 
+def test_a_skin_of_eight_bones_a_vertex(tmp_path: Path) -> None:
+    """The second set of four carries the joint that turns."""
+    swapped = {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 7, "JOINTS_1": 2, "WEIGHTS_1": 3}
+    path = glb(tmp_path / "arm.glb", extra={"meshes": [{"primitives": [{"attributes": swapped, "indices": 1}]}]})
+    raw = path.read_bytes()
+    # no weight in the first set: a view of zeros
+    tree = json.loads(raw[20 : 20 + struct.unpack_from("<I", raw, 12)[0]])
+    data = raw[28 + struct.unpack_from("<I", raw, 12)[0] :]
+    tree["bufferViews"].append({"buffer": 0, "byteOffset": len(data), "byteLength": 96})
+    tree["accessors"].append({"bufferView": 7, "componentType": 5126, "count": 6, "type": "VEC4"})
+    text = json.dumps(tree).encode() + b" " * 3
+    data += bytes(96)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    one = load_animation(glb(tmp_path / "one.glb"), frame_rate=10.0)
+    np.testing.assert_allclose(load_animation(path, frame_rate=10.0).samples, one.samples, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        ({"accessors": []}, "not a sound GLB file"),
+        ({"nodes": [{"mesh": 3}]}, "not a sound GLB file"),
+        ({"nodes": [{"mesh": 0}, {"children": [99]}]}, "not a sound GLB file"),
+        ({"meshes": [{"primitives": [{"attributes": {}, "mode": 1}]}]}, "no triangles"),
+        ({"bufferViews": [{"buffer": 1, "byteLength": 4}] * 7}, "other files"),
+    ],
+)
+def test_broken_files_are_named(tmp_path: Path, extra: dict, message: str) -> None:
+    with pytest.raises(ClipError, match=rf"arm\.glb: .*{message}"):
+        load_animation(glb(tmp_path / "arm.glb", extra=extra))
+
+
 def test_a_car_keeps_its_speed_and_faces_where_it_goes() -> None:
     way = drive([(0.0, 0.0), (20.0, 0.0), (30.0, 10.0), (30.0, 30.0)], 8.0, ramp=2.0)
     t = np.linspace(0.0, way.duration, 4001)
