@@ -26,6 +26,10 @@ from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.records import FloatArray
 
+PACES = (0.75, 1.3)
+"""Factors on the usual pace between which people differ who are not told one, as in the training clips."""
+_TOLD = 0.25
+"""Share of that spread (in logarithms) that is left where a pace is asked for."""
 _CLEAR = 0.35
 """Autocorrelation from which a draft counts as rhythmic, as for synthesised clips."""
 _OFFSETS = 8
@@ -46,6 +50,13 @@ def working_hand(action: str, hand: str, seed: int) -> str:
     if action not in ACTIONS or not ACTIONS[action].one_handed:
         return ""
     return hand or ("right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left")
+
+
+def drawn_pace(seed: int, asked: float = 1.0) -> float:
+    """Factor on the usual pace of one person, drawn from the seed around the one that is asked for."""
+    low, high = np.log(PACES)
+    drawn = np.random.default_rng([seed, 37]).uniform(low, high)
+    return float(asked * np.exp(drawn if asked == 1.0 else _TOLD * (drawn - 0.5 * (low + high))))
 
 
 def draft_of(

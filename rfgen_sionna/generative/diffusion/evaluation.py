@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.generative.diffusion import metrics
+from rfgen_sionna.generative.diffusion.body_exam import on_bodies, repeats
 from rfgen_sionna.generative.diffusion.captions import caption
 from rfgen_sionna.generative.diffusion.control import on_grid
 from rfgen_sionna.generative.diffusion.corpus import Corpus
@@ -29,7 +30,7 @@ FRAMES = int(DURATION * FRAME_RATE) + 1
 PERIODIC = tuple(a for a in CLAUSES if ACTIONS[a].periodic)
 RHYTHMIC = tuple(a for a in PERIODIC if a not in ("walk", "pick_up", "click", "finger_swing"))
 """Those whose real motion shows it to the score, which sees no fingers, no long periods and stumbles over turns."""
-PARTS = ("paraphrases", "negative prompts", "captured", "originality")
+PARTS = ("paraphrases", "negative prompts", "captured", "originality", "bodies")
 """What is noted beside the actions."""
 Note = Callable[[str], None]
 
@@ -106,7 +107,8 @@ def examine(
     out |= _captured(source, real, rng)
     note("originality")
     out |= _originality(source, made, real, corpus)
-    return out
+    note("bodies")
+    return out | on_bodies(source, seed) | repeats(source)
 
 
 def examine_actions(
@@ -116,7 +118,7 @@ def examine_actions(
     rng = np.random.default_rng([seed, 41])
     made: dict[str, list[Motion]] = {}
     for action in CLAUSES:
-        prompts = [_seen(rng, action) for _ in range(each)]
+        prompts = [_seen(rng, action, ("left", "right")[k % 2]) for k in range(each)]
         made[action] = source.generate_many(prompts, duration=DURATION, seeds=_seeds(rng, each))
         note(action)
     return made, {"seed": seed, "motions of an action": each, **_named(source, real, made)}
@@ -127,7 +129,7 @@ def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motio
     rows = {a: [on_grid(m, source.model.hands) for m in group] for a, group in made.items()}
     actions = list(rows)
     ours, floor = _distances(real, rows)
-    ratio = {a: metrics.variance(rows[a]) / metrics.variance(real.kinematic[a][: len(rows[a])]) for a in actions}
+    ratio = {a: metrics.variance(rows[a]) / metrics.variance(real.kinematic[a]) for a in actions}
     slide = {a: [metrics.foot_slide(m, MEAN_ADULT) for m in group] for a, group in made.items()}
     beaten = [a for a in actions if a in PERIODIC]
     clear = [a for a in beaten if a in RHYTHMIC]
@@ -256,8 +258,8 @@ def _hits(source: DiffusionSource, real: Reference, action: str, motions: Sequen
     return [name == action for name in names]
 
 
-def _seen(rng: np.random.Generator, action: str) -> str:
-    hand = ("left", "right")[int(rng.integers(2))] if ACTIONS[action].one_handed else ""
+def _seen(rng: np.random.Generator, action: str, hand: str) -> str:
+    hand = hand if ACTIONS[action].one_handed else ""
     said = caption(rng, (action,), hand=hand, doubt=0.0)
     # left and right as often as in the real motion that it is compared with
     if not hand or re.search(rf"{hand} (hand|arm|palm|index|fore)", said):

@@ -75,10 +75,11 @@ def out_of_limits(motion: Motion, tolerance: float = 1.0) -> float:
 
 
 def variance(motions: Sequence[FloatArray]) -> float:
-    """Variance between motions of one action, pose by pose, mean over joints and time [m^2]."""
+    """Variance between motions of one action, pose by pose, mean over joints and time [m^2]; the same in the mean for
+    any number of them."""
     n = min(len(m) for m in motions)
     places = np.stack([relative_positions(m)[:n] for m in motions])
-    return float(places.var(axis=0).mean())
+    return float(places.var(axis=0, ddof=1).mean())
 
 
 def nearest(motions: Sequence[FloatArray], others: Sequence[FloatArray], length: int = 40) -> FloatArray:

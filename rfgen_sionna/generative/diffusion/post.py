@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
 from rfgen_sionna.generative.diffusion.features import HandBasis, decode
 from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
@@ -28,7 +29,8 @@ def finish(
         hands: the fingers' components.
         skeleton: of the person; None for a mean adult. The path is scaled with the legs.
         rate: poses per second of the result [Hz].
-        free: whether the pelvis may give way to the steps; not where its path was asked for.
+        free: whether the pelvis may give way to the steps, and arms to the trunk; not where path or parts were asked
+            for.
     """
     skeleton = skeleton or MEAN_ADULT
     motion = within_limits(resampled(decode(features, hands, FRAME_RATE), rate))
@@ -37,7 +39,9 @@ def finish(
     translation = motion.translation * scale
     translation[:, 2] += height
     motion = replace(motion, translation=translation, offsets=skeleton.offsets)
-    return lock_feet(carried_by_feet(motion, skeleton) if free else motion, skeleton, ride=free)
+    if not free:
+        return lock_feet(motion, skeleton, ride=False)
+    return lock_feet(carried_by_feet(clear_arms(motion, skeleton), skeleton), skeleton)
 
 
 def resampled(motion: Motion, rate: float) -> Motion:

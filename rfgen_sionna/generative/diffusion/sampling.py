@@ -20,14 +20,21 @@ from rfgen_sionna.generative.diffusion.residual import Corrector
 from rfgen_sionna.generative.diffusion.schedule import log_snr, make_scheduler, signal_shares, step_at
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.text import tokenise
+from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.records import FloatArray
 
 SHORTEST, LONGEST = 32, 160
 """Frames that the model makes at once."""
 _SLOW = 0.35
 """Time scale of a path that is asked for [s]."""
+GESTURES = ("swipe_left", "swipe_right", "push", "pull", "circle_clockwise", "circle_counterclockwise", "click",
+            "finger_swing")  # fmt: skip
+"""Actions of one hand of people who stand."""
 CUTOFFS = MappingProxyType({"kinematic": 6.0, "mocap": 8.5, "any": 6.0})
 """Manner -> cut-off of the low-pass on the result [Hz]: captured people, and their markers, shake faster."""
+CALM = 2.5
+"""The same for what only keeps its place [Hz]: the whole body in held poses, all but the working arm in gestures. What
+tremor the network leaves there would be most of the movement."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,10 @@ class Sampler:
         for source in {w.source for w in wishes}:
             at = [k for k, w in enumerate(wishes) if w.source == source]
             smooth[at] = low_pass(rows[at], CUTOFFS[source] if self.cutoff is None else self.cutoff)
+        if self.cutoff is None:
+            for k, wish in enumerate(wishes):
+                calm = calm_columns(wish)
+                smooth[k][:, calm] = low_pass(rows[k : k + 1], CALM)[0][:, calm]
         kept = (hard > 0.0).numpy()[:, :frames]
         return np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth)
 
@@ -174,6 +185,21 @@ def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
     out = sosfiltfilt(sos, rows, axis=1, padlen=min(15, rows.shape[1] - 1))
     out[..., CONTACTS] = rows[..., CONTACTS]
     return np.asarray(out, np.float64)
+
+
+def calm_columns(wish: Wish) -> list[int]:
+    """Features of what only keeps its place in a synthesised action; contacts are none of them."""
+    if wish.source != "kinematic" or wish.known is not None or wish.action not in ACTIONS:
+        return []
+    parts = [part for part in PARTS if not part.endswith("arm")]
+    if not ACTIONS[wish.action].periodic:
+        parts = list(PARTS)
+    elif wish.action not in GESTURES:
+        return []
+    elif wish.draft is not None:
+        draft = wish.draft
+        parts.append(min(("left_arm", "right_arm"), key=lambda arm: float(draft[:, PARTS[arm]].std(axis=0).max())))
+    return [c for part in parts for c in PARTS[part] if not CONTACTS.start <= c < CONTACTS.stop]
 
 
 def conditions_of(model: MotionModel, wishes: Sequence[Wish], frames: int) -> Conditions:

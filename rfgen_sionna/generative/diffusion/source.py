@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_grid
-from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, working_hand
+from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
@@ -227,8 +227,9 @@ class DiffusionSource:
         said = self.read(prompt)
         for sentence in said.warnings:
             _LOG.warning(sentence)
-        # what isn't known is asked for by the nearest action's own words
-        words = prompt if said.known or said.action not in CLAUSES else canonical(said.action, said.hand)
+        # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
+        plain = said.action in CLAUSES and (said.rephrase or not said.known)
+        words = canonical(said.action, said.hand) if plain else prompt
         action = said.action
         # what words leave open is drawn; a draft shows one action and can't be left open itself
         left = self._left_open(said, negative) if negative.strip() else said.alternatives if drafted else []
@@ -253,7 +254,7 @@ class DiffusionSource:
             seed,
             self.model.hands,
             hand=said.hand,
-            speed=speed * said.pace,
+            speed=drawn_pace(seed, speed * said.pace),
         )
         return replace(wish, draft=rows, beat=beat_of(self.model, wish, rows))
 

@@ -9,6 +9,7 @@ import torch
 
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.text import HANDS, TextEncoder, stem, tokenise, words
+from rfgen_sionna.generative.diffusion.word_order import hand_named, told_by_words
 from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, OPEN_CLAUSES, PACES, SUBJECTS
 
 _PLAIN = frozenset(
@@ -56,6 +57,8 @@ class Understanding:
     unknown: tuple[str, ...] = ()
     """Content words that no training sentence had."""
     warnings: tuple[str, ...] = field(default=())
+    rephrase: bool = False
+    """Whether the sentence encoder missed which hand or which way is meant, so that plainer words serve it better."""
 
     @property
     def alternatives(self) -> list[tuple[str, float]]:
@@ -92,14 +95,22 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         chance, arms, hand, pace = (
             head(pooled)[0].softmax(-1) for head in (text.action, text.arms, text.hand, text.pace)
         )
-    order = chance.argsort(descending=True).tolist()
-    action, share = text.actions[order[0]], float(chance[order[0]])
-    options = tuple(text.actions[i] for i in order[:6] if float(chance[i]) > 0.15 * share)
+    every = {a: float(c) for a, c in zip(text.actions, chance, strict=True)}
+    said_hand = HANDS[int(hand.argmax())]
+    order = sorted(every, key=lambda a: -every[a])
+    action, share = order[0], every[order[0]]
+    options = tuple(a for a in order[:6] if every[a] > 0.15 * share)
+    together = sum(every[a] for a in options)
+    told = told_by_words(prompt, every)
+    # the encoder's hand is that of the swipe's way as often as not
+    named = hand_named(prompt) if action.startswith("swipe") else ""
+    rephrase = told not in ("", action) or named not in ("", said_hand)
+    if told:
+        action, options, share = told, (told,), together
     beside = int(arms.argmax())
     content = [w for w in said if w not in _PLAIN and not w.isdigit()]
     unknown = tuple(w for w in content if stem(w) not in known_stems)
     warnings: tuple[str, ...] = ()
-    together = sum(float(chance[text.actions.index(a)]) for a in options)
     if together < _SURE or (content and 2 * len(unknown) >= len(content)):
         strange = f" ({', '.join(map(repr, unknown))} unknown)" if unknown else ""
         warnings = (f"prompt: {prompt!r} is outside what the model has learned{strange}; nearest action: {action}",)
@@ -108,10 +119,11 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         action,
         share,
         text.actions[beside] if beside < len(text.actions) and float(arms[beside]) > 0.5 else "",
-        HANDS[int(hand.argmax())],
+        named or said_hand,
         _PACE[int(pace.argmax())] if float(pace.max()) > 0.6 else 1.0,
         options,
-        tuple(float(chance[text.actions.index(a)]) for a in options),
+        (share,) if told else tuple(every[a] for a in options),
         unknown,
         warnings,
+        rephrase,
     )

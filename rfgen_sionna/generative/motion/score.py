@@ -190,7 +190,7 @@ class Score:
         collar, shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("collar", "shoulder", "elbow", "wrist"))
         mirror = np.array([1.0, s, 1.0])
         chest = g[:, JOINT["spine3"]]
-        direction = normalised(_clear_of_body(arm.direction, sk.arm_slope) * mirror)
+        direction = normalised(clear_of_body(arm.direction, sk.arm_slope) * mirror)
         pole = arm.pole * mirror
         place(f"{side}_collar")
         # scapular rhythm: the collar lifts with the arm beyond the horizontal and follows it forwards
@@ -232,7 +232,7 @@ class Score:
                 g[:, j] = g[:, PARENTS[j]] @ local
 
 
-def _clear_of_body(direction: FloatArray, slope: float) -> FloatArray:
+def clear_of_body(direction: FloatArray, slope: float) -> FloatArray:
     """Arm directions (n, 3), y outwards, of which those that hang lead outwards by at least `slope`."""
     u = normalised(direction)
     hanging = ease((-u[:, 2] - 0.7) / 0.25)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.diffusion.control import on_grid
-from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, phase_of
+from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, phase_of
 from rfgen_sionna.generative.diffusion.features import joint_positions, recentred
 from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
-from rfgen_sionna.generative.diffusion.sampling import Wish
+from rfgen_sionna.generative.diffusion.sampling import CUTOFFS, Sampler, Wish
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion.skeleton import JOINT
 
@@ -63,7 +63,7 @@ def test_motions_from_drafts_keep_their_rhythm_and_pace(source: DiffusionSource,
     scores, apart = [], []
     for seed in (1, 2):
         made = on_grid(source.generate(canonical(action, "right"), seed=seed), source.model.hands)
-        draft = draft_of((action,), 121, seed, source.model.hands, hand="right")
+        draft = draft_of((action,), 121, seed, source.model.hands, hand="right", speed=drawn_pace(seed))
         scores.append(rhythm_score(made, 20.0))
         mine, its = phase_of(made), phase_of(draft)
         assert mine is not None
@@ -108,3 +108,22 @@ def test_drafts_only_where_they_are_meant() -> None:
         DiffusionSource(refine=1.5)
     with pytest.raises(ValueError, match="manner: 'wild'; allowed are kinematic, mocap, any"):
         DiffusionSource(manner="wild")
+
+
+def test_people_differ_in_pace_unless_they_are_told_one() -> None:
+    free, slow = ([drawn_pace(seed, asked) for seed in range(200)] for asked in (1.0, 0.8))
+    assert min(free) == pytest.approx(0.75, abs=0.02)
+    assert max(free) == pytest.approx(1.3, abs=0.03)
+    assert 0.7 < min(slow) < max(slow) < 0.9
+    assert np.exp(np.mean(np.log(slow))) == pytest.approx(0.8, abs=0.02)
+
+
+def test_who_holds_a_pose_does_not_tremble(source: DiffusionSource) -> None:
+    """Nor does the head of who makes a gesture."""
+    shaky = DiffusionSource(sampler=Sampler(cutoff=CUTOFFS["kinematic"]))
+    for action, joints in (("t_pose", slice(None)), ("push", [JOINT["left_knee"], JOINT["head"]])):
+        calm, before = (
+            np.abs(np.diff(joint_positions(on_grid(s(action, 3.0, 2), s.model.hands))[:, joints], n=3, axis=0)).mean()
+            for s in (source, shaky)
+        )
+        assert calm < 0.3 * before
