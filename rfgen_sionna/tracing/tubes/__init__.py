@@ -1,0 +1,20 @@
+"""The ray mode: tubes of rays that leave the radar, are reflected or go through slabs, and are integrated where they
+land.
+
+It shares the scene, the materials and the closed-form means over triangles with the facet tracer, and nothing else:
+neither facets nor mirrors, visibility, expansions or Fresnel code. So it is a second opinion, and it has what the
+facet tracer lacks: bounces from one bent surface to another, of any number, and with a radar that moves.
+
+==============  =====================================================================================================
+module          what
+==============  =====================================================================================================
+`lattice`       directions as whole numbers on an octahedron, so that neighbours share rays
+`skin`          the smooth surface under the mesh: where rays meet it, its normal and how it bends
+`hits`          rays followed from hit to hit, each traced once
+`sampling`      where more rays go: the tubes, cut where what they hit changes
+`media`         Fresnel's coefficients and slabs, in NumPy
+`passage`       field and path length from an element to a point by way of bent mirrors
+`footprints`    integrals over where tubes land, for every element pair over the band
+`shoot`         all of it, to paths
+==============  =====================================================================================================
+"""

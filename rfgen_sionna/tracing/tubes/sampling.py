@@ -1,0 +1,273 @@
+"""RF adaptive sampling: guiding rays, then more where they are needed.
+
+A tube is divided in four
+
+* while what its seven rays (corners, middles of the edges, centre) hit differs, or their distances differ by more than
+  `UNEVEN`, unless its return is below the tolerance or the rim can be cut by a straight line;
+* where the path length through its centre, or its slope at a corner, is not what the quadratic through the other six
+  rays says, and its return is large enough for that to matter;
+* where it holds vertices of something seen so small that no guiding ray need have met it.
+
+Uniform sampling, to compare with, has tubes of one size, and at rims gives all of a tube to what its centre hits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.tracing.tubes import lattice
+from rfgen_sionna.tracing.tubes.cutting import MOST_HALVINGS, cut, with_middles
+from rfgen_sionna.tracing.tubes.footprints import ENDS
+from rfgen_sionna.tracing.tubes.guides import Marks
+from rfgen_sionna.tracing.tubes.hits import Hits, Index
+
+UNEVEN = 0.05
+"""Difference of neighbouring rays' distances, relative, that calls for more rays."""
+NARROW = 0.25
+"""Tubes whose footprint is narrower than this are not divided any further [wavelengths]."""
+RIM = 0.3
+"""What the return of a tube that hits two things may be off by, before it is cut, relative to itself."""
+WIDEST = 2.0
+"""Longest way in or out of a footprint, in wavelengths of the sampled bandwidth: beyond, gains change too fast over
+the band to be told by a few frequencies."""
+MOST_ROUNDS = 14
+MOST_TUBES = 2_000_000
+"""Tubes of one bounce; where more are asked for the tolerance is given up."""
+
+Level = Callable[[Hits, Index], ComplexArray]
+"""Hits and rows (tube, 6) to the return (tube,) of each footprint."""
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Tubes that each hit one thing."""
+
+    corners: lattice.Nodes
+    """(piece, 3, 3)"""
+    rows: Index
+    """(piece, 6) rows of the hits."""
+    error: FloatArray
+    """(piece,) estimated error of the return of each, absolute."""
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+    def take(self, chosen: NDArray[np.bool_]) -> Pieces:
+        return Pieces(self.corners[chosen], self.rows[chosen], self.error[chosen])
+
+    @staticmethod
+    def joined(parts: list[Pieces]) -> Pieces:
+        if not parts:
+            return Pieces(np.zeros((0, 3, 3), np.int64), np.zeros((0, 6), np.intp), np.zeros(0))
+        return Pieces(
+            np.concatenate([each.corners for each in parts]),
+            np.concatenate([each.rows for each in parts]),
+            np.concatenate([each.error for each in parts]),
+        )
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """How tubes are divided."""
+
+    level: Level
+    frequency: float
+    """[Hz]"""
+    bandwidth: float
+    """[Hz]"""
+    group: IntArray
+    """(surface,) surfaces whose returns are accurate together: all static ones, each actor."""
+    rtol: float
+    uniform: bool = False
+    scale: FloatArray | None = None
+    """(group,) returns that the tolerance is relative to, where a group's own is less."""
+    marks: Marks | None = None
+    """What tubes must not miss."""
+
+    def land(self, hits: Hits, cells: lattice.Nodes, level: int) -> Pieces:
+        """The pieces into which tubes `cells` (tube, 3, 3), of a lattice's `level`, come to land."""
+        if self.uniform:
+            return self._at_once(hits, cells)
+        groups = int(self.group.max(initial=0)) + 1
+        done: list[Pieces] = []
+        total, power, count = np.zeros(groups, np.complex128), np.zeros(groups), np.zeros(groups)
+        for turn in range(MOST_ROUNDS):
+            if len(cells) == 0:
+                break
+            found = self._look(hits, cells)
+            a, group = found.a, np.where(found.whose >= 0, self.group[found.whose], 0)
+            now = total + _sum(group, a, groups)
+            scale = np.maximum(np.abs(now), 0.03 * np.sqrt(power + np.bincount(group, np.abs(a) ** 2, groups)))
+            if self.scale is not None:
+                scale = np.maximum(scale, self.scale)
+            shares = np.maximum(count + np.bincount(group, (np.abs(a) > 0).astype(float), groups), 100.0)
+            allowed = (0.5 * self.rtol * scale / np.sqrt(shares))[group]
+            last = turn >= MOST_ROUNDS - 1 or len(cells) > MOST_TUBES
+            marked = np.zeros(len(cells), np.bool_)
+            if self.marks is not None and not last:
+                first = hits.before is None
+                marked = self.marks.first(cells, level + turn) if first else self.marks.later(hits, cells)
+            whole = found.whole & ((found.error <= allowed) | (found.width < NARROW)) & ~marked
+            rim = ~found.whole & ~found.empty & ~marked
+            ready = rim & ((found.error <= 30 * allowed) | (found.width < NARROW))
+            if last:
+                whole, ready = found.whole, ~found.whole & ~found.empty
+            chosen = np.flatnonzero(whole)
+            done.append(Pieces(cells[chosen], found.rows[chosen, :6], found.error[chosen]))
+            total += _sum(group[chosen], a[chosen], groups)
+            power += np.bincount(group[chosen], np.abs(a[chosen]) ** 2, groups)
+            count += np.bincount(group[chosen], (np.abs(a[chosen]) > 0).astype(float), groups)
+            again = ~found.empty & ~whole
+            at = np.flatnonzero(ready)
+            if len(at):
+                pieces, fine = self._cut(hits, cells[at], found, at, allowed[at], last)
+                own = np.where(hits.surface[pieces.rows[:, 0]] >= 0, self.group[hits.surface[pieces.rows[:, 0]]], 0)
+                b = self.level(hits, pieces.rows)
+                total += _sum(own, b, groups)
+                power += np.bincount(own, np.abs(b) ** 2, groups)
+                count += np.bincount(own, (np.abs(b) > 0).astype(float), groups)
+                done.append(pieces)
+                again[at[fine]] = False
+            if not last:
+                again |= marked
+            cells = lattice.quarters(cells[again])
+        return Pieces.joined(done)
+
+    def _look(self, hits: Hits, cells: lattice.Nodes) -> _Seen:
+        nodes = np.concatenate([with_middles(cells), lattice.centre(cells)[:, None]], axis=1)
+        rows = hits.rows(nodes.reshape(-1, 3)).reshape(-1, 7)
+        sign = hits.sign[rows]
+        whole, empty = (sign == sign[:, :1]).all(axis=1), (sign == 0).all(axis=1)
+        whole &= ~empty
+        # Of tubes that hit several things, that which the centre hits, or any ray, as if it were all of it.
+        like = np.where(sign[:, 6] != 0, 6, np.argmax(sign != 0, axis=1))
+        rest = np.flatnonzero(~whole & ~empty)
+        own = np.take_along_axis(sign, like[:, None], axis=1)
+        tube, node = np.nonzero(sign[rest] != own[rest])
+        rows = rows.copy()
+        if len(tube):
+            at = rest[tube]
+            rows[at, node] = hits.extended(nodes[at, node], rows[at, like[at]])
+        found = self.level(hits, rows[:, :6])
+        found[empty] = 0.0
+        point, leg, length = hits.point[rows], hits.leg[rows], hits.length[rows]
+        span = np.sqrt(((point[:, :3] - point[:, [1, 2, 0]]) ** 2).sum(axis=2)).max(axis=1)
+        out = np.sqrt(((point - hits.setting.source) ** 2).sum(axis=2))
+        way = length + out
+        k = 2 * np.pi * self.frequency / SPEED_OF_LIGHT
+        expected = 4 / 9 * way[:, 3:6].sum(axis=1) - way[:, :3].sum(axis=1) / 9
+        phase = k * np.maximum(np.abs(way[:, 6] - expected), _cubic(hits, rows, way, point))
+        gap = np.sqrt(
+            ((4 / 9 * point[:, 3:6].sum(axis=1) - point[:, :3].sum(axis=1) / 9 - point[:, 6]) ** 2).sum(axis=1)
+        )
+        nearest = np.maximum(leg.min(axis=1), 1e-9)
+        size = np.abs(found)
+        error = size * np.minimum(0.5 * phase, 1.0)
+        # A jump in depth within one sheet, or distances that differ too much for the tube to be told by seven rays.
+        torn = whole & (gap > 0.1 * span)
+        uneven = whole & (leg.max(axis=1) - nearest > UNEVEN * nearest)
+        long = np.ptp(way, axis=1) > WIDEST * SPEED_OF_LIGHT / max(self.bandwidth, 1.0)
+        width = span * self.frequency / SPEED_OF_LIGHT
+        spread = k * np.ptp(way, axis=1)
+        bound = self._bound(hits, nodes, rows) / (1.0 + 0.5 * spread)
+        most = np.maximum(size, bound)
+        error = np.where(torn | ~whole, RIM * most, error)
+        error = np.where(uneven | long, np.maximum(error, 0.05 * size), error)
+        whose = hits.surface[np.take_along_axis(rows, like[:, None], axis=1)[:, 0]]
+        return _Seen(rows, sign, whole, empty, found, error, width, whose, most, spread)
+
+    def _bound(self, hits: Hits, nodes: lattice.Nodes, rows: Index) -> FloatArray:
+        """(tube,) what footprints would return if all of it were in phase and the surface a conductor: by conservation
+        of energy sqrt(solid angle x area across) / (4 pi distance)."""
+        ray = lattice.directions(nodes[:, :3], hits.setting.rotation)
+        point = hits.point[rows[:, :3]]
+
+        def area(place: FloatArray) -> FloatArray:
+            across = np.cross(place[:, 1] - place[:, 0], place[:, 2] - place[:, 0])
+            return np.asarray(0.5 * np.sqrt((across**2).sum(axis=1)))
+
+        cos = np.abs(np.einsum("tni,tni->tn", hits.ray[rows[:, :3]], hits.normal[rows[:, :3]])).mean(axis=1)
+        back = np.maximum(np.sqrt(((point.mean(axis=1) - hits.setting.source) ** 2).sum(axis=1)), 1e-3)
+        power = hits.power[rows[:, :3]].mean(axis=1)
+        return np.asarray(np.sqrt(power * area(ray) * area(point) * cos) / (4 * np.pi * back))
+
+    def _cut(
+        self, hits: Hits, cells: lattice.Nodes, found: _Seen, at: Index, allowed: FloatArray, last: bool
+    ) -> tuple[Pieces, NDArray[np.bool_]]:
+        """Pieces of the tubes `at` whose cuts are fine, and which those are."""
+        narrow, most = found.width[at] < NARROW, RIM * found.most[at]
+        # A rim out of place by a share of the width takes that share of the phase with it.
+        turn = np.maximum(found.spread[at], 1.0)
+        halvings = np.ceil(np.log2(np.maximum(2.0 * most * turn / np.maximum(allowed, 1e-300), 4.0)))
+        made = cut(hits, cells, found.sign[at], halvings.clip(2, MOST_HALVINGS).astype(np.int64))
+        error = most * np.minimum(made.off * turn, 1.0)
+        fine = (error <= allowed) | narrow | last
+        kept = fine[made.tube]
+        nodes, tube = made.nodes[kept], made.tube[kept]
+        rows = fitting(hits, nodes, made.sign[kept])
+        share = error[tube] / np.maximum(np.bincount(tube, minlength=len(at))[tube], 1)
+        return Pieces(nodes[:, :3], rows, share), fine
+
+    def _at_once(self, hits: Hits, cells: lattice.Nodes) -> Pieces:
+        found = self._look(hits, cells)
+        middle = found.whole | (found.sign[:, 6] != 0)
+        return Pieces(cells[middle], found.rows[middle, :6], found.error[middle])
+
+    def within(self, scale: FloatArray) -> Sampler:
+        """The same with another `scale` (group,), for what comes after the first hits."""
+        return replace(self, scale=scale)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    rows: Index
+    sign: NDArray[np.int64]
+    whole: NDArray[np.bool_]
+    empty: NDArray[np.bool_]
+    a: ComplexArray
+    error: FloatArray
+    width: FloatArray
+    """(tube,) longest edge [wavelengths]."""
+    whose: IntArray
+    """(tube,) surface, -1 for none."""
+    most: FloatArray
+    """(tube,) largest return of a part of it."""
+    spread: FloatArray
+    """(tube,) by how much the phase differs over it [rad]."""
+
+
+def _cubic(hits: Hits, rows: Index, way: FloatArray, point: FloatArray) -> FloatArray:
+    """(tube,) by how much path lengths along edges are off the parabola through three nodes, at most [m]: from their
+    slopes at the corners, which are known from the rays' directions."""
+    back = point - hits.setting.source
+    slope = hits.ray[rows] + back / np.maximum(np.sqrt((back**2).sum(axis=2, keepdims=True)), 1e-9)
+    most = np.zeros(len(rows))
+    for middle, ends in enumerate(ENDS, start=3):
+        for start, end in (ends, ends[::-1]):
+            step = 4 * point[:, middle] - 3 * point[:, start] - point[:, end]
+            missed = 4 * way[:, middle] - 3 * way[:, start] - way[:, end]
+            missed = missed - np.einsum("ti,ti->t", slope[:, start], step)
+            most = np.maximum(most, 0.096 * np.abs(missed))  # the largest value of x (x - 1/2) (x - 1), twice
+    return most
+
+
+def fitting(hits: Hits, nodes: lattice.Nodes, sign: NDArray[np.int64]) -> Index:
+    """(tube, 6) rows at the nodes (tube, 6, 3) of tubes that hit `sign` (tube,); where a ray hits something else, on
+    the surface around the first corner that doesn't."""
+    rows = hits.rows(nodes.reshape(-1, 3)).reshape(-1, 6)
+    right = hits.sign[rows] == sign[:, None]
+    like = np.take_along_axis(rows, np.argmax(right, axis=1)[:, None], axis=1)[:, 0]
+    tube, node = np.nonzero(~right & right.any(axis=1)[:, None])
+    if len(tube):
+        rows = rows.copy()
+        rows[tube, node] = hits.extended(nodes[tube, node], like[tube])
+    return rows
+
+
+def _sum(group: NDArray[np.intp], a: ComplexArray, count: int) -> ComplexArray:
+    return np.asarray(np.bincount(group, a.real, count) + 1j * np.bincount(group, a.imag, count))

@@ -1,0 +1,185 @@
+"""The smooth surface under a mesh, for rays: where they meet it, its normal there and how it bends.
+
+Mitsuba tells the triangle that a ray hits, in single precision. Here the ray meets the quadratic patch over that
+triangle (:mod:`rfgen_sionna.tracing.smooth`) in double precision. Faces that join smoothly are one *sheet*: tubes are
+whole where all of their rays hit the same sheets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.faceting import SMOOTH
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.smooth import edge_rises
+from rfgen_sionna.tracing.surfaces import Surface
+
+_FLAT = 1e-3
+"""Sheets whose faces turn by less [rad] are plane."""
+_WELD = 1e-6
+"""Vertices closer than this [m] are one, as far as neighbours are concerned."""
+
+
+@dataclass(frozen=True)
+class Met:
+    """Where rays meet the smooth surface."""
+
+    point: FloatArray
+    """(ray, 3) [m]"""
+    normal: FloatArray
+    """(ray, 3) unit vector towards where the ray comes from."""
+    bend: FloatArray
+    """(ray, 3, 3) how the normal turns along the surface [1/m]: positive where it bulges towards the ray's source."""
+    weights: FloatArray
+    """(ray, 3) barycentric coordinates, which may lie a little outside of the face."""
+
+
+@dataclass(frozen=True)
+class Skin:
+    """All faces of a scene at an instant, numbered as in the ray scene."""
+
+    corners: FloatArray
+    """(facet, 3, 3) [m]"""
+    normals: FloatArray
+    """(facet, 3, 3) unit normals at the corners."""
+    rises: FloatArray
+    """(facet, 3, 3) by how much the middle of the edge opposite each corner lies off its chord [m]."""
+    bends: FloatArray
+    """(facet, 3, 3, 3) how the normal turns at each corner [1/m]."""
+    sheet: IntArray
+    """(facet,) number of the smooth sheet."""
+    plane: NDArray[np.bool_]
+    """(sheet,) whether it is flat."""
+    size: FloatArray
+    """(sheet,) its middle extent [m]: the width of what is long, the diameter of what is round."""
+
+    @staticmethod
+    def of(surfaces: Sequence[Surface], vertices: Sequence[FloatArray]) -> Skin:
+        """Of `surfaces` whose vertices (vertex, 3) stand at `vertices` [m]."""
+        parts = [
+            _skin(surface, np.asarray(points, np.float64)) for surface, points in zip(surfaces, vertices, strict=True)
+        ]
+        first = np.cumsum([0] + [len(part.plane) for part in parts])
+        return Skin(
+            np.concatenate([part.corners for part in parts]),
+            np.concatenate([part.normals for part in parts]),
+            np.concatenate([part.rises for part in parts]),
+            np.concatenate([part.bends for part in parts]),
+            np.concatenate([part.sheet + at for part, at in zip(parts, first, strict=False)]).astype(np.int32),
+            np.concatenate([part.plane for part in parts]),
+            np.concatenate([part.size for part in parts]),
+        )
+
+    def meet(self, origins: FloatArray, rays: FloatArray, facet: NDArray[np.int64], weights: FloatArray) -> Met:
+        """Where rays from `origins` (ray, 3) [m] along unit vectors (ray, 3) meet the patches of faces `facet` (ray,),
+        which they hit at barycentric coordinates `weights` (ray, 3) in single precision."""
+        p, rise = self.corners[facet], self.rises[facet]
+        w1, w2 = weights[:, 1].copy(), weights[:, 2].copy()
+        start = np.einsum("rc,rci->ri", weights, p)
+        t = np.einsum("ri,ri->r", start - origins, rays)
+        for _ in range(3):
+            w0 = 1.0 - w1 - w2
+            point = w0[:, None] * p[:, 0] + w1[:, None] * p[:, 1] + w2[:, None] * p[:, 2]
+            point += 4.0 * (
+                (w1 * w2)[:, None] * rise[:, 0] + (w2 * w0)[:, None] * rise[:, 1] + (w0 * w1)[:, None] * rise[:, 2]
+            )
+            along = (
+                p[:, 1] - p[:, 0] + 4.0 * (w2[:, None] * (rise[:, 0] - rise[:, 1]) + (w0 - w1)[:, None] * rise[:, 2])
+            )
+            across = (
+                p[:, 2] - p[:, 0] + 4.0 * (w1[:, None] * (rise[:, 0] - rise[:, 2]) + (w0 - w2)[:, None] * rise[:, 1])
+            )
+            miss = origins + t[:, None] * rays - point
+            # Cramer's rule for along a + across b - ray c = miss.
+            normal = np.cross(along, across)
+            facing = np.einsum("ri,ri->r", normal, rays)
+            scale = lengths(normal)
+            usable = np.abs(facing) > 1e-6 * np.maximum(scale, 1e-300)
+            inverse = np.where(usable, 1.0 / np.where(usable, facing, 1.0), 0.0)
+            forward = -np.einsum("ri,ri->r", normal, miss) * inverse
+            rest = miss + forward[:, None] * rays
+            square = np.maximum(scale**2, 1e-300)
+            step1 = np.einsum("ri,ri->r", np.cross(rest, across), normal) / square
+            step2 = np.einsum("ri,ri->r", np.cross(along, rest), normal) / square
+            wild = np.maximum(np.abs(step1), np.abs(step2)) > 0.5  # at grazing incidence patches may not be met at all
+            step1, step2, forward = (np.where(wild, 0.0, each) for each in (step1, step2, forward))
+            w1, w2, t = w1 + step1, w2 + step2, t + forward
+        w = np.stack([1.0 - w1 - w2, w1, w2], axis=1)
+        point = origins + t[:, None] * rays
+        normal = np.einsum("rc,rci->ri", w, self.normals[facet])
+        normal /= np.maximum(lengths(normal), 1e-300)[:, None]
+        side = -np.sign(np.einsum("ri,ri->r", normal, rays))
+        side[side == 0] = 1.0
+        bend = np.einsum("rc,rcij->rij", w, self.bends[facet]) * side[:, None, None]
+        normal = normal * side[:, None]
+        flat = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+        return Met(point, normal, flat @ bend @ flat, w)
+
+
+def _skin(surface: Surface, vertices: FloatArray) -> Skin:
+    faces = surface.faces
+    corners = vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face_normal = cross / np.maximum(lengths(cross), 1e-300)[:, None]
+    sheet = _sheets(vertices, faces, face_normal)
+    count = int(sheet.max()) + 1
+    if surface.smooth is None:
+        normals = np.repeat(face_normal[:, None], 3, axis=1)
+        rises, bends = np.zeros_like(corners), np.zeros((len(faces), 3, 3, 3))
+    else:
+        normals = surface.smooth.normals(vertices, faces)
+        rises = edge_rises(corners, normals)
+        bends = _bends(corners, normals, face_normal)
+        weight = lengths(cross)
+        # Of all faces around a corner, by area: the same from face to face.
+        spread = surface.smooth.gather
+        total = spread @ np.repeat((weight[:, None, None] * bends).reshape(-1, 9), 3, axis=0)
+        total /= np.maximum(spread @ np.repeat(weight, 3), 1e-300)[:, None]
+        bends = total[surface.smooth.group].reshape(len(faces), 3, 3, 3)
+    turn = np.ones(count)
+    first = np.zeros((count, 3))
+    first[sheet[::-1]] = face_normal[::-1]
+    for corner in range(3):
+        np.minimum.at(turn, sheet, np.abs(np.einsum("fi,fi->f", first[sheet], normals[:, corner])))
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    for corner in range(3):
+        np.minimum.at(low, sheet, corners[:, corner])
+        np.maximum.at(high, sheet, corners[:, corner])
+    size = np.sort(high - low, axis=1)[:, 1]
+    return Skin(corners, normals, rises, bends, sheet, turn > np.cos(_FLAT), size)
+
+
+def _bends(corners: FloatArray, normals: FloatArray, across: FloatArray) -> FloatArray:
+    """(face, 3, 3) symmetric tensors that take steps along a face to how much the normal turns."""
+    edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    turns = np.stack([normals[:, 1] - normals[:, 0], normals[:, 2] - normals[:, 0]], axis=2)
+    gram = edges.transpose(0, 2, 1) @ edges
+    determinant = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
+    thin = determinant <= 1e-12 * (gram[:, 0, 0] * gram[:, 1, 1] + 1e-300)
+    gram[thin] = np.eye(2)
+    dual = edges @ np.linalg.inv(gram)
+    flat = np.eye(3) - across[:, :, None] * across[:, None, :]
+    found = flat @ turns @ dual.transpose(0, 2, 1)
+    found[thin] = 0.0
+    return np.asarray(0.5 * (found + found.transpose(0, 2, 1)))
+
+
+def _sheets(vertices: FloatArray, faces: IntArray, normals: FloatArray) -> IntArray:
+    """(face,) number of the sheet: faces that turn by less than `SMOOTH` over a shared edge belong together."""
+    _, welded = np.unique(np.round(vertices / _WELD).astype(np.int64), axis=0, return_inverse=True)
+    edges = np.sort(welded.reshape(-1)[faces][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).astype(np.int64)
+    key = edges[:, 0] * len(vertices) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, other = order[same] // 3, order[same + 1] // 3
+    joined = np.abs(np.einsum("ei,ei->e", normals[one], normals[other])) > np.cos(SMOOTH)
+    one, other = one[joined], other[joined]
+    links = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(len(faces), len(faces)))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int32)
