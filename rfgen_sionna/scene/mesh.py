@@ -27,6 +27,11 @@ def lengths(vectors: FloatArray) -> FloatArray:
     return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
 
 
+def columns(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """(axis, corner, face) positions of the faces' corners, axis by axis: long rows are quick to reckon with."""
+    return np.asarray(np.ascontiguousarray(vertices.T)[:, faces.T])
+
+
 def middles(corners: FloatArray) -> FloatArray:
     """(..., 3) centroids of triangles (..., corner, 3)."""
     return np.asarray(np.einsum("...ci->...i", corners) / 3.0)

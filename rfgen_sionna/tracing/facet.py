@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.arrays import drjit_types, upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, media_of_lanes, transverse
-from rfgen_sionna.tracing.quadratic import Quadratic, flattened, lattice_triangle, summed
+from rfgen_sionna.tracing.quadratic import Quadratic, flattened, lattice_triangle, number_of_terms, pairs, summed
 from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Slab, Slabs, bulk_length, slabs_of_lanes
@@ -62,7 +62,8 @@ class FacetGains:
     tau: FloatArray
     """(node, facet) delay by way of that point [s]."""
     slopes: ComplexArray | None = None
-    """(way, node, facet) of the gains over the wavenumber [m] and over the `axes`, if they were asked for."""
+    """(slope, node, facet) of the gains over the wavenumber [m], over the `axes` and, second ones, over each two of
+    them, if they were asked for."""
 
 
 def facet_gains(
@@ -113,8 +114,8 @@ def facet_gains(
         What Tx and Rx see the facets through, if anything; it may not go together with mirrors. Delays hold that of the
         slabs' bulk.
     axes
-        (axis, 3) displacements [m] of Tx and Rx together, their sum, over which slopes of the gains are asked for; they
-        leave out how obliquity, Fresnel coefficients and polarisation change. Neither with mirrors nor with slabs.
+        (axis, 3) displacements [m] of Tx and Rx together, their sum, over which slopes of the gains are asked for.
+        Neither with mirrors nor with slabs.
 
     Notes
     -----
@@ -156,7 +157,8 @@ def facet_gains(
     middle = (p[0] + p[1] + p[2]) / 3.0
     origin = middle if reference is None else vector(np.reshape(reference, (-1, 3)), facet)
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
-    away = dr.dot(cross, middle - t) > 0
+    # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
+    away = dr.dot(cross, middle if bend is not None and via is None else middle - t) > 0
     cross = dr.select(away, -cross, cross)
     rises = None
     if bend is not None:
@@ -204,7 +206,7 @@ def facet_gains(
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
         total = whole(np.asarray(parts) ** 2, facet)
-        terms = summed(dr, Float, total, step, 1 if axes is None else 2 + len(axes), len(lane))
+        terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
     length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
     dr.eval(*flattened(terms), length)
     a = np.empty((len(terms), *shape), dtype=np.complex128)
@@ -279,9 +281,8 @@ def _triangle(
     usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
     spread = dr.select(usable, distance_tx * distance_rx, 1.0)
     k_in, k_out = from_tx / dr.maximum(distance_tx, 1e-30), to_rx / dr.maximum(distance_rx, 1e-30)
-    usable &= (dr.dot(normal, r - centre) > 0) & (
-        dr.dot(normal, centre - t) < 0
-    )  # an element in the facet's plane, the other behind it
+    if rises is None:  # an element in the facet's plane, the other behind it
+        usable &= (dr.dot(normal, r - centre) > 0) & (dr.dot(normal, centre - t) < 0)
 
     lengths = [excess(corner, centre) for corner in p]
     # By how much a linear phase through the corners lies above the true one in the middle of each edge.
@@ -327,6 +328,9 @@ def _triangle(
             there = Way(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
             back = Way(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(dr, complex_type, surface.medium)
             more = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread) - half_way
+            if rises is not None:
+                faced = (dr.dot(facing, k_in) < 0) & (dr.dot(facing, k_out) > 0)
+                more = ComplexPair(dr.select(faced, more.re, 0.0), dr.select(faced, more.im, 0.0))
             strengths = [
                 each + (more if stretch is None else more.scaled(stretch))
                 for each, (_, _, stretch) in zip(strengths, places, strict=False)
@@ -342,8 +346,11 @@ def _triangle(
     else:
         terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways)
     if axes is not None:  # nearer is stronger
-        nearer = [dr.dot(middle - element, axis) / spread for axis in axes]
-        terms[2:] = [each + terms[0].scaled(more) for each, more in zip(terms[2:], nearer, strict=True)]
+        nearer, count = [dr.dot(middle - element, axis) / spread for axis in axes], len(axes)
+        first = terms[2 : 2 + count]
+        terms[2 : 2 + count] = [each + terms[0].scaled(more) for each, more in zip(first, nearer, strict=True)]
+        for k, (one, other) in enumerate(pairs(count), 2 + count):
+            terms[k] = terms[k] + first[one].scaled(nearer[other]) + first[other].scaled(nearer[one])
     factor = dr.select(usable, twice_area / (8.0 * dr.pi), 0.0)
     terms = [each.turned() for each in terms]
     terms = [

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
-from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.scene.mesh import columns, lengths, middles
 from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
@@ -109,8 +109,9 @@ def stack_facets(
         if curved:
             bends.append(piece.bend(points, surface.faces, surface.smooth))
             bent.append(np.full(len(c), surface.smooth is not None))
-        normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-        towards = np.einsum("fi,fi->f", normal, viewpoint - middles(c)) > 0
+        a, b, d = np.moveaxis(columns(points - viewpoint, surface.faces), 1, 0)
+        volume = sum(a[i] * (b[i - 2] * d[i - 1] - b[i - 1] * d[i - 2]) for i in range(3))
+        towards = np.asarray(volume < 0)[piece.face]
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
@@ -134,15 +135,15 @@ def stack_facets(
 def over_time(
     knots: FloatArray,
     instants: FloatArray,
-    gains: Sequence[ComplexArray],
+    gains: ComplexArray,
     delays: Callable[[float], FloatArray],
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Gain coefficients (order, tx, rx, facet, time), delays and their rates (tx, rx, facet, time) at the knots.
 
-    `gains` (order, tx, rx, facet) are those at each of the `instants` [s], `delays` gives them (tx, rx, facet) at a
-    time.
+    `gains` (order, tx, rx, facet, instant) are those at the `instants` [s], `delays` gives them (tx, rx, facet) at a
+    time; it is called for every knot.
     """
-    coefficients = np.stack(gains, axis=-1)
+    coefficients = gains
     if len(knots) > len(instants):
         coefficients = coefficients @ knot_weights(instants, knots).T
     tau = np.stack([delays(float(t)) for t in knots], axis=-1)

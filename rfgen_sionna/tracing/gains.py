@@ -1,12 +1,8 @@
 """Facet gains for every element pair over the sampled band, from as few integrals as they need.
 
 Without the propagation phase of its centroid a facet's gain changes little from one element to the next and over the
-band. So it is integrated at a few pairs and frequencies (nodes), and a polynomial through them gives the rest:
-
-    a(u, v, w) = sum_b c_b u^k v_y^m v_z^n w_y^p w_z^q
-
-in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight. With one
-polarisation on both sides reciprocity leaves even powers of w only.
+band. So it is integrated at a few places, and the rest follows (:mod:`rfgen_sionna.tracing.expansion`). With one
+polarisation on both sides reciprocity leaves even powers of the difference of Tx and Rx only.
 """
 
 from __future__ import annotations
@@ -25,11 +21,16 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
+from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weights
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
 
 MAX_ORDER = 8
+SLOPED = 0.2
+"""The same for one by slopes, which errs everywhere and not at single pairs alone."""
+TANGENTS = ((1, 1), (2, 1), (3, 2), (3, 3), (4, 4), (5, 5))
+"""Expansions by slopes, the cheapest first: coefficients over the band and nodes."""
 MAX_DEGREE = 6
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which gains are tried and returns compared."""
@@ -43,22 +44,27 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Expansion:
-    """How the gains of every pair over the band follow from those at a few nodes."""
+class _Probes:
+    """What an expansion is held against: exact gains of some pairs at places of the band."""
 
-    nodes: Nodes
-    order: int
-    """Number of coefficients over the band."""
-    weights: FloatArray
-    """(order, tx, rx, node) what takes gains at the nodes to coefficients of powers of u for every pair."""
-    basis: tuple[tuple[int, ...], ...]
-    """Exponents (u, v_y, v_z, w_y, w_z) that it was to have."""
+    u: FloatArray
+    """(probe,)"""
+    pairs: IntArray
+    """(probe,)"""
+    gains: ComplexArray
+    """(probe, facet)"""
+    phasors: ComplexArray
+    """(probe, facet) of the propagation, times the facets' weights."""
+    scale: float
+    """Return that errors are relative to."""
 
 
 class BandTracer:
     """Facet gains of one radar; positions are taken relative to its phase centre, which keeps their digits."""
 
     enough = ENOUGH
+    tangents = True
+    """Whether slopes of the gains can be had."""
 
     def __init__(self, radar: Radar, rtol: float, seed: int = 0) -> None:
         self.centre = radar.center_frequency
@@ -77,6 +83,12 @@ class BandTracer:
             for each in (tx + rx, tx - rx)
         )
         self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
+        # The middle of the array, and what a unit of the sum is.
+        middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
+        along = radar.tx_positions[:, 0].mean() + radar.rx_positions[:, 0].mean()
+        self._middle = self._tx.mean(axis=0), radar.rotation @ [along, *middle] - self._tx.mean(axis=0)
+        self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
+        self._axes = size * radar.rotation.T[1:][self._spanned]
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         self._powers = 2 if np.allclose(*self._fields) else 1
 
@@ -104,11 +116,14 @@ class BandTracer:
 
     def __call__(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
         """(order, tx, rx, facet) gains as polynomials in u; `materials` are those of the facets' surfaces."""
-        gains = self._gains(facets, materials, expansion.nodes).a
-        weights = expansion.weights.reshape(-1, len(gains))
+        return self.combined(expansion, self.values(facets, materials, expansion))
+
+    def combined(self, expansion: Expansion, values: ComplexArray) -> ComplexArray:
+        """(order, tx, rx, ...) gains as polynomials in u from (value, ...) what the `expansion` starts from."""
+        weights = expansion.weights.reshape(-1, len(values))
         # Real times complex as two real products side by side.
-        joined = weights @ gains.view(np.float64).reshape(len(gains), -1)
-        return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], len(facets))
+        joined = weights @ np.ascontiguousarray(values).view(np.float64).reshape(len(values), -1)
+        return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], *values.shape[1:])
 
     def expansion_for(
         self, facets: Facets, materials: tuple[Material, ...], weight: FloatArray, coherent: bool = True
@@ -127,12 +142,22 @@ class BandTracer:
             facets, weight = facets.take(strongest), weight[strongest]
         pairs = self._outermost()
         middle = np.zeros(len(pairs))
+        ends = np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
 
+        def probes(u: FloatArray, at: IntArray) -> _Probes:
+            return self._probes(facets, materials, weight, u, at, coherent)
+
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
-            return self._error(facets, materials, weight, u, at, self.expansion(basis), coherent) <= SHARE * self._rtol
+            return self._error(facets, materials, probes(u, at), self.expansion(basis)) <= SHARE * self._rtol
 
         first = np.zeros(len(PROBES), np.int32)
+        if self.tangents:
+            tried = [probes(PROBES, first), *([probes(ends, np.tile(pairs, 2))] if len(pairs) > 1 else [])]
+            for order_and_nodes in TANGENTS:
+                found = self.tangent(*order_and_nodes)
+                if all(self._error(facets, materials, each, found) <= SLOPED * self._rtol for each in tried):
+                    return found
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
             order += 1
         while degree < MAX_DEGREE and len(pairs) > 1 and not fits(middle, pairs, self._basis(1, degree, full=True)):
@@ -144,7 +169,6 @@ class BandTracer:
             )  # fmt: skip
             order = min(order, MAX_ORDER)
         basis = self._basis(order, degree, full=False)
-        ends = np.repeat([-1.0, 1.0], len(pairs))
         if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
             basis = self._basis(order, degree, full=True)
         return self.expansion(basis)
@@ -160,30 +184,47 @@ class BandTracer:
         at = np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32)
         return self._gains(facets, materials, self._nodes(u, at), parts)
 
-    def _error(
+    def values(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
+        """(value, facet) what the expansion starts from."""
+        if expansion.axes is None:
+            return self._gains(facets, materials, expansion.nodes).a
+        found = self._gains(facets, materials, expansion.nodes, axes=expansion.axes)
+        slopes = () if found.slopes is None else found.slopes
+        return np.concatenate([found.a, *slopes])
+
+    def _probes(
         self,
         facets: Facets,
         materials: tuple[Material, ...],
         weight: FloatArray,
         u: FloatArray,
         pairs: IntArray,
-        expansion: Expansion,
         coherent: bool,
-    ) -> float:
+    ) -> _Probes:
         exact = self._gains(facets, materials, self._nodes(u, pairs))
-        phasor = np.exp(-2j * np.pi * np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)) * weight
-        truth = (exact.a * phasor).sum(axis=1)
-        at_nodes = self._gains(facets, materials, expansion.nodes).a
-        found = np.vander(u, expansion.order, increasing=True)  # (probe, order)
-        rows = np.einsum("pk,kpn->pn", found, expansion.weights.reshape(expansion.order, -1, len(at_nodes))[:, pairs])
+        phasors = np.exp(-2j * np.pi * np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)) * weight
         single = np.abs(exact.a * weight)
-        scale = max(_rms(truth), CANCELLED * float(single.max(initial=0.0)))
+        scale = max(_rms((exact.a * phasors).sum(axis=1)), CANCELLED * float(single.max(initial=0.0)))
         if not coherent:
             scale = max(scale, float(np.sqrt((single**2).sum(axis=1).mean())))
-        return _rms(((rows @ at_nodes - exact.a) * phasor).sum(axis=1)) / scale if scale > 0 else 0.0
+        return _Probes(u, pairs, exact.a, phasors, scale)
+
+    def _error(self, facets: Facets, materials: tuple[Material, ...], probes: _Probes, expansion: Expansion) -> float:
+        """Relative error of the coherent sum at the probes."""
+        values = self.values(facets, materials, expansion)
+        found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
+        weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
+        rows = np.einsum("pk,kpn->pn", found, weights)
+        missed = ((rows @ values - probes.gains) * probes.phasors).sum(axis=1)
+        return _rms(missed) / probes.scale if probes.scale > 0 else 0.0
 
     def _gains(
-        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        nodes: Nodes,
+        parts: IntArray | None = None,
+        axes: FloatArray | None = None,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         parts = facets.parts if parts is None else parts
@@ -201,6 +242,7 @@ class BandTracer:
                 parts[index],
                 monostatic,
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,
+                axes=axes,
             )
 
         return by_curvature(facets.curved, len(nodes), of)
@@ -227,6 +269,15 @@ class BandTracer:
                 found.append((k, m, n, p, q))
         return found
 
+    def tangent(self, order: int, count: int) -> Expansion:
+        """From gains in the middle of the array and their slopes at `count` places of the band, `order` coefficients
+        over it."""
+        u = band_nodes(count)
+        nodes = Nodes(*(np.broadcast_to(each, (count, 3)) for each in self._middle), self.frequency(u))
+        wavenumbers = 2 * np.pi * self.half_band / SPEED_OF_LIGHT
+        weights = tangent_weights(order, count, self._sum[:, self._spanned], wavenumbers)
+        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), -1), axes=self._axes)
+
     def expansion(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
 
@@ -235,7 +286,7 @@ class BandTracer:
         """
         wanted = tuple(basis)
         order = 1 + max(each[0] for each in basis)
-        u = np.cos(np.pi * (np.arange(order) + 0.5) / order)
+        u = band_nodes(order)
         powers = np.vander(u, order, increasing=True)
         coordinates = np.hstack([self._sum, self._difference])
         spatial = {each[1:]: np.prod(coordinates ** np.array(each[1:]), axis=1) for each in basis}
@@ -264,12 +315,15 @@ def by_curvature(
     if curved is None or curved.all() or not curved.any():
         return gains(slice(None), curved is not None and bool(curved.any()))
     a = np.empty((nodes, len(curved)), np.complex128)
-    tau = np.empty(a.shape)
+    tau, slopes = np.empty(a.shape), None
     for which in (False, True):
         index = np.flatnonzero(curved == which)
         some = gains(index, which)
         a[:, index], tau[:, index] = some.a, some.tau
-    return FacetGains(a, tau)
+        if some.slopes is not None:
+            slopes = np.empty((len(some.slopes), *a.shape), np.complex128) if slopes is None else slopes
+            slopes[..., index] = some.slopes
+    return FacetGains(a, tau, slopes)
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

@@ -54,6 +54,7 @@ class ImageBand(BandTracer):
     """
 
     enough = 4000
+    tangents = False
 
     def __init__(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> None:
         super().__init__(radar, rtol)

@@ -128,7 +128,7 @@ class ImageReturns:
         curves = over_time(
             knots,
             instants,
-            gains,
+            np.stack(gains, axis=-1),
             lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), shown[middle]),
         )
         directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import finer, measure
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
@@ -117,18 +118,20 @@ class MovingParts:
                     veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
-            gains = [self._band(each, self._materials, expansion) for each in facets]
+            values = [self._band.values(each, self._materials, expansion) for each in facets]
             if self._turn % MEASURED_EVERY:
                 break
-            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains[middle])
+            gains = self._band.combined(expansion, values[middle])
+            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains)
             if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
-        for gain, each, there in zip(gains, seen, facets, strict=True):
-            gain *= each.fraction[kept]
+        shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
+        coefficients = self._band.combined(expansion, np.stack(values, axis=-1) * shares)
+        for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:
-                gain[0] += np.sqrt(each.fraction[kept]) * rough  # of energy, half of a facet returns half
-        paths = self._paths(knots, instants, positions, facets, gains, kept)
+                coefficients[0, ..., k] += np.sqrt(shares[:, k]) * rough  # of energy, half of a facet returns half
+        paths = self._paths(knots, instants, positions, facets, coefficients, kept)
         self._turn += 1
         error = max(self._last, self._error)
 
@@ -213,7 +216,8 @@ class MovingParts:
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed."""
-        before, self._last = np.inf, 0.0
+        tried: list[float] = []
+        self._last = 0.0
         for attempt in range(MAX_ROUNDS):
             seen = self._see(t, positions, rays)
             share = seen.fraction
@@ -236,9 +240,9 @@ class MovingParts:
             coarse = error > self._rtol
             if not coarse.any():
                 return expansion
-            # More of the same is no use where the error hardly falls.
-            worst_before, before = before, float(error.max())
-            if before > 0.7 * worst_before:
+            # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
+            tried.append(float(error.max()))
+            if len(tried) > 2 and min(tried[-2:]) > 0.7 * tried[-3]:
                 break
             if attempt < MAX_ROUNDS - 1:
                 self._fineness[coarse] *= finer(error[coarse], self._rtol)
@@ -294,15 +298,21 @@ class MovingParts:
         instants: FloatArray,
         positions: Positions,
         facets: Sequence[Facets],
-        gains: Sequence[NDArray[np.complex128]],
+        gains: NDArray[np.complex128],
         kept: NDArray[np.intp],
     ) -> RadarPaths:
-        """Paths of the facets `kept`, with `gains` (order, tx, rx, facet) at each instant."""
-        curves = over_time(knots, instants, gains, lambda t: self._band.delays(self._centroids(positions(t), kept)))
+        """Paths of the facets `kept`, with `gains` (order, tx, rx, facet, instant)."""
         direction = np.empty((len(kept), len(knots), 3))
-        for k, t in enumerate(knots):
-            offset = self._centroids(positions(float(t)), kept) - self._viewpoint
-            direction[:, k] = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)
+        column = {float(t): k for k, t in enumerate(knots)}
+
+        def delays(t: float) -> FloatArray:
+            centroids = self._centroids(positions(t), kept)
+            if t in column:
+                offset = centroids - self._viewpoint
+                direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
+            return self._band.delays(centroids)
+
+        curves = over_time(knots, instants, gains, delays)
         return facet_paths(
             self._surfaces.moving,
             facets[0],

@@ -38,7 +38,8 @@ class Quadratic(NamedTuple):
         """Mean of w exp(-j k s), to first order in the sags; with `ways` its slopes as well.
 
         These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
-        something, that are added to s. Slopes leave the sags' change of slopes out.
+        something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
+        them the mean over the triangle is kept.
         """
         found = moments(dr, (wavenumber * self.lengths[0], wavenumber * self.lengths[1], wavenumber * self.lengths[2]))
         mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
@@ -58,17 +59,30 @@ class Quadratic(NamedTuple):
             return [total]
         strengths = [each + swell for each in self.strengths]
 
-        def slope(way: list[Any]) -> ComplexPair:
-            """-j <w s exp(-j k s)> for s as long as `way`."""
-            of_way = ComplexPair(0.0, 0.0)
-            for i in range(3):
-                k, m = (i + 1) % 3, (i + 2) % 3
-                moment = found.corner[i].scaled(way[i]) + edge[m].scaled(way[k] - way[i])
-                of_way = of_way + strengths[i].times(moment + edge[k].scaled(way[m] - way[i]))
-            return of_way.turned().scaled(-1.0)
+        def corners(way: list[Any]) -> list[ComplexPair]:
+            """<l_i s exp(-j k s)> for s as long as `way`."""
+            return [
+                found.corner[i].scaled(way[i])
+                + edge[i - 1].scaled(way[i - 2] - way[i])
+                + edge[i - 2].scaled(way[i - 1] - way[i])
+                for i in range(3)
+            ]
 
-        over_wavenumber = (slope(self.lengths) + bent).times(carrier) + total.turned().scaled(mean_sag)
-        return [total, over_wavenumber, *(slope(way).times(carrier).scaled(wavenumber) for way in ways)]
+        means = [wavenumber * (way[0] + way[1] + way[2]) / 3.0 for way in (self.lengths, *ways)]
+        moved = [corners(way) for way in (self.lengths, *ways)]
+        slopes = [
+            (bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)).times(carrier)
+            for mean, (a, b, c) in zip(means, moved, strict=True)
+        ]
+        over_wavenumber = bent.times(carrier) + (total.scaled(mean_sag) - slopes[0]).turned()
+        firsts = [each.turned().scaled(-wavenumber) for each in slopes[1:]]
+        seconds = []
+        for one, other in pairs(len(ways)):
+            a, b, c = (each.scaled(at) for each, at in zip(moved[1 + other], ways[one], strict=True))
+            second = (a + b + c).times(middle + swell).scaled(wavenumber)
+            second = second + bent.scaled(means[1 + one] * means[1 + other])
+            seconds.append(second.times(carrier).scaled(-wavenumber))
+        return [total, over_wavenumber, *firsts, *seconds]
 
     def mean_in_parts(
         self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None
@@ -103,18 +117,28 @@ class Quadratic(NamedTuple):
             found = [part.scaled(scale * scale) for part in piece.mean(dr, wavenumber, there)]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
-        return summed(dr, Float, parts * parts, step, 1 if ways is None else 2 + len(ways), dr.width(wavenumber))
+        return summed(dr, Float, parts * parts, step, number_of_terms(ways), dr.width(wavenumber))
 
 
-def flattened(terms: Sequence[ComplexPair]) -> list[Any]:
-    return [value for each in terms for value in each]
+def pairs(count: int) -> list[tuple[int, int]]:
+    """Which two of `count` ways second slopes are over."""
+    return [(one, other) for one in range(count) for other in range(one, count)]
 
 
-def summed(dr: Any, real: Any, total: Any, step: Any, terms: int, width: int) -> list[ComplexPair]:
-    """Sums of `terms` complex numbers over `step` (index, real and imaginary parts so far) from 0 to `total`."""
-    start = (dr.zeros(type(total), width), *(dr.zeros(real, width) for _ in range(2 * terms)))
+def number_of_terms(ways: Sequence[Any] | None) -> int:
+    """Length of what :meth:`Quadratic.mean` returns."""
+    return 1 if ways is None else 2 + len(ways) + len(pairs(len(ways)))
+
+
+def flattened(numbers: Sequence[ComplexPair]) -> list[Any]:
+    return [value for each in numbers for value in each]
+
+
+def summed(dr: Any, real: Any, total: Any, step: Any, count: int, width: int) -> list[ComplexPair]:
+    """Sums of `count` complex numbers over `step` (index, real and imaginary parts so far) from 0 to `total`."""
+    start = (dr.zeros(type(total), width), *(dr.zeros(real, width) for _ in range(2 * count)))
     _, *sums = dr.while_loop(start, lambda index, *_: index < total, step)
-    return [ComplexPair(*sums[k : k + 2]) for k in range(0, 2 * terms, 2)]
+    return [ComplexPair(*sums[k : k + 2]) for k in range(0, 2 * count, 2)]
 
 
 def lattice_triangle(dr: Any, index: Any) -> tuple[Any, Any, Any, Any]:

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import SMOOTH
-from rfgen_sionna.scene.mesh import face_normals, lengths
+from rfgen_sionna.scene.mesh import columns, face_normals, lengths
 
 _FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
@@ -42,18 +42,24 @@ class Smoothing:
         A face counts by sin / (|a| |b|) of its edges a, b at the corner, which is exact on a sphere (N. Max, Weights
         for computing vertex normals from facet normals, Journal of Graphics Tools 4(2), 1999).
         """
-        p = [vertices[faces[:, corner]] for corner in range(3)]
-        cross = np.cross(p[1] - p[0], p[2] - p[0])
-        square = [np.einsum("fi,fi->f", e, e) for e in (p[2] - p[1], p[0] - p[2], p[1] - p[0])]  # opposite corner
-        scale = np.stack([square[1] * square[2], square[2] * square[0], square[0] * square[1]], axis=1)
-        weight = 1.0 / np.maximum(scale, 1e-60)
-        total = self.gather @ (weight[:, :, None] * cross[:, None]).reshape(-1, 3)
-        total /= np.maximum(lengths(total), 1e-300)[:, None]
-        return np.asarray(total[self.group])
+        return np.ascontiguousarray(self._columns(vertices, faces)[1].transpose(2, 1, 0))
+
+    def _columns(self, vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Positions [m] and normals as (axis, corner, face), whose rows are long: several times faster."""
+        p = columns(vertices, faces)
+        one, other, third = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1]
+        cross = np.stack([one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)])
+        square = [e[0] * e[0] + e[1] * e[1] + e[2] * e[2] for e in (third, other, one)]  # opposite corner
+        weight = np.empty((p.shape[2], 3))
+        for i in range(3):
+            weight[:, i] = 1.0 / np.maximum(square[i - 2] * square[i - 1], 1e-60)
+        total = np.stack([self.gather @ (weight * axis[:, None]).reshape(-1) for axis in cross])
+        total /= np.maximum(np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2), 1e-300)
+        return p, total[:, self.group.T]
 
     def bend(self, vertices: FloatArray, faces: IntArray) -> Bend:
         """How the faces are bent, for vertices (vertex, 3) [m]."""
-        return Bend(edge_rises(vertices[faces], self.normals(vertices, faces)))
+        return Bend(_rises(*self._columns(vertices, faces)))
 
 
 def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:
@@ -104,13 +110,21 @@ def _next(corner: NDArray[np.int64]) -> NDArray[np.int64]:
 def edge_rises(corners: FloatArray, normals: FloatArray) -> FloatArray:
     """(face, 3, 3) by how much the middle of the edge opposite each corner lies off its chord [m], for corners and unit
     normals (face, 3, 3)."""
-    first, last = [1, 2, 0], [2, 0, 1]
-    chord, turn = corners[:, last] - corners[:, first], normals[:, last] - normals[:, first]
-    mean = normals[:, last] + normals[:, first]
-    length = np.maximum(lengths(mean), 1e-9)
-    # A circle's sagitta, exactly: turn . chord / 8 over cos^2 of a quarter of the angle between the normals.
-    size = np.einsum("fei,fei->fe", turn, chord) / (2.0 * length * (2.0 + length))
-    return np.asarray(size[..., None] * mean)
+    return _rises(*(np.ascontiguousarray(each.transpose(2, 1, 0)) for each in (corners, normals)))
+
+
+def _rises(p: FloatArray, normals: FloatArray) -> FloatArray:
+    """The same of columns (axis, corner, face)."""
+    rises = np.empty((p.shape[2], 3, 3))
+    for edge in range(3):
+        first, last = (edge + 1) % 3, (edge + 2) % 3
+        chord, turn = p[:, last] - p[:, first], normals[:, last] - normals[:, first]
+        mean = normals[:, last] + normals[:, first]
+        length = np.maximum(np.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2), 1e-9)
+        # A circle's sagitta, exactly: turn . chord / 8 over cos^2 of a quarter of the angle between the normals.
+        bow = turn[0] * chord[0] + turn[1] * chord[1] + turn[2] * chord[2]
+        rises[:, edge] = (bow / (2.0 * length * (2.0 + length)) * mean).T
+    return rises
 
 
 @dataclass(frozen=True)
