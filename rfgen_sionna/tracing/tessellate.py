@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,11 @@ CURVED = 2.0
 where facets of a plate repeat their bulge."""
 CUBIC = 0.03
 """Share of k L^3 / R^2 that the cubic phase over a facet of edge L comes to beside a quadratic one."""
+BOWED = 0.02
+"""Share of k h L / R that the rest comes to where a facet of edge L bows by h, aslant."""
+TURN = 2.0
+"""Angle [rad] by which a smooth surface may turn over a facet in which it turns out of sight, per root of the phase
+bulge allowed: its return ends there with a kink, that goes with the angle's square."""
 MAX_PARTS = 8
 """Largest number of parts to an edge."""
 
@@ -109,6 +114,40 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(lengths(vectors), 1e-12)[..., None])
 
 
+@dataclass(frozen=True)
+class _Patches:
+    """Pieces of a smooth surface."""
+
+    height: FloatArray
+    """(facet,) how high it is over each [m]."""
+    weights: FloatArray
+    """(facet, 3, 3) of each in its face."""
+    rises: FloatArray | None
+    """(facet, 3, 3) of its face [m]; None leaves out where it turns out of sight."""
+
+    def ends(self, chosen: NDArray[np.bool_], corners: FloatArray, viewpoint: FloatArray) -> NDArray[np.bool_]:
+        """Whether the `chosen` ones, with flat `corners` (chosen, 3, 3) [m], turn out of sight of the viewpoint."""
+        if self.rises is None:
+            return np.zeros(int(np.count_nonzero(chosen)), np.bool_)
+        bend = Bend(self.rises[chosen]).within(self.weights[chosen])
+        places = corners - viewpoint if bend.lifts is None else corners - viewpoint + bend.lifts
+        first, second = places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]
+        r = 4.0 * bend.rises
+        # At each corner: the tangents along its two edges.
+        tangents = (
+            (first + r[:, 2], second + r[:, 1]),
+            (first - r[:, 2], second + r[:, 0] - r[:, 2]),
+            (first + r[:, 0] - r[:, 1], second - r[:, 1]),
+        )
+        found = np.stack(
+            [
+                np.einsum("fi,fi->f", np.cross(one, other), places[:, corner])
+                for corner, (one, other) in enumerate(tangents)
+            ]
+        )
+        return np.asarray((np.min(found, axis=0) < 0) & (np.max(found, axis=0) > 0))
+
+
 def _demand(
     corners: FloatArray,
     viewpoint: FloatArray,
@@ -116,11 +155,11 @@ def _demand(
     rtol: float,
     importance: Callable[[FloatArray], FloatArray] | None,
     half_band: float,
-    rise: FloatArray | None = None,
+    bend: _Patches | None = None,
 ) -> tuple[NDArray[np.bool_], IntArray]:
     """(facet,) whether each is too large, and the number of parts that its edges are to be divided into.
 
-    `rise` (facet,) is how high the smooth surface is over it [m].
+    `bend` is how they bend, where they are of a smooth surface.
     """
     allowed = np.full(len(corners), allowed_bulge(rtol))
     if importance is not None:
@@ -133,13 +172,16 @@ def _demand(
     if half_band > 0:
         depth = np.ptp(lengths(corners - viewpoint), axis=1)  # half the spread of the paths
         coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
-    if rise is not None:
-        bulge = np.maximum(bulge, 4 * np.pi * frequency / SPEED_OF_LIGHT * rise / CURVED)
+    if bend is not None:
+        bulge = np.maximum(bulge, 4 * np.pi * frequency / SPEED_OF_LIGHT * bend.height / CURVED)
         coarse |= bulge > MAX_PARTS**2 * allowed
-        # The path length over a curved facet is taken for quadratic; u v^2 / R^2 is what comes next.
-        size, distance = lengths(corners[:, [1, 2, 0]] - corners).max(axis=1), lengths(middles(corners) - viewpoint)
-        cubic = 2 * np.pi * frequency / SPEED_OF_LIGHT * CUBIC * size**3 / np.maximum(distance, 1e-3) ** 2
+        # The path length over a curved facet is taken for quadratic; u v^2 / R^2 and h u / R are what comes next.
+        size = lengths(corners[:, [1, 2, 0]] - corners).max(axis=1)
+        share = size / np.maximum(lengths(middles(corners) - viewpoint), 1e-3)
+        cubic = 2 * np.pi * frequency / SPEED_OF_LIGHT * share * (CUBIC * size * share + BOWED * bend.height)
         coarse |= cubic > 0.1 * allowed
+        turns = 6.0 * bend.height > TURN * allowed * size  # a circle's arc turns by 8 sagittas over its chord
+        coarse[turns] |= bend.ends(turns, corners[turns], viewpoint)
     return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32)
 
 
@@ -191,10 +233,11 @@ def tessellate(
         If the tolerance would take more than `limit` facets.
     """
     face = np.arange(len(faces), dtype=np.int32)
-    height = None
+    height, rises = np.zeros(len(faces)), None
     if smooth is not None:
         # In the middle of a face 4/9 of what its edges rise.
-        height = lengths(smooth.bend(vertices, faces).rises).sum(axis=1) * (4 / 9)
+        rises = smooth.bend(vertices, faces).rises
+        height = lengths(rises).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []
     done_weights: list[FloatArray] = []
@@ -208,11 +251,14 @@ def tessellate(
             near = lengths(centre - viewpoint) - radius < max_range
             face, weights, corners = face[near], weights[near], corners[near]
         # It goes with the square of a piece's edges, as its area does.
-        rise = None if height is None else height[face] * np.abs(np.linalg.det(weights))
-        coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band, rise)
+        bend = None
+        if rises is not None:
+            bend = _Patches(height[face] * np.abs(np.linalg.det(weights)), weights, rises[face])
+        coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band, bend)
         for mirrored, tolerance in images:
             seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
-            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band, rise)
+            shown = None if bend is None else replace(bend, rises=None)
+            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown)
             coarse, parts = coarse | more[0], np.maximum(parts, more[1])
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
