@@ -271,9 +271,8 @@ def _read(prompt: str, negative: str, seed: int, source: MotionSource) -> SceneP
         read = getattr(source, "read", None)
         if read is None or not str(error).startswith(("action", "target")):
             raise
-        action = read(prompt).action
-        if action not in ACTIONS:
-            raise
+        # a captured dance is no action that the rest of a prompt can be read for: the nearest one that is
+        action = next(a for a in read(prompt).ranking if a in ACTIONS)
         _LOG.warning("prompt: %s; taken for the nearest action that is known, %r, and nothing else", error, action)
         return replace(parse_prompt(f"a person who {ACTIONS[action].description}", negative, seed=seed), text=prompt)
 

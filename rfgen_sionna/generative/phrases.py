@@ -25,6 +25,7 @@ from rfgen_sionna.generative.vocabulary import (
     PACE_PATTERNS,
     PERSON,
     PLURAL,
+    REPEATED,
     SEVERAL_NUMBERS,
     SPEED_PATTERNS,
     TO_AND_FRO,
@@ -52,6 +53,8 @@ class Phrases:
     scenes: list[tuple[str, str]] = field(default_factory=list)
     targets: list[str] = field(default_factory=list)
     body: BodyWords = field(default_factory=BodyWords)
+    repeated: list[str] = field(default_factory=list)
+    """Words that ask for repetition."""
     ignored: list[str] = field(default_factory=list)
     """Phrases that belong to something that was read, but that it cannot take into account."""
 
@@ -97,6 +100,7 @@ def read_wanted(text: str) -> Phrases:
         side = m["side"] or m["side2"]
         said.hands.append((m.group(), side))
         reader.note(m, f"{side} hand")
+    said.repeated = [m.group() for m in reader.take(REPEATED)]
     for m in reader.take(rf"(?:<n> )?{PLURAL}"):
         raise PromptError(
             f"target: {m.group()!r} is more than one person; a prompt describes one, a Simulator takes several"

@@ -194,9 +194,10 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         surroundings=surroundings,
         understood=(
             *said.reader.understood,
+            *((words, "repeated, as this action is") for words in said.repeated if ACTIONS[action].periodic),
             *((words, f"not {meaning}") for words, meaning in denied.reader.understood),
         ),
-        unused=(*said.unused, *unused, *denied.unused),
+        unused=(*said.unused, *(() if ACTIONS[action].periodic else said.repeated), *unused, *denied.unused),
         origins=origins | from_words,
     )
 

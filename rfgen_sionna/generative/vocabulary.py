@@ -277,6 +277,13 @@ NO_PLACES = frozenset({
     "sixties", "seventies", "eighties", "twenties", "teens",
 })  # fmt: skip
 """Nouns that follow "in a" and name no surroundings: "in a repetitive manner", "in a red coat"."""
+REPEATED = (
+    r"(?:in|with) <a>(?:repetitive|repeated|repeating|periodic|cyclic) (?:manner|way|fashion|motion|movement|pattern)"
+    r"|repeatedly|repetitively|periodically|again and again|over and over(?: again)?|several times|many times"
+    r"|multiple times|a few times|continuously|in a loop"
+)
+"""Words that ask for repetition, which gestures, steps and jumps have in any case, and held poses never."""
+
 FILLERS = frozenset({
     "a", "an", "the", "of", "is", "are", "be", "being", "been", "and", "or", "with", "while", "who", "whose",
     "that", "which", "in", "on", "at", "to", "into", "by", "for", "as", "there", "this", "it", "its", "he", "she",

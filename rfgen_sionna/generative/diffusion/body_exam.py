@@ -30,11 +30,12 @@ def on_bodies(source: DiffusionSource, seed: int) -> dict[str, Any]:
     made = source.generate_many(prompts, duration=_DURATION, seeds=[seed] * len(prompts), skeleton=rig.skeleton)
     real = [KinematicSource()(a, _DURATION, seed, skeleton=rig.skeleton) for a in CLAUSES]
     ours, theirs = ([_inside(rig, m) for m in group] for group in (made, real))
-    heights = np.concatenate([_lowest(rig, m) for m in made])
+    feet, hands = (np.concatenate([_lowest(rig, m, parts) for m in made]) for parts in ("foot", "hand"))
     out: dict[str, Any] = {
-        "lowest point of bodies that stand over the floor, rms [m]": float(np.sqrt(np.mean(heights**2))),
-        "lowest point within 1 cm of the floor": float(np.mean(np.abs(heights) <= 0.01)),
-        "lowest point farthest from the floor [m]": float(np.abs(heights).max()),
+        "planted feet over the floor, rms [m]": float(np.sqrt(np.mean(feet**2))),
+        "planted feet within 1 cm of the floor": float(np.mean(np.abs(feet) <= 0.01)),
+        "planted feet farthest from the floor [m]": float(np.abs(feet).max()),
+        "hands under the floor at most [m]": float(max(-hands.min(), 0.0)),
         "skin inside the body, at rest": _shares(rig, rig.vertices)[0],
         "skin inside the body by action (generated, synthesised)": {
             a: [float(x[0]), float(y[0])] for a, x, y in zip(CLAUSES, ours, theirs, strict=True)
@@ -75,11 +76,13 @@ def _shares(rig: Rig, vertices: FloatArray) -> tuple[float, float]:
     return float(area[buried].sum() / area.sum()), float(area[buried & ends].sum() / area.sum())
 
 
-def _lowest(rig: Rig, motion: Motion) -> FloatArray:
-    """(instant,) height of the lowest vertex [m] where a foot is planted."""
+def _lowest(rig: Rig, motion: Motion, part: str) -> FloatArray:
+    """(instant,) height of the lowest vertex of both feet or hands [m] where a foot is planted."""
     sequence = animate(rig, motion)
     times = np.arange(0.0, motion.duration, _STEP)
     planted = motion.contacts
     if planted is not None:
         times = times[planted[np.round(times * motion.frame_rate).astype(int)].any(axis=1)]
-    return np.array([sequence.vertices(t)[:, 2].min() for t in times])
+    mine = [k for k, name in enumerate(rig.part_names) if name.endswith(part)]
+    vertices = np.unique(rig.faces[np.isin(rig.face_parts, mine)])
+    return np.array([sequence.vertices(t)[vertices, 2].min() for t in times])

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
 from rfgen_sionna.generative.diffusion.features import HandBasis, decode
 from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet
+from rfgen_sionna.generative.diffusion.hands_up import hands_up
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.within_limits import within_limits
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
@@ -41,7 +42,8 @@ def finish(
     motion = replace(motion, translation=translation, offsets=skeleton.offsets)
     if not free:
         return lock_feet(motion, skeleton, ride=False)
-    return lock_feet(carried_by_feet(clear_arms(motion, skeleton), skeleton), skeleton)
+    planted = lock_feet(carried_by_feet(clear_arms(motion, skeleton), skeleton), skeleton)
+    return within_limits(hands_up(planted, skeleton))
 
 
 def resampled(motion: Motion, rate: float) -> Motion:

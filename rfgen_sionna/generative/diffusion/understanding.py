@@ -57,6 +57,8 @@ class Understanding:
     unknown: tuple[str, ...] = ()
     """Content words that no training sentence had."""
     warnings: tuple[str, ...] = field(default=())
+    ranking: tuple[str, ...] = ()
+    """All actions, likeliest first."""
     rephrase: bool = False
     """Whether the sentence encoder missed which hand or which way is meant, so that plainer words serve it better."""
 
@@ -125,5 +127,6 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         (share,) if told else tuple(every[a] for a in options),
         unknown,
         warnings,
+        (action, *(a for a in order if a != action)),
         rephrase,
     )

@@ -388,6 +388,17 @@ def test_what_is_not_understood_is_said() -> None:
     assert "'dog' was not understood and has no effect" in scene.warnings[1]
 
 
+@pytest.mark.parametrize(
+    "words", ["in a repetitive manner", "repeatedly", "again and again", "with a periodic motion", "several times"]
+)
+def test_repetition_is_understood_where_there_is_any(words: str) -> None:
+    for prompt in (f"a person jumping {words}", f"swipe left {words}"):
+        said = parse_prompt(prompt)
+        assert not said.unused
+        assert (words, "repeated, as this action is") in said.understood
+    assert parse_prompt(f"a person in a T pose {words}").unused == (words,)
+
+
 @pytest.mark.parametrize("arguments", [(None,), (3,), ("a person walking", None)])
 def test_only_texts_are_prompts(arguments: tuple) -> None:
     with pytest.raises(TypeError, match="expected a text"):
