@@ -95,9 +95,9 @@ def _through(
     """(facet, sample) whether the ray to each sample point of each facet gets through."""
     if len(corners) == 0:
         return np.zeros((0, len(weights)), dtype=np.bool_)
-    targets = np.tensordot(weights, corners, axes=(1, 1)).reshape(-1, 3)  # sample by sample
-    hidden = rays.occluded(viewpoint, targets, np.tile(facet, len(weights)))
-    return ~hidden.reshape(len(weights), len(corners)).T
+    count = len(corners)
+    of, row = np.tile(np.arange(count), len(weights)), np.repeat(np.arange(len(weights)), count)  # sample by sample
+    return rays.sees(viewpoint, corners, facet, of, weights, row).reshape(len(weights), count).T
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,8 @@ def test_facets_touch_where_they_share_a_corner_and_nowhere_else():
 def test_nothing_in_the_way_takes_one_ray_a_facet():
     scene, corners, number = facets_of(trimesh.creation.box((0.01, 0.5, 0.5)).apply_translation((3, 0, 1)))
     fraction, rays = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
-    assert (fraction == 1).all() and rays == len(corners)
+    assert (fraction == 1).all()
+    assert rays == len(corners)
     assert sampled_fraction(scene, VIEW, corners[:0], number[:0], touching(corners[:0]), WAVENUMBER, 1e-3)[1] == 0
 
 
