@@ -84,7 +84,10 @@ def load_mesh_sequence(
     samples: list[FloatArray] = []
     faces = np.empty((0, 3), np.int32)
     for file in files:
-        mesh = trimesh.load_mesh(file, process=False)
+        try:
+            mesh = trimesh.load_mesh(file, process=False)
+        except Exception as error:  # whatever trimesh's reader of this format stumbles over
+            raise ClipError(f"{file.name}: not a readable mesh ({type(error).__name__}: {error})") from error
         vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
         if len(triangles) == 0:
             raise ClipError(f"{file.name}: has no triangles")

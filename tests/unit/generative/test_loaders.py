@@ -218,6 +218,9 @@ def test_bad_mesh_sequences_are_refused(tmp_path):
     trimesh.creation.box().export(tmp_path / "seq" / "frame_9.ply")
     with pytest.raises(ClipError, match=r"frame_9\.ply.*connectivity"):
         load_mesh_sequence(tmp_path / "seq", frame_rate=1.0)
+    (tmp_path / "seq" / "frame_9.ply").write_bytes(b"no mesh")
+    with pytest.raises(ClipError, match=r"frame_9\.ply: not a readable mesh"):
+        load_mesh_sequence(tmp_path / "seq", frame_rate=1.0)
 
 
 def test_a_mesh_sequence_as_an_actor(tmp_path):
