@@ -5,8 +5,11 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.smooth import smoothing
+from tests.reference.physical_optics import patches, triangle_points
 
 BACKDROP = """<scene version="2.1.0">
     <bsdf type="itu-radio-material" id="mat-metal-sheet">
@@ -49,6 +52,32 @@ def test_plate_hides_a_sphere(radar):
             assert abs(channel(paths)) == pytest.approx(alone, rel=1e-3)
         else:
             assert paths.num_paths == 0 or abs(channel(paths)) < 10 ** (-30 / 20) * alone
+
+
+@pytest.mark.parametrize("edge", [-0.01, 0.0, 0.01])
+def test_a_plate_s_edge_before_a_sphere_is_a_half_plane(edge):
+    """Half of a metal sphere's Fresnel zone hidden, a bit more, a bit less: within 1 dB of the dense quadrature of the
+    patches that its facets stand for, with every point behind the edge's line of sight left out. At `edge` = 0 that is
+    6 dB less than the whole, as of a half-plane."""
+    radar = Radar.load("awr1843", position=(0, 0, 0), look_at=(3, 0, 0), overrides={"pattern": {"kind": "sionna:iso"}})
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
+    ball = Actor.from_mesh(mesh, material="pec", position=(3, 0, 0), name="ball")
+    board = trimesh.creation.box((0.001, 0.4, 0.4))
+    plate = Actor.from_mesh(board, material="pec", position=(1.5, 0.5 * edge - 0.2, 0), name="plate")
+    found = channel(of(Simulator(None, radar, [ball, plate]).paths(), "ball"))
+    vertices = ball.vertices(0.0)
+    corners = vertices[ball.faces]
+    point, cross = patches(corners, smoothing(vertices, ball.faces).bend(vertices, ball.faces).rises, 20)
+    _, weight = triangle_points(corners[:1], 20)
+    distance = np.linalg.norm(point, axis=2)
+    facing = np.maximum(-np.einsum("fqi,fqi->fq", point, cross), 0.0)
+    k = 2 * np.pi * radar.center_frequency / SPEED_OF_LIGHT
+    wave = facing * weight / distance**3 * np.exp(-2j * k * distance) / (8 * np.pi)
+    seen = point[..., 1] / point[..., 0] > 0.5 * edge / 1.5
+    truth, whole = abs((wave * seen).sum()), abs(wave.sum())
+    assert 20 * np.log10(abs(found) / truth) == pytest.approx(0.0, abs=1.0)
+    if edge == 0:
+        assert 20 * np.log10(truth / whole) == pytest.approx(-6.0, abs=0.5)
 
 
 def test_half_a_sphere_hidden_by_rows(radar):
