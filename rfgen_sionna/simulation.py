@@ -39,6 +39,7 @@ from rfgen_sionna.signal import Receiver, receive, synthesize
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport, check_max_bounces
+from rfgen_sionna.tracing.tubes.shoot import RayTrace, Sampling, shoot
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
@@ -179,6 +180,27 @@ class Simulator:
             return together(self._fusion.instant(float(t)))
         return self.tracer.instant(float(t))
 
+    def rays(
+        self,
+        t: float = 0.0,
+        *,
+        rtol: float = 1e-2,
+        max_bounces: int | None = None,
+        sampling: Sampling = "adaptive",
+        level: int | None = None,
+    ) -> RayTrace:
+        """Paths at instant `t` [s] by the ray mode, and what it took: tubes of rays that are reflected, go through
+        slabs and are integrated where they land (:func:`~rfgen_sionna.tracing.tubes.shoot.shoot` has the options).
+
+        It is a second opinion on :meth:`paths`, and knows bounces between bent surfaces. None is our `max_bounces`.
+        """
+        instant = _time("t", t)
+        if self._fusion is not None:
+            raise ValueError("environment: surroundings from an image have no surfaces that rays could meet")
+        self._check_places(instant, instant)
+        bounces = self.max_bounces if max_bounces is None else max_bounces
+        return shoot(self.tracer, instant, bounces, rtol, sampling, level)
+
     def pir(
         self,
         t: float = 0.0,
@@ -186,8 +208,9 @@ class Simulator:
         fov_deg: float | tuple[float, float] = 60.0,
         position: Vector | None = None,
         orientation: Vector | None = None,
+        bounces: int = 1,
     ) -> Pir:
-        """Energy, time of arrival and velocity per pixel at instant `t` [s].
+        """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` surfaces.
 
         It is rendered by :func:`~rfgen_sionna.pir.render_pir`; surroundings that are known from an image are rasterised
         together with the actors' paths, for which their own resolution and field of view suit best.
@@ -197,12 +220,12 @@ class Simulator:
         view = self.radar.placed(position=position, orientation=orientation)
         if self._fusion is not None:
             if position is not None or self.radar.trajectory is not None:
-                raise ValueError(
-                    "position: surroundings from an image are seen from where the radar stands; None is needed"
-                )
+                raise ValueError("position: an image of surroundings is seen from where the radar stands: give None")
+            if bounces != 1:
+                raise ValueError(f"bounces is {bounces!r}: surroundings from an image reflect nothing, 1 is needed")
             own = View((rows, columns), angles, view.position, view.orientation)
             return image(self._fusion.instant(instant), own, instant)
-        pir = render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation)
+        pir = render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation, bounces=bounces)
         if self.radar.trajectory is None:
             return pir
         here = self.radar.at(instant)

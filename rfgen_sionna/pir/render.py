@@ -14,6 +14,7 @@ from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
 from rfgen_sionna.tracing.footprints import Shades, Stage, shade, trace_footprints
 from rfgen_sionna.tracing.gloss import reflections
+from rfgen_sionna.tracing.tubes.shoot import MOST_BOUNCES, shoot_beyond
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.tracer import Tracer
@@ -22,6 +23,8 @@ PATCH_WAVELENGTHS = 1.5
 """Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""
 SHADES = 3
 """Beams along each edge of a pixel for what rough surfaces return diffusely."""
+TUBES = 1e-2
+"""Tolerance of what comes by several surfaces, relative to the direct returns."""
 NEGLIGIBLE = 0.02
 """Where surfaces are rough, the coherent return of a pixel is left out if it cannot be more than this share of the
 diffuse one."""
@@ -68,8 +71,9 @@ def render_pir(
         Edge of the patches at 3 m [wavelengths]. The default resolves the bends of a body; flat surfaces take several
         times as much without harm, and the time falls with its square.
     bounces
-        1 is direct returns alone; 2 adds the diffuse returns of rough surfaces that smooth ones show a second time
-        (:mod:`rfgen_sionna.tracing.gloss`).
+        Most surfaces on a path. From 2 on tubes of rays are followed from surface to surface
+        (:mod:`rfgen_sionna.tracing.tubes`), and the diffuse returns of rough surfaces that smooth ones show a second
+        time are in (:mod:`rfgen_sionna.tracing.gloss`). Where the tracer sees through slabs, so do tubes.
 
     Raises
     ------
@@ -79,8 +83,8 @@ def render_pir(
     rows, columns, fov = check_view(resolution, fov_deg)
     if not 0.25 <= patch_wavelengths <= 100.0:
         raise ValueError(f"patch_wavelengths is {patch_wavelengths!r}: a number of 0.25 … 100 is needed")
-    if bounces not in (1, 2):
-        raise ValueError(f"bounces is {bounces!r}: 1 or 2 is needed")
+    if isinstance(bounces, bool) or bounces not in range(1, MOST_BOUNCES + 1):
+        raise ValueError(f"bounces is {bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
     position = tracer.radar.position if position is None else position
     orientation = tracer.radar.orientation if orientation is None else orientation
     view = Raster(rows, columns, fov, rotation_matrix(orientation))
@@ -101,7 +105,12 @@ def render_pir(
     patch, place = np.divmod(found.ray, split * split)
     patches = Returns(traced[patch], np.abs(found.a) ** 2, found.distance, found.velocity)
     row, column = view.places(patches.pixel, place, split)
-    coherent = np.abs(_blend(found.a, row, column, patches.pixel, view)) ** 2 * counts
+    total = _blend(found.a, row, column, patches.pixel, view) * counts
+    if bounces > 1 or tracer.transmission:
+        gains, more = _by_tubes(tracer, t, bounces, view, position, orientation)
+        patches = patches.and_those(more)
+        total += gains
+    coherent = np.abs(total) ** 2
     diffuse = beams.total(beams.energy, view.size)
     weight, distance, speed = patches.weighted(coherent) + beams.weighted(diffuse)
     arrival, velocity = np.full(view.size, np.nan), np.zeros(view.size)
@@ -117,6 +126,20 @@ def render_pir(
         orientation=orientation,
         time=float(t),
     )
+
+
+def _by_tubes(
+    tracer: Tracer, t: float, bounces: int, view: Raster, position: Vector, orientation: Vector
+) -> tuple[ComplexArray, Returns]:
+    """(pixel,) gains of what comes by several surfaces or through slabs, and single returns of it."""
+    paths = shoot_beyond(tracer, t, bounces, TUBES, position, orientation, view.pixel)
+    a = paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0))
+    pixel = view.pixels(paths.arrival[:, 0])
+    there = pixel >= 0
+    gains = np.bincount(pixel[there], a.real[there], view.size) + 1j * np.bincount(
+        pixel[there], a.imag[there], view.size
+    )
+    return gains, Returns(pixel, np.abs(a) ** 2, paths.range[:, 0], paths.velocity[:, 0])
 
 
 class Returns(NamedTuple):

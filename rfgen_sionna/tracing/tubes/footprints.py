@@ -102,14 +102,17 @@ def landed(hits: Hits, rows: NDArray[np.intp]) -> Landed:
     ]
     slopes = np.einsum("nmd,pmi->pndi", _DERIVATIVES, point.reshape(-1, 6, 3))
     area = lengths(np.cross(slopes[:, :, 0], slopes[:, :, 1]).reshape(-1, 3))
-    # Where nothing is bent, the area is known from the solid angle: on the octahedron directions are quadratic.
+    # Where no mirror is bent, the area is known from the solid angle: on the octahedron directions are quadratic. On
+    # round surfaces that holds off grazing incidence, where their normals are less certain than the places.
     place = start / np.abs(start).sum(axis=1, keepdims=True)
     slopes = np.einsum("nmd,pmi->pndi", _DERIVATIVES, place.reshape(-1, 6, 3)).reshape(-1, 2, 3)
     angle = np.abs(np.einsum("li,li->l", place, np.cross(slopes[:, 0], slopes[:, 1]))) / lengths(place) ** 3
-    cos = np.maximum(np.abs(np.einsum("li,li->l", hits.ray[lane], hits.normal[lane])), _GRAZING)
-    bends = [hits.bend[lane], *(mirror.bend for mirror in mirrors)]
-    plain = np.all([(bend == 0).all(axis=(1, 2)) for bend in bends], axis=0)
-    area = np.where(plain, angle * hits.length[lane] ** 2 / cos, area)
+    cos = np.abs(np.einsum("li,li->l", hits.ray[lane], hits.normal[lane]))
+    by_angle = angle * hits.length[lane] ** 2 / np.maximum(cos, _GRAZING)
+    share = np.where((hits.bend[lane] == 0).all(axis=(1, 2)), 1.0, np.clip(5.0 * cos - 1.0, 0.0, 1.0))
+    for mirror in mirrors:
+        share = np.where((mirror.bend == 0).all(axis=(1, 2)), share, 0.0)
+    area = share * by_angle + (1.0 - share) * area
     return Landed(
         Route(tuple(mirrors), tuple(tuple(each) for each in legs), point),
         Route((), (tuple(out),), point),

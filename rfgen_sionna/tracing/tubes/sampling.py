@@ -32,6 +32,8 @@ NARROW = 0.25
 """Tubes whose footprint is narrower than this are not divided any further [wavelengths]."""
 RIM = 0.3
 """What the return of a tube that hits two things may be off by, before it is cut, relative to itself."""
+AGAIN = 0.08
+"""Share of what a division into four has changed that each of the four may still be off by."""
 WIDEST = 2.0
 """Longest way in or out of a footprint, in wavelengths of the sampled bandwidth: beyond, gains change too fast over
 the band to be told by a few frequencies."""
@@ -88,6 +90,8 @@ class Sampler:
     """(group,) returns that the tolerance is relative to, where a group's own is less."""
     marks: Marks | None = None
     """What tubes must not miss."""
+    finest: float = np.inf
+    """Footprints are seen from the source no wider than this [rad], if they matter."""
 
     def land(self, hits: Hits, cells: lattice.Nodes, level: int) -> Pieces:
         """The pieces into which tubes `cells` (tube, 3, 3), of a lattice's `level`, come to land."""
@@ -96,10 +100,17 @@ class Sampler:
         groups = int(self.group.max(initial=0)) + 1
         done: list[Pieces] = []
         total, power, count = np.zeros(groups, np.complex128), np.zeros(groups), np.zeros(groups)
+        above: ComplexArray | None = None
         for turn in range(MOST_ROUNDS):
             if len(cells) == 0:
                 break
             found = self._look(hits, cells)
+            error = found.error
+            if above is not None and len(above) * 4 == len(cells):
+                # What the division into four has changed tells what another one would.
+                four = found.a.reshape(4, -1).sum(axis=0)
+                changed = np.where(found.whole.reshape(4, -1).all(axis=0), np.abs(four - above), 0.0)
+                error = np.maximum(error, np.tile(np.nan_to_num(changed) * AGAIN, 4))
             a, group = found.a, np.where(found.whose >= 0, self.group[found.whose], 0)
             now = total + _sum(group, a, groups)
             scale = np.maximum(np.abs(now), 0.03 * np.sqrt(power + np.bincount(group, np.abs(a) ** 2, groups)))
@@ -112,13 +123,13 @@ class Sampler:
             if self.marks is not None and not last:
                 first = hits.before is None
                 marked = self.marks.first(cells, level + turn) if first else self.marks.later(hits, cells)
-            whole = found.whole & ((found.error <= allowed) | (found.width < NARROW)) & ~marked
+            whole = found.whole & ((error <= allowed) | (found.width < NARROW)) & ~marked
             rim = ~found.whole & ~found.empty & ~marked
             ready = rim & ((found.error <= 30 * allowed) | (found.width < NARROW))
             if last:
                 whole, ready = found.whole, ~found.whole & ~found.empty
             chosen = np.flatnonzero(whole)
-            done.append(Pieces(cells[chosen], found.rows[chosen, :6], found.error[chosen]))
+            done.append(Pieces(cells[chosen], found.rows[chosen, :6], error[chosen]))
             total += _sum(group[chosen], a[chosen], groups)
             power += np.bincount(group[chosen], np.abs(a[chosen]) ** 2, groups)
             count += np.bincount(group[chosen], (np.abs(a[chosen]) > 0).astype(float), groups)
@@ -135,6 +146,7 @@ class Sampler:
                 again[at[fine]] = False
             if not last:
                 again |= marked
+            above = np.where(found.whole[again], a[again], np.nan)
             cells = lattice.quarters(cells[again])
         return Pieces.joined(done)
 
@@ -167,7 +179,6 @@ class Sampler:
         )
         nearest = np.maximum(leg.min(axis=1), 1e-9)
         size = np.abs(found)
-        error = size * np.minimum(0.5 * phase, 1.0)
         # A jump in depth within one sheet, or distances that differ too much for the tube to be told by seven rays.
         torn = whole & (gap > 0.1 * span)
         uneven = whole & (leg.max(axis=1) - nearest > UNEVEN * nearest)
@@ -176,8 +187,10 @@ class Sampler:
         spread = k * np.ptp(way, axis=1)
         bound = self._bound(hits, nodes, rows) / (1.0 + 0.5 * spread)
         most = np.maximum(size, bound)
+        error = most * np.minimum(0.5 * phase, 1.0)
         error = np.where(torn | ~whole, RIM * most, error)
-        error = np.where(uneven | long, np.maximum(error, 0.05 * size), error)
+        wide = span > self.finest * out.min(axis=1)
+        error = np.where(uneven | long | wide, np.maximum(error, 0.05 * size), error)
         whose = hits.surface[np.take_along_axis(rows, like[:, None], axis=1)[:, 0]]
         return _Seen(rows, sign, whole, empty, found, error, width, whose, most, spread)
 
@@ -210,6 +223,14 @@ class Sampler:
         kept = fine[made.tube]
         nodes, tube = made.nodes[kept], made.tube[kept]
         rows = fitting(hits, nodes, made.sign[kept])
+        # At the rim of what is round places change as roots do, which parabolas do not follow far.
+        k = 2 * np.pi * self.frequency / SPEED_OF_LIGHT
+        way = hits.length[rows] + np.sqrt(((hits.point[rows] - hits.setting.source) ** 2).sum(axis=2))
+        bent = found.most[at][tube] * np.minimum(0.5 * k * _cubic(hits, rows, way, hits.point[rows]), 1.0)
+        error = error + np.bincount(tube, bent, len(at))
+        fine &= (error <= 2.0 * allowed) | narrow | last
+        kept = fine[tube]
+        nodes, rows, tube = nodes[kept], rows[kept], tube[kept]
         share = error[tube] / np.maximum(np.bincount(tube, minlength=len(at))[tube], 1)
         return Pieces(nodes[:, :3], rows, share), fine
 

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.parallel import one_blas_thread
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, PathKind, RadarPaths
-from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.radar.pose import Vector
+from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.tracing.relative import to_world
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
-from rfgen_sionna.tracing.tubes.footprints import Integrals, integrate, landed
+from rfgen_sionna.tracing.tubes.footprints import integrate, landed
 from rfgen_sionna.tracing.tubes.guides import Marks
 from rfgen_sionna.tracing.tubes.hits import Hits, Index, Setting
 from rfgen_sionna.tracing.tubes.media import Optics
+from rfgen_sionna.tracing.tubes.paths import Elements, Scenery, ends
 from rfgen_sionna.tracing.tubes.sampling import Pieces, Sampler
 from rfgen_sionna.tracing.tubes.skin import Skin
 from rfgen_sionna.tracing.veils import MOST_SLABS
@@ -125,37 +125,68 @@ def shoot(
         Naming what is out of range.
     """
     check_options(max_bounces, rtol, sampling, level)
-    return _Shot(tracer, float(t), int(max_bounces), float(rtol), level).trace()
+    found = _Shot(tracer, float(t), int(max_bounces), float(rtol), level, Elements.of(tracer.radar)).trace()
+    if tracer.radar.trajectory is None:
+        return found
+    paths = found.paths
+    direction, arrival = (to_world(each, tracer.radar, float(t)) for each in (paths.direction, paths.arrival))
+    return replace(found, paths=replace(paths, direction=direction, arrival=arrival))
+
+
+@one_blas_thread()
+def shoot_beyond(
+    tracer: Tracer,
+    t: float,
+    max_bounces: int,
+    rtol: float,
+    position: Vector,
+    orientation: Vector,
+    finest: float,
+) -> RadarPaths:
+    """What one isotropic, vertically polarised element at `position` [m] receives at `t` [s] other than directly: by
+    two surfaces and more, or through slabs. `orientation` is its yaw, pitch and roll [rad]; footprints that matter are
+    seen no wider than `finest` [rad]."""
+    check_options(max_bounces, rtol, "adaptive", None)
+    eyes = Elements.one(position, orientation)
+    return _Shot(tracer, float(t), max_bounces, rtol, None, eyes, finest).trace(direct=False).paths
 
 
 class _Shot:
-    def __init__(self, tracer: Tracer, t: float, max_bounces: int, rtol: float, level: int | None) -> None:
+    def __init__(
+        self,
+        tracer: Tracer,
+        t: float,
+        max_bounces: int,
+        rtol: float,
+        level: int | None,
+        eyes: Elements,
+        finest: float = np.inf,
+    ) -> None:
         rays, vertices, velocities = tracer.geometry(t)
-        self.tracer, self.t, self.radar = tracer, t, tracer.radar
-        self.surfaces = (*tracer.surfaces.static, *tracer.surfaces.moving)
-        self.velocities = velocities
+        self.tracer, self.t, self.eyes = tracer, t, eyes
         self.max_bounces, self.rtol, self.level = max_bounces, rtol, level
-        radar = tracer.radar
-        self.centre, self.half_band = radar.center_frequency, 0.5 * radar.waveform.bandwidth
-        optics = Optics.of([surface.material for surface in self.surfaces], self.centre, self.half_band)
-        skin = Skin.of(self.surfaces, vertices)
-        source = np.asarray(radar.position, np.float64)
-        rotation = radar.rotation @ Rotation.from_rotvec(_TILT).as_matrix()
-        whose = np.repeat(np.arange(len(self.surfaces)), [len(surface.faces) for surface in self.surfaces])
+        self.scenery = Scenery.of(tracer, velocities, t)
+        self.centre, self.half_band = self.scenery.frequency, self.scenery.half_band
+        surfaces = self.scenery.surfaces
+        optics = Optics.of([surface.material for surface in surfaces], self.centre, self.half_band)
+        skin = Skin.of(surfaces, vertices)
+        rotation = eyes.rotation @ Rotation.from_rotvec(_TILT).as_matrix()
+        whose = np.repeat(np.arange(len(surfaces)), [len(surface.faces) for surface in surfaces])
         self.setting = Setting(
-            rays, skin, optics, whose.astype(np.int32), source, rotation, 2.0 * radar.max_range, rtol**2,
+            rays, skin, optics, whose.astype(np.int32), eyes.position, rotation, 2.0 * tracer.radar.max_range, rtol**2,
             tracer.transmission,
         )  # fmt: skip
         count = len(tracer.surfaces.static)
-        group = np.maximum(np.arange(len(self.surfaces)) - count + 1, 0) if count else np.arange(len(self.surfaces))
-        marks = None if level is not None else Marks.of(skin, source, rotation, GUIDES)
+        group = np.maximum(np.arange(len(surfaces)) - count + 1, 0) if count else np.arange(len(surfaces))
+        marks = None if level is not None else Marks.of(skin, eyes.position, rotation, GUIDES)
         self.sampler = Sampler(
-            self._level, self.centre, 2 * self.half_band, group.astype(np.int32), rtol, level is not None, None, marks
-        )
-        self._importance = BandTracer(radar, rtol).importance
+            self._level, self.centre, 2 * self.half_band, group.astype(np.int32), rtol, level is not None, None, marks,
+            finest,
+        )  # fmt: skip
         self.tubes = [0] * max_bounces
 
-    def trace(self) -> RayTrace:
+    def trace(self, direct: bool = True) -> RayTrace:
+        """All paths, or those alone that are reflected or go through a slab on the way."""
         first = GUIDES if self.level is None else self.level
         hits = Hits(self.setting)
         cells = lattice.cells(first)
@@ -176,7 +207,8 @@ class _Shot:
             own = np.abs(np.bincount(group, a.real, groups) + 1j * np.bincount(group, a.imag, groups))
             scale = np.maximum(scale, np.maximum(own, 0.03 * np.sqrt(np.bincount(group, np.abs(a) ** 2, groups))))
             self.tubes[hits.reflections] += int((np.abs(a) > 0).sum())
-            found += self._paths(hits, pieces, a, scale[group])
+            if direct or hits.before is not None:
+                found += self._paths(hits, pieces, a, scale[group])
             after = self.sampler.within(scale.copy()) if self.level is None else self.sampler
             if hits.reflections + 1 < self.max_bounces:
                 stages.append((Hits(self.setting, hits), pieces.corners, after))
@@ -184,10 +216,7 @@ class _Shot:
                 open_ = self.setting.optics.penetrable[hits.surface[row]]
                 if open_.any():
                     stages.append((Hits(self.setting, hits, through=True), pieces.corners[open_], after))
-        paths = RadarPaths.concatenate(found) if found else self._none()
-        if self.radar.trajectory is not None:
-            direction, arrival = (to_world(each, self.radar, self.t) for each in (paths.direction, paths.arrival))
-            paths = replace(paths, direction=direction, arrival=arrival)
+        paths = RadarPaths.concatenate(found) if found else self.scenery.none(self.eyes)
         by_bounce = tuple(self.setting.by_depth.get(depth + 1, 0) for depth in range(self.max_bounces))
         error = 2.0 * float(np.max(np.sqrt(missed) / np.maximum(scale, 1e-300), initial=0.0, where=scale > 0))
         report = RayReport(self.setting.sent, self.setting.met, by_bounce, guiding, tuple(self.tubes), error)
@@ -213,7 +242,7 @@ class _Shot:
         seen = np.flatnonzero(hits.lit[rows].any(axis=1) & (hits.facet[rows[:, 0]] >= 0))
         weight = self._weight(hits, rows[seen, 0])
         seen, weight = seen[weight > 0], weight[weight > 0]
-        source, fields = self.setting.source[None], (self.radar.tx_field, self.radar.rx_field)
+        source, fields = self.setting.source[None], self.eyes.fields
         for start in range(0, len(seen), 8 * _CHUNK):
             at = seen[start : start + 8 * _CHUNK]
             chosen = landed(hits, rows[at])
@@ -221,18 +250,8 @@ class _Shot:
             total = there.a[0, 0, 0] + (0.0 if back is None else back.a[0, 0, 0])
             total = total * np.exp(-2j * np.pi * np.mod(self.centre * there.tau[0, 0], 1.0))
             a[at] = total * (1.0 if back is None else weight[start : start + 8 * _CHUNK])
-        ends = self._ends(hits, rows)
-        return a * np.sqrt(self._importance(ends[0]) * self._importance(ends[1]))
-
-    def _ends(self, hits: Hits, rows: Index) -> tuple[FloatArray, FloatArray]:
-        """(tube, 3) unit vectors towards the first and the last surface."""
-        row, own = rows[:, 3:], hits
-        place = own.point[row].mean(axis=1)
-        while own.before is not None:
-            row, own = own.parent[row], own.before
-        first = own.ray[row].mean(axis=1)
-        span = place - self.setting.source
-        return tuple(each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-12) for each in (first, span))  # type: ignore[return-value]
+        first, last = ends(hits, rows)
+        return a * np.sqrt(self.eyes.importance(first) * self.eyes.importance(last))
 
     def _paths(self, hits: Hits, pieces: Pieces, a: ComplexArray, scale: FloatArray) -> list[RadarPaths]:
         """Of the pieces that matter, in chunks."""
@@ -247,88 +266,16 @@ class _Shot:
         return found
 
     def _chunk(self, hits: Hits, rows: Index) -> list[RadarPaths]:
-        radar, landing = self.radar, landed(hits, rows)
+        eyes, landing = self.eyes, landed(hits, rows)
         spread = np.ptp((hits.length[rows] + np.linalg.norm(hits.point[rows] - self.setting.source, axis=2)), axis=1)
         u = band_nodes(float(spread.max()), self.half_band, self.rtol)
         frequencies = [self.centre + self.half_band * float(each) for each in u]
-        tx, rx = np.atleast_2d(radar.tx_world), np.atleast_2d(radar.rx_world)
-        ways = integrate(landing, self.setting.optics, tx, rx, (radar.tx_field, radar.rx_field), frequencies)
-        first, last = self._ends(hits, rows)
-        weight, rate = self._weight(hits, rows[:, 0]), self._rates(hits, rows)
-        found = []
-        for each, ends in zip(ways, ((first, last), (last, first)), strict=True):
-            if each is not None:
-                coefficients = over_band(u, each.a) * (1.0 if ways[1] is None else weight)
-                found.append(self._record(hits, rows, each, coefficients, rate, ends))
-        return found
-
-    def _record(
-        self,
-        hits: Hits,
-        rows: Index,
-        way: Integrals,
-        coefficients: ComplexArray,
-        rate: FloatArray,
-        ends: tuple[FloatArray, FloatArray],
-    ) -> RadarPaths:
-        names, count = self.tracer.surfaces, len(rows)
-        surface, facet = hits.surface[rows[:, 0]], hits.facet[rows[:, 0]]
-        first = np.array([each.first_facet for each in self.surfaces])
-        face = (facet - first[surface]).astype(np.int32)
-        part = np.zeros(count, np.int32)
-        for number in np.unique(surface):
-            chosen = surface == number
-            part[chosen] = self.surfaces[number].parts[face[chosen]]
-        bounces = hits.reflections + 1
-        order = len(coefficients)
-        return RadarPaths(
-            a=coefficients[0][..., None],
-            tau=way.tau[..., None],
-            tau_rate=np.broadcast_to(rate[:, None], (*way.tau.shape, 1)).copy(),
-            times=np.array([self.t]),
-            frequency=self.centre,
-            direction=ends[0][:, None],
-            arrival=ends[1][:, None],
-            object_id=np.array([each.object_id for each in self.surfaces], np.int32)[surface],
-            part_id=part,
-            kind=np.full(count, PathKind.FACET if bounces == 1 else PathKind.MULTI_BOUNCE, np.uint8),
-            bounces=np.full(count, bounces, np.uint8),
-            object_names=names.object_names,
-            part_names=names.part_names,
-            facet=face,
-            dispersion=coefficients[1:, ..., None] if order > 1 else None,
-            half_band=self.half_band if order > 1 else 0.0,
-        )
-
-    def _rates(self, hits: Hits, rows: Index) -> FloatArray:
-        """(tube,) rate of the delay [s/s]: every surface moves the path's length by its velocity along the turn that
-        the path takes there."""
-        rate, row, own = np.zeros(len(rows)), rows, hits
-        back = self.setting.source - own.point[row]
-        out = back / np.maximum(np.linalg.norm(back, axis=2, keepdims=True), 1e-12)
-        while True:
-            turn = own.ray[row] - out
-            rate += np.einsum("pni,pni->pn", self._speed(own, row), turn)[:, 3:].mean(axis=1)
-            if own.before is None:
-                return rate / SPEED_OF_LIGHT
-            out, row, own = own.ray[row], own.parent[row], own.before
-
-    def _speed(self, hits: Hits, row: NDArray[np.intp]) -> FloatArray:
-        """(..., 3) velocities of the points hit [m/s]."""
-        found = np.zeros((*row.shape, 3))
-        for number, speed in enumerate(self.velocities):
-            if speed is None:
-                continue
-            at = hits.surface[row] == number
-            face = hits.facet[row[at]] - self.surfaces[number].first_facet
-            found[at] = np.einsum("rc,rci->ri", hits.weights[row[at]], speed[self.surfaces[number].faces[face]])
-        return found
-
-    def _none(self) -> RadarPaths:
-        shape = (len(np.atleast_2d(self.radar.tx_world)), len(np.atleast_2d(self.radar.rx_world)), 0, 1)
-        empty, names = np.zeros(0, np.int32), self.tracer.surfaces
-        return RadarPaths(
-            np.zeros(shape, np.complex128), np.zeros(shape), np.zeros(shape), np.array([self.t]), self.centre,
-            np.zeros((0, 1, 3)), np.zeros((0, 1, 3)), empty, empty, empty.astype(np.uint8), empty.astype(np.uint8),
-            names.object_names, names.part_names, empty,
-        )  # fmt: skip
+        there, back = integrate(landing, self.setting.optics, eyes.tx, eyes.rx, eyes.fields, frequencies)
+        way = ends(hits, rows)
+        if back is None:
+            return [self.scenery.paths(hits, rows, over_band(u, there.a), there.tau, way)]
+        weight = self._weight(hits, rows[:, 0])
+        return [
+            self.scenery.paths(hits, rows, over_band(u, each.a) * weight, each.tau, ways)
+            for each, ways in ((there, way), (back, way[::-1]))
+        ]
