@@ -12,8 +12,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rfgen_sionna.generative.environment.imagining import FROM_DRAFT, Wish, imagine
 from rfgen_sionna.generative.environment.model import EnvironmentModel, make_scheduler, read_model
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, noise_like
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.pir.view import View
@@ -46,9 +47,10 @@ class Backend(Protocol):
         sampler: Sampler,
         seeds: Sequence[int],
         known: Known | None,
+        first: View | None,
         progress: Progress | None,
     ) -> list[Pir]:
-        """Static PIRs of `view`, one for each prompt and seed."""
+        """Static PIRs of `view`, one for each prompt and seed; `first` is how their place was seen first, if it was."""
         ...
 
 
@@ -57,6 +59,7 @@ def load_backend(
     lora: str | Path | None,
     device: str | None,
     *,
+    from_draft: float | None = None,
     half: bool | None = None,
     compiled: bool = False,
 ) -> Backend:
@@ -64,8 +67,13 @@ def load_backend(
     if model is not None and not is_embedded(Path(model)):
         from rfgen_sionna.generative.environment.foreign import StableDiffusionBackend
 
+        if from_draft is not None:
+            raise ValueError(f"from_draft: {from_draft!r}; a Stable Diffusion base has no drafts, leave it out")
         return StableDiffusionBackend(str(model), lora, pick_device(device), half=half, compiled=compiled)
-    return EmbeddedBackend(load_embedded(model, lora, device, half=half, compiled=compiled))
+    if from_draft is not None and not 0.0 < from_draft <= 1.0:
+        raise ValueError(f"from_draft: {from_draft!r}; above 0 and up to 1, from noise alone, is allowed")
+    own = load_embedded(model, lora, device, half=half, compiled=compiled)
+    return EmbeddedBackend(own, FROM_DRAFT if from_draft is None else from_draft)
 
 
 def load_embedded(
@@ -128,8 +136,8 @@ def facts_of(view: View) -> ViewFacts:
 class EmbeddedBackend:
     """Draws with our own model."""
 
-    def __init__(self, model: EnvironmentModel) -> None:
-        self.model = model
+    def __init__(self, model: EnvironmentModel, from_draft: float = FROM_DRAFT) -> None:
+        self.model, self.from_draft = model, from_draft
         self.scheduler = make_scheduler()
 
     def check_view(self, view: View) -> None:
@@ -161,6 +169,7 @@ class EmbeddedBackend:
         sampler: Sampler,
         seeds: Sequence[int],
         known: Known | None,
+        first: View | None,
         progress: Progress | None,
     ) -> list[Pir]:
         """Static PIRs of `view`, one for each prompt and seed."""
@@ -171,10 +180,18 @@ class EmbeddedBackend:
             latents, keep = self.encode(known.pir), torch.from_numpy(known.patches)[None, None]
             guide = Guide(known=latents.repeat(len(prompts), 1, 1, 1), keep=keep)
         noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
-        drawn = draw(self.model, self.scheduler, sampler, tokens, against, noise, guide, progress)
+        begun = first or view
+        moved = view.position[0] - begun.position[0], view.position[1] - begun.position[1]
+        places = [self.model.text.places.index(self.model.text.place_of(prompt)[0]) for prompt in prompts]
+        wishes = [
+            Wish(place, facts_of(view), seed, facts_of(begun), moved) for place, seed in zip(places, seeds, strict=True)
+        ]
+        drawn = imagine(
+            self.model, self.scheduler, sampler, wishes, tokens, against, noise, guide,
+            from_draft=self.from_draft, progress=progress,
+        )  # fmt: skip
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
-        smooth = self.model.polish(drawn)
-        return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in smooth]
+        return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
 
     def encode(self, pir: Pir) -> Tensor:
         """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""

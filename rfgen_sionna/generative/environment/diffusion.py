@@ -32,6 +32,9 @@ class EnvironmentDiffusion:
         "cpu", "cuda", …; None takes CUDA where there is one.
     steps, guidance, sampler
         Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps.
+    from_draft
+        How much of the schedule is run from a draft, an empty box of a room (:mod:`.drafts`): 1 draws from noise alone,
+        less keeps more of the box; None is 0.85. Other models than ours have no drafts.
     half
         Compute in half precision, which processors with bfloat16 matrix units do twice as fast; None: on CUDA alone.
     compile
@@ -48,8 +51,9 @@ class EnvironmentDiffusion:
         device: str | None = None,
         *,
         steps: int = 20,
-        guidance: float = 2.0,
+        guidance: float = 3.0,
         sampler: str = "ddim",
+        from_draft: float | None = None,
         half: bool | None = None,
         compile: bool = False,
     ) -> None:
@@ -57,7 +61,7 @@ class EnvironmentDiffusion:
         from rfgen_sionna.generative.environment.sampling import Sampler
 
         self.sampler = Sampler(sampler, steps, guidance)
-        self._backend: Backend = load_backend(model, lora, device, half=half, compiled=compile)
+        self._backend: Backend = load_backend(model, lora, device, from_draft=from_draft, half=half, compiled=compile)
         self._kept: dict[str, list[Pir]] = {}
 
     def generate(
@@ -105,7 +109,8 @@ class EnvironmentDiffusion:
             if View.of(pir) == view:
                 return resized(pir, (rows, columns))
         known = imagined_so_far(kept, view) if kept else None
-        (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [seed], known, progress)
+        first = View.of(kept[0]) if kept else None
+        (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [seed], known, first, progress)
         kept.append(pir)
         return resized(pir, (rows, columns))
 
@@ -138,7 +143,7 @@ class EnvironmentDiffusion:
         out: list[Pir] = []
         for start in range(0, len(prompts), max(1, batch)):
             part = slice(start, start + max(1, batch))
-            drawn = self._backend.draw(prompts[part], negative, view, self.sampler, seeds[part], None, None)
+            drawn = self._backend.draw(prompts[part], negative, view, self.sampler, seeds[part], None, None, None)
             out += [resized(pir, (rows, columns)) for pir in drawn]
             if progress is not None:
                 progress(len(out), len(prompts))

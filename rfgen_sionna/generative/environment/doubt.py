@@ -18,6 +18,7 @@ from scipy.special import expit
 
 from rfgen_sionna.records import FloatArray
 
+_SHARES = np.linspace(0.0, 1.0, 51)
 _PENALTY = 1.0
 """On squared weights of standardised features, for all images together."""
 
@@ -71,7 +72,8 @@ class Doubt:
         weights = (float(found[0] - slopes @ middle), *slopes.tolist())
         sure = expit(weights[0] + incomplete @ slopes)[:, None] * drawn
         both = np.isfinite(sure) & np.isfinite(wanted)
-        share = np.clip(sure[both] @ wanted[both] / max(float(sure[both] @ sure[both]), 1e-12), 0.0, 1.0)
+        errors = [float(np.abs(wanted[both] - share * sure[both]).mean()) for share in _SHARES]
+        share = _SHARES[int(np.argmin(errors))]
         return cls(float(share), tuple(weights))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.generative.diffusion.metrics import frechet
 from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.imagining import FROM_DRAFT, Wish, imagine
 from rfgen_sionna.generative.environment.judge import Judge
 from rfgen_sionna.generative.environment.metrics import (
     Physical,
@@ -21,7 +22,7 @@ from rfgen_sionna.generative.environment.metrics import (
     smooth_share,
 )
 from rfgen_sionna.generative.environment.model import EnvironmentModel, make_scheduler
-from rfgen_sionna.generative.environment.sampling import Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.sampling import Sampler, noise_like
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.records import FloatArray
 
@@ -58,6 +59,7 @@ def drawn_like(
     sampler: Sampler,
     seed: int,
     note: Note | None = None,
+    from_draft: float = FROM_DRAFT,
 ) -> FloatArray:
     """(view, 3, row, column) images drawn for the captions and views of `index`."""
     out = []
@@ -65,12 +67,12 @@ def drawn_like(
     for start in range(0, len(index), _BATCH):
         some = index[start : start + _BATCH].tolist()
         views = [corpus.views[i] for i in some]
+        wishes = [Wish(int(corpus.places[i]), v, seed * 1_000_003 + i) for i, v in zip(some, views, strict=True)]
         tokens = model.text.embed([corpus.captions[i] for i in some], views)
         against = model.text.embed([""] * len(some), views)
-        out.append(
-            draw(model, make_scheduler(), sampler, tokens, against, noise[start : start + len(some)]).astype(np.float32)
-        )
-        out[-1] = model.polish(out[-1]).astype(np.float32)
+        part = noise[start : start + len(some)]
+        drawn = imagine(model, make_scheduler(), sampler, wishes, tokens, against, part, from_draft=from_draft)
+        out.append(drawn.astype(np.float32))
         if note is not None:
             note(min(start + _BATCH, len(index)), len(index))
     return np.concatenate(out).astype(np.float64)
@@ -104,6 +106,7 @@ def examine(
     sampler: Sampler,
     each: int,
     seed: int,
+    from_draft: float = FROM_DRAFT,
     note: Note | None = None,
 ) -> tuple[dict[str, Any], FloatArray, Halves]:
     """One seed's figures of the model, and the same of real views.
@@ -120,13 +123,14 @@ def examine(
         sampler: how to draw.
         each: views of each place in a half.
         seed: of the halves and the noise.
+        from_draft: how much of the schedule is run from drafts.
         note: called with (drawn, to be drawn).
 
     Returns:
         the figures, the images, and which views they were drawn for.
     """
     split = halves(test, layouts, each, seed)
-    images = drawn_like(model, test, split.first, sampler, seed, note)
+    images = drawn_like(model, test, split.first, sampler, seed, note, from_draft)
     real_a, real_b = (test.images[part].astype(np.float64) for part in (split.first, split.second))
     first, second = ([test.views[i] for i in part] for part in (split.first, split.second))
     (seen, chances), (seen_a, chances_a) = (judge.look(x, first) for x in (images, real_a))

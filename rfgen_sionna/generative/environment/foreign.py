@@ -112,6 +112,7 @@ class StableDiffusionBackend:
         sampler: Sampler,
         seeds: Sequence[int],
         known: Known | None,
+        first: View | None,
         progress: Progress | None,
     ) -> list[Pir]:
         """Static PIRs of `view`, one after another: such bases fill a device with one image."""

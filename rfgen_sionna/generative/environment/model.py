@@ -15,6 +15,7 @@ from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.drafts import Drafts
 from rfgen_sionna.generative.environment.geometry import ViewUNet
 from rfgen_sionna.generative.environment.polish import Polish
 from rfgen_sionna.generative.environment.text import PlaceEncoder
@@ -90,8 +91,10 @@ class EnvironmentModel:
     shape: Shape
     facts: dict[str, Any] = field(default_factory=dict)
     """Seed, steps, hours, data."""
-    polish: Polish = field(default_factory=Polish)
+    polish: Polish = field(default_factory=lambda: Polish(12))
     """What is done to drawn images."""
+    drafts: Drafts | None = None
+    """What drawing starts from; none: from noise."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
     """Of the ControlNet; `share` and `doubt` say how far its gains hold (:class:`Doubt` in doubt.py)."""
@@ -162,6 +165,8 @@ def write_model(path: Path, model: EnvironmentModel) -> None:
         "polish": asdict(model.polish),
     }
     exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
+    if model.drafts is not None:
+        exact |= {f"drafts.{k}": torch.from_numpy(v).float() for k, v in model.drafts.tables.items()}
     _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
 
 
@@ -203,7 +208,11 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
         net, control_facts = read_control(where, unet)
     codec = PirCodec(**_tuples(header["codec"]))
     polish = Polish(**_tuples(header.get("polish", {})))
-    return EnvironmentModel(unet, vae, text, codec, shape, header["facts"], polish, net, control_facts)
+    tables = {k.removeprefix("drafts."): v.numpy() for k, v in tensors.items() if k.startswith("drafts.")}
+    drafts = Drafts.of(tables) if tables else None
+    return EnvironmentModel(
+        unet, vae, text, codec, shape, header["facts"], polish, drafts, control=net, control_facts=control_facts
+    )
 
 
 def read_control(path: Path, unet: UNet2DConditionModel) -> tuple[ControlNetModel, dict[str, Any]]:

@@ -32,7 +32,7 @@ class Sampler:
     kind: str = "ddim"
     """"ddim", or the few-step samplers "dpm" (DPM-Solver++ of second order) and "euler"."""
     steps: int = 20
-    guidance: float = 2.0
+    guidance: float = 3.0
     """How far the prompt is followed beyond what it asks for; 1 halves the work and is the model's own spread."""
 
     spread: float = 1.0

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.drafts import Drafts
 from rfgen_sionna.generative.environment.model import (
     BASE_FILE,
     EnvironmentModel,
@@ -136,6 +137,7 @@ def train(
         optimiser.load_state_dict(state["optimiser"])
         first, seconds = state["step"], state["seconds"]
     latents = corpus.latents(vae)
+    drafts = Drafts.fit(corpus, codec)
     shown, started = 0.0, time.monotonic()
     for step in range(first, recipe.steps):
         for group in optimiser.param_groups:
@@ -163,7 +165,7 @@ def train(
             with (out / "log.jsonl").open("a", encoding="utf-8") as log:
                 log.write(json.dumps({"step": step + 1, "seconds": round(spent), "loss": round(shown, 5)}) + "\n")
             facts = {"steps": step + 1, "hours": spent / 3600.0, "views": len(corpus), **asdict(recipe)}
-            model = EnvironmentModel(mean, vae, text, codec, shape, {**facts, "steps": step + 1})
+            model = EnvironmentModel(mean, vae, text, codec, shape, {**facts, "steps": step + 1}, drafts=drafts)
             write_model(out / BASE_FILE, model)
             if recipe.later and step + 1 <= recipe.later_from:
                 write_model(out / WITHOUT_FILE, model)
