@@ -169,7 +169,8 @@ def test_a_board_in_a_leg_removes_the_dihedral_s_return():
     # Edge on to the radar: in the bisecting plane, where the waves cross over from plate to plate, or beside it all.
     for place, remains in (((2.899, 0, 0), False), ((2.7, 0.6, 0), True)):
         post = Actor.from_mesh(board, material="metal", position=place, name="board")
-        paths = bounced(radar, [actor, post], 2, rtol=1e-2)
+        # the board touches the plates where they meet
+        paths = bounced(radar, [actor, post], 2, rtol=1e-2, collisions="ignore")
         left = np.abs(channel(paths.select(paths.object_id == 0))).mean()
         assert left == pytest.approx(free, rel=0.02) if remains else left < 0.1 * free
 
