@@ -107,8 +107,8 @@ def render_pir(
     row, column = view.places(patches.pixel, place, split)
     total = _blend(found.a, row, column, patches.pixel, view) * counts
     if bounces > 1 or tracer.transmission:
-        gains, more = _by_tubes(tracer, t, bounces, view, position, orientation)
-        patches = patches.and_those(more)
+        gains, others = _by_tubes(tracer, t, bounces, view, position, orientation)
+        patches = patches.and_those(others)
         total += gains
     coherent = np.abs(total) ** 2
     diffuse = beams.total(beams.energy, view.size)

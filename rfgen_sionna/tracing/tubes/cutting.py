@@ -48,9 +48,9 @@ def cut(hits: Hits, corners: lattice.Nodes, sign: NDArray[np.int64], halvings: N
     pieces, signs, tubes = [with_middles(corners[kept])], [sign[kept, 6]], [kept]
     tube = np.flatnonzero(alone >= 0)
     if len(tube):
-        i, halvings = alone[tube], halvings[tube]
-        a, b, c = (corners[tube, (i + step) % 3] for step in range(3))
-        own, others = sign[tube, i], sign[tube, (i + 1) % 3]
+        own_corner, halvings = alone[tube], halvings[tube]
+        a, b, c = (corners[tube, (own_corner + step) % 3] for step in range(3))
+        own, others = sign[tube, own_corner], sign[tube, (own_corner + 1) % 3]
         near_b, far_b = _rim(hits, a, b, own, halvings)
         near_c, far_c = _rim(hits, a, c, own, halvings)
         # Half way along the cut: how far off is the rim there, on the way from the lone corner?

@@ -69,11 +69,11 @@ class Marks:
         before = hits.before
         if before is None or len(cells) == 0:
             return np.zeros(len(cells), np.bool_)
-        rows = before.rows(cells.reshape(-1, 3)).reshape(-1, 3)
-        there = before.chain[rows] != 0
+        corner = before.rows(cells.reshape(-1, 3)).reshape(-1, 3)
+        there = before.chain[corner] != 0
         # Corners at a rim may have missed: another one stands for them.
-        one = np.take_along_axis(rows, np.argmax(there, axis=1)[:, None], axis=1)
-        rows = np.where(there, rows, one).reshape(-1)
+        one = np.take_along_axis(corner, np.argmax(there, axis=1)[:, None], axis=1)
+        rows = np.where(there, corner, one).reshape(-1)
         ray, point = before.ray[rows], before.point[rows]
         if not hits.through:
             ray = mirrored(ray, before.normal[rows])

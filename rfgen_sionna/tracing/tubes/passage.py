@@ -90,6 +90,8 @@ class Arrival:
 def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
     """The wave of an `element` (3,) [m] at the route's points."""
     mirrors, end = route.mirrors, route.point
+    legs: tuple[FloatArray, ...]
+    normals: tuple[FloatArray, ...]
     start = np.broadcast_to(element, end.shape)
     if not mirrors:
         offset = end - start
@@ -128,7 +130,7 @@ def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
             _unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u))
             for mirror, t, bend, u in zip(mirrors, tangents, bends, place, strict=True)
         )
-        length = np.asarray(sum(reach_of), dtype=np.float64)
+        length = np.add.reduce(reach_of)
         spread = _spread(hessian, slopes, legs, across, length, optics)
     bulk = np.zeros(len(end))
     for leg, veils in zip(legs, route.veils, strict=True):

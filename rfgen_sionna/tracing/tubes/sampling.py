@@ -187,9 +187,9 @@ class Sampler:
         spread = k * np.ptp(way, axis=1)
         bound = self._bound(hits, nodes, rows) / (1.0 + 0.5 * spread)
         most = np.maximum(size, bound)
-        error = most * np.minimum(0.5 * phase, 1.0)
+        error = most * np.minimum(0.5 * phase + _aslant(hits, rows[:, :6]), 1.0)
         error = np.where(torn | ~whole, RIM * most, error)
-        wide = span > self.finest * out.min(axis=1)
+        wide = span > self.finest * np.maximum(out.min(axis=1), 1e-9)
         error = np.where(uneven | long | wide, np.maximum(error, 0.05 * size), error)
         whose = hits.surface[np.take_along_axis(rows, like[:, None], axis=1)[:, 0]]
         return _Seen(rows, sign, whole, empty, found, error, width, whose, most, spread)
@@ -223,10 +223,10 @@ class Sampler:
         kept = fine[made.tube]
         nodes, tube = made.nodes[kept], made.tube[kept]
         rows = fitting(hits, nodes, made.sign[kept])
-        # At the rim of what is round places change as roots do, which parabolas do not follow far.
         k = 2 * np.pi * self.frequency / SPEED_OF_LIGHT
         way = hits.length[rows] + np.sqrt(((hits.point[rows] - hits.setting.source) ** 2).sum(axis=2))
-        bent = found.most[at][tube] * np.minimum(0.5 * k * _cubic(hits, rows, way, hits.point[rows]), 1.0)
+        phase = 0.5 * k * _cubic(hits, rows, way, hits.point[rows])
+        bent = found.most[at][tube] * np.minimum(phase + _aslant(hits, rows), 1.0)
         error = error + np.bincount(tube, bent, len(at))
         fine &= (error <= 2.0 * allowed) | narrow | last
         kept = fine[tube]
@@ -275,6 +275,15 @@ def _cubic(hits: Hits, rows: Index, way: FloatArray, point: FloatArray) -> Float
             missed = missed - np.einsum("ti,ti->t", slope[:, start], step)
             most = np.maximum(most, 0.096 * np.abs(missed))  # the largest value of x (x - 1/2) (x - 1), twice
     return most
+
+
+def _aslant(hits: Hits, rows: Index) -> FloatArray:
+    """(tube,) what the return of round things is off by, relative to itself, where the angle of incidence changes much:
+    towards their rim places change as roots do, which parabolas do not follow far."""
+    cos = np.abs(np.einsum("tni,tni->tn", hits.ray[rows], hits.normal[rows]))
+    change = np.ptp(cos, axis=1) / np.maximum(cos.mean(axis=1), 1e-3)
+    bent = (hits.bend[rows] != 0).any(axis=(1, 2, 3))
+    return np.where(bent, RIM * np.minimum(0.5 * change, 1.0) ** 4, 0.0)
 
 
 def fitting(hits: Hits, nodes: lattice.Nodes, sign: NDArray[np.int64]) -> Index:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numbers
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -73,11 +72,11 @@ def check_options(max_bounces: Any, rtol: Any, sampling: Any, level: Any) -> Non
     """Raise a ValueError that names what of :func:`shoot`'s options is out of range."""
 
     def whole(value: Any, most: int) -> bool:
-        return isinstance(value, numbers.Integral) and not isinstance(value, bool) and 1 <= value <= most
+        return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and 1 <= value <= most
 
     if not whole(max_bounces, MOST_BOUNCES):
         raise ValueError(f"max_bounces is {max_bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
-    if isinstance(rtol, bool) or not isinstance(rtol, numbers.Real) or not 1e-4 <= rtol <= LOOSEST:
+    if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-4 <= rtol <= LOOSEST:
         raise ValueError(f"rtol is {rtol!r}: a value in 1e-4 … {LOOSEST} is needed")
     if sampling not in get_args(Sampling):
         raise ValueError(f"sampling is {sampling!r}: allowed are {', '.join(map(repr, get_args(Sampling)))}")
