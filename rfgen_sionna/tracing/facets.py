@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import columns, lengths, middles
-from rfgen_sionna.tracing.smooth import Bend
+from rfgen_sionna.tracing.smooth import QUARTERS, Bend
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
@@ -19,15 +19,6 @@ CANCELLED = 0.01
 to it."""
 RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
-_QUARTERS = 0.5 * np.array(
-    [
-        [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
-        [[1, 1, 0], [0, 2, 0], [0, 1, 1]],
-        [[1, 0, 1], [0, 1, 1], [0, 0, 2]],
-        [[0, 1, 1], [1, 0, 1], [1, 1, 0]],
-    ]
-)
-"""(quarter, corner, vertex) of a facet divided at the middles of its edges."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +66,12 @@ class Facets:
         which facet each of them is of."""
         split = np.zeros(len(self), np.bool_) if self.curved is None else self.curved
         flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
-        index = np.concatenate([flat, np.repeat(bent, len(_QUARTERS))])
+        index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
         found = self.take(index)
         parts = np.where(split[index], found.parts, 2 * found.parts)
         if self.bend is None or len(bent) == 0:
             return replace(found, parts=parts), index
-        weights = np.concatenate([np.broadcast_to(np.eye(3), (len(flat), 3, 3)), np.tile(_QUARTERS, (len(bent), 1, 1))])
+        weights = np.concatenate([np.broadcast_to(np.eye(3), (len(flat), 3, 3)), np.tile(QUARTERS, (len(bent), 1, 1))])
         bend = None if found.bend is None else found.bend.within(weights)
         return replace(found, corners=weights @ found.corners, bend=bend, parts=parts), index
 

@@ -9,7 +9,8 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.load import RadarScene
-from rfgen_sionna.scene.mesh import face_normals
+from rfgen_sionna.scene.mesh import face_normals, lengths
+from rfgen_sionna.tracing.smooth import QUARTERS, smoothing
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor
@@ -18,6 +19,8 @@ RATE_STEP = 0.5e-3
 """Half the stretch over which the velocity is differenced [s]."""
 PIECE_PHASE = 0.3
 """Phase [rad] by which a piece's corners depart from its far field at the given distance; a third of it on the mean."""
+PIECE_RISE = 0.25
+"""Phase [rad] by which a round surface may rise over an edge of a facet, there and back."""
 SHADOW_STEPS = 32
 """Facets are no longer than this part of the actor's size: its own shadows end between three points of a facet."""
 MAX_PIECES = 2048
@@ -83,11 +86,11 @@ def add_actor(
     mesh = Layer([(vertices, faces)], np.zeros(3), moving=False).scene.shapes()[0]
     finest = float(np.ptp(vertices, axis=0).max()) / SHADOW_STEPS
     if distance is None:
-        local, faces = _split(vertices - centre, faces, finest)
+        local, faces = _split(vertices - centre, faces, finest, frequency())
         pieces = np.zeros(len(faces), dtype=np.int32)
     else:
         edge = float(np.sqrt(2 * PIECE_PHASE * distance * SPEED_OF_LIGHT / (2 * np.pi * frequency())))
-        local, faces = _split(vertices - centre, faces, min(finest, edge))
+        local, faces = _split(vertices - centre, faces, min(finest, edge), frequency())
         cells = np.floor(local[faces].mean(axis=1) / edge).astype(np.int64)
         cell = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
         order = np.argsort(cell, kind="stable")
@@ -126,9 +129,24 @@ def _centroids(vertices: FloatArray, faces: IntArray, pieces: IntArray | None = 
     return np.asarray(sums / np.bincount(pieces, weights=weight)[:, None])
 
 
-def _split(vertices: FloatArray, faces: IntArray, edge: float) -> tuple[FloatArray, IntArray]:
-    """The mesh with no edge longer than `edge` [m]."""
-    import trimesh
+def _split(vertices: FloatArray, faces: IntArray, edge: float, frequency: float) -> tuple[FloatArray, IntArray]:
+    """The mesh with no edge longer than `edge` [m], and on the smooth surface that it samples, if it does."""
+    smooth = smoothing(vertices, faces)
+    if smooth is None:
+        import trimesh
 
-    vertices, faces = trimesh.remesh.subdivide_to_size(vertices, faces, edge, max_iter=40)
-    return np.asarray(vertices, np.float64), np.asarray(faces, np.int32)
+        vertices, faces = trimesh.remesh.subdivide_to_size(vertices, faces, edge, max_iter=40)
+        return np.asarray(vertices, np.float64), np.asarray(faces, np.int32)
+    corners, bend, done = vertices[faces], smooth.bend(vertices, faces), []
+    while len(corners):
+        rise = lengths(bend.rises).max(axis=1) * 4 * np.pi * frequency / SPEED_OF_LIGHT
+        coarse = (rise > PIECE_RISE) | (lengths(corners[:, [1, 2, 0]] - corners).max(axis=1) > edge)
+        last = bend.take(np.flatnonzero(~coarse))
+        lifts = 0.0 if last.lifts is None else last.lifts
+        # As high as the patch is on the mean: a third of what its edges rise.
+        done.append(corners[~coarse] + lifts + last.rises.mean(axis=1, keepdims=True))
+        index = np.repeat(np.flatnonzero(coarse), len(QUARTERS))
+        weights = np.tile(QUARTERS, (int(np.count_nonzero(coarse)), 1, 1))
+        corners, bend = weights @ corners[index], bend.take(index).within(weights)
+    found = np.concatenate(done)
+    return found.reshape(-1, 3), np.arange(3 * len(found), dtype=np.int32).reshape(-1, 3)

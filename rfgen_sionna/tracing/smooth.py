@@ -25,6 +25,15 @@ from rfgen_sionna.scene.mesh import columns, face_normals, lengths
 
 _FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
+QUARTERS = 0.5 * np.array(
+    [
+        [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
+        [[1, 1, 0], [0, 2, 0], [0, 1, 1]],
+        [[1, 0, 1], [0, 1, 1], [0, 0, 2]],
+        [[0, 1, 1], [1, 0, 1], [1, 1, 0]],
+    ]
+)
+"""(quarter, corner, vertex) of a facet divided at the middles of its edges."""
 
 
 @dataclass(frozen=True)

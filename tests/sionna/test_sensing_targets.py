@@ -162,6 +162,25 @@ def test_our_tracer_finds_the_same(rt):
     assert spread[0] - 1e-3 < found.velocity.min() < found.velocity.max() < spread[1] + 1e-3
 
 
+@pytest.mark.parametrize(("material", "subdivisions"), [("pec", 2), ("skin", 3)])
+def test_a_coarse_ball_is_the_round_one_that_our_tracer_takes_it_for(rt, material, subdivisions):
+    """320 and 1,280 facets: gains of all element pairs within 0.2 dB and 2 degrees of our tracer's, the delay to the
+    nearest point and the radial velocity as far as one point stands for a piece of 1.5 cm."""
+    radar = Radar.load("awr1843", position=(0, 0, 1))
+    actor = Actor.from_mesh(
+        ball(0.05, subdivisions), material=material, position=(6, 0.3, 1.2), velocity=(1.0, -2, 0.5), name="ball"
+    )
+    scene = free_space(radar)
+    rfgen.add_actor(scene, actor, distance=5.9)
+    found = rfgen.from_sionna(solve(rt, scene), radar)
+    ours = Simulator(None, radar, [actor]).paths()
+    ratio = channel(found) / channel(ours)
+    assert abs(decibels(ratio)).max() < 0.2
+    assert np.degrees(abs(np.angle(ratio))).max() < 2.0
+    assert found.range.min() == pytest.approx(ours.range.min(), abs=0.015)
+    assert found.velocity.mean() == pytest.approx(ours.velocity.mean(), abs=0.005)
+
+
 def test_it_is_reciprocal(rt):
     """Element by element: Tx and Rx changed over give the same gain."""
     radar = apart(baseline=1.0, position=(0, 0, 1))
