@@ -186,22 +186,13 @@ class Drafts:
 _OUTDOORS = {"street": True, "playground": True, "open field": True}
 
 
-def settled(
-    drawn: NDArray[np.floating], draft: NDArray[np.floating], free: NDArray[np.bool_] | None = None
-) -> FloatArray:
-    """Drawn images (image, 3, row, column) in which what lies near a draft's surfaces lies on them.
-
-    Args:
-        drawn, draft: channels in −1 … 1.
-        free: (image, 1, row, column) or such, where that is done; none: everywhere.
-    """
+def settled(drawn: NDArray[np.floating], draft: NDArray[np.floating]) -> FloatArray:
+    """Drawn images (image, 3, row, column) in which what lies near the surfaces of a draft lies on them."""
     out = np.array(drawn, dtype=np.float64)
     apart = out[:, :2] - draft[:, :2]
     size = np.sum((apart / np.array(SAME)[:, None, None]) ** 2, axis=1)
     size = gaussian_filter(size, (0.0, _PATCH, _PATCH))
     own = (size**2 / (size**2 + 1.0))[:, None]
-    if free is not None:
-        own = np.where(free, own, 1.0)
     out[:, :2] = draft[:, :2] + own * apart
     out[:, 2] = np.where(own[:, 0] > 0.5, out[:, 2], draft[:, 2])
     return out

@@ -55,13 +55,18 @@ def imagine(
     guide = guide or Guide()
     drafts = model.drafts
     if drafts is None or from_draft >= 1.0:
-        return model.polish(draw(model, scheduler, sampler, tokens, against, noise, guide, progress))
-    boxes = np.stack([drafts.draw(w.place, w.facts, model.codec, w.seed, first=w.first, moved=w.moved) for w in wishes])
-    with torch.no_grad():
-        start = model.vae.encode(torch.from_numpy(boxes).to(model.vae.device)).latent_dist.mode()
-    guide = replace(guide, start=start.float(), strength=from_draft)
-    drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
-    free = (
-        None if guide.keep is None else ~np.kron(guide.keep.cpu().numpy(), np.ones((1, 1, PATCH, PATCH))).astype(bool)
-    )
-    return model.polish(settled(drawn, boxes, free))
+        drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
+        finished = model.polish(drawn)
+    else:
+        boxes = np.stack(
+            [drafts.draw(w.place, w.facts, model.codec, w.seed, first=w.first, moved=w.moved) for w in wishes]
+        )
+        with torch.no_grad():
+            start = model.vae.encode(torch.from_numpy(boxes).to(model.vae.device)).latent_dist.mode()
+        guide = replace(guide, start=start.float(), strength=from_draft)
+        drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
+        finished = model.polish(settled(drawn, boxes))
+    if guide.keep is None:
+        return finished
+    known = np.kron(guide.keep.cpu().numpy(), np.ones((1, 1, PATCH, PATCH))) > 0
+    return np.where(known, drawn, finished)
