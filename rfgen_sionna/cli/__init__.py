@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
 import math
 import signal
 import sys
 import threading
-import types
 import warnings
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -17,6 +15,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from rfgen_sionna.cli.benchmark import EPILOG as BENCH_EPILOG
+from rfgen_sionna.cli.benchmark import bench
 from rfgen_sionna.cli.console import draw, warn, wrote
 from rfgen_sionna.cli.console import err as _err
 from rfgen_sionna.cli.console import out as _out
@@ -123,45 +123,7 @@ def export(
     _out.print(f"{report.frames} frames, {report.scale:g} √W per LSB{level}, {report.clipped} values clipped")
 
 
-@app.command(
-    epilog="""[bold]Examples[/bold]
-
-rfgen bench --quick
-
-rfgen bench --scene sphere --scene hand --out bench/
-
-It needs a checkout of the repository: the benchmark is no part of the installed package. docs/benchmarks.md tells how
-to read what it writes."""
-)
-def bench(
-    scene: Annotated[list[str] | None, typer.Option(help="A scene alone, without the rest; may be repeated.")] = None,
-    part: Annotated[list[str] | None, typer.Option(help="A part of the benchmark alone; may be repeated.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer scenes and points.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for JSON, tables and pictures.", file_okay=False)] = Path("bench"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn.")] = 0,
-) -> None:
-    """Measure time, memory and error against other methods and independent truth, on this machine."""
-    benchmark = _benchmark()
-    with _out.status("starting") as status:
-        result = benchmark.run(out, scene or (), quick, seed, status.update, part or ())
-    for name in ("bench.json", "bench.md"):
-        wrote(out / name)
-    _out.print(f"{result['seconds']:.0f} s; pictures in {escape(str(out))}")
-
-
-def _benchmark() -> Any:
-    """The benchmark's module, from the checkout that this package is installed from."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / "tests" / "benchmarks" / "bench.py").is_file():
-        raise FileNotFoundError(
-            "the benchmark is in tests/benchmarks of the repository, and this package is not installed from a checkout "
-            "of it: clone the repository and install it with `pip install -e .[dev]`"
-        )
-    if "tests" not in sys.modules:  # by its path: another package of that name may be installed
-        tests = types.ModuleType("tests")
-        tests.__path__ = [str(root / "tests")]
-        sys.modules["tests"] = tests
-    return importlib.import_module("tests.benchmarks.bench")
+app.command(epilog=BENCH_EPILOG)(bench)
 
 
 def _scale(text: str) -> dict[str, Any]:

@@ -11,8 +11,10 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Radar
 from rfgen_sionna.signal import synthesize
 from tests.benchmarks import truth
 from tests.benchmarks.measuring import timed
-from tests.benchmarks.methods import Method, Traced
+from tests.benchmarks.methods import Method, Traced, Tubes
+from tests.benchmarks.stored import Store
 from tests.benchmarks.subjects import SPEED, Subject, permittivity
+from tests.benchmarks.truth import Probe
 
 FAR = 150.0
 """Doppler [Hz] beyond the body's own that counts as spurious."""
@@ -60,17 +62,18 @@ def method_subject(method: Any) -> Subject:
 class AdcCheck:
     """Samples of a frame, some of them checked against the truth: those of random chirps at random times."""
 
-    def __init__(self, subject: Subject, seed: int, count: int) -> None:
+    def __init__(self, subject: Subject, seed: int, count: int, store: Store | None = None) -> None:
         self.subject, wave = subject, subject.radar.waveform
-        rng = np.random.default_rng(seed)
-        self.entries = np.column_stack([rng.integers(0, n, count) for n in (wave.num_loops, wave.num_samples)])
-        self._wave = wave
+        # Fewer are the first ones of more.
+        drawn = np.random.default_rng(seed).random((count, 2))
+        self.entries = (drawn * [wave.num_loops, wave.num_samples]).astype(np.int64)
+        self._wave, self._store = wave, store or Store()
         self._expected: dict[bool, ComplexArray] = {}
 
     def expected(self, smooth: bool) -> ComplexArray:
         """(entry,) samples of the smooth surface or of the mesh as it is."""
         if smooth not in self._expected:
-            self._expected[smooth] = np.array([self._true(*entry, smooth) for entry in self.entries])
+            self._expected[smooth] = self._integrated(smooth) if self.subject.quadrature else self._closed()
         return self._expected[smooth]
 
     def _cycles(self, tau: FloatArray, sample: int) -> FloatArray:
@@ -79,22 +82,39 @@ class AdcCheck:
         t = wave.sample_times[sample]
         return np.mod(tau * (wave.start_frequency + wave.slope * t - 0.5 * wave.slope * tau), 1.0)
 
-    def _true(self, chirp: int, sample: int, smooth: bool) -> complex:
-        subject, wave = self.subject, self._wave
-        now = wave.chirp_times[chirp, 0] + wave.sample_times[sample]
-        frequency = wave.start_frequency + wave.slope * wave.sample_times[sample]
-        if subject.quadrature is None:
-            # Of a point-like return: its own delay, with the level at the frequency of the moment.
-            level = np.abs(subject.expected_at(np.array([now]), frequency))
-            tau = 2 * subject.path(np.array([now])) / SPEED_OF_LIGHT
-            return complex((level * np.exp(2j * np.pi * self._cycles(tau, sample)))[0])
-        total, offset = 0j, SPEED * now * subject.towards
-        for weight, distance in subject.quadrature(smooth).strengths(
-            offset, permittivity(subject.actors[0], frequency)
-        ):
-            cycles = self._cycles(2 * distance / SPEED_OF_LIGHT, sample)
-            total += (np.conj(weight) * np.exp(2j * np.pi * cycles)).sum()
-        return complex(total)
+    def _moments(self) -> list[tuple[float, float, int]]:
+        """(time [s], frequency sent then [Hz], sample) of each entry."""
+        wave = self._wave
+        return [
+            (
+                float(wave.chirp_times[chirp, 0] + wave.sample_times[sample]),
+                float(wave.start_frequency + wave.slope * wave.sample_times[sample]),
+                int(sample),
+            )
+            for chirp, sample in self.entries
+        ]
+
+    def _closed(self) -> ComplexArray:
+        """Of a point-like return: its own delay, with the level at the frequency of the moment."""
+        subject = self.subject
+        assert subject.expected is not None
+        found = []
+        for now, frequency, sample in self._moments():
+            at = np.array([now])
+            tau = 2 * subject.path(at) / SPEED_OF_LIGHT
+            turns = np.exp(2j * np.pi * self._cycles(tau, sample))
+            found.append((np.abs(subject.expected(at, frequency)) * turns)[0])
+        return np.array(found)
+
+    def _integrated(self, smooth: bool) -> ComplexArray:
+        subject, probes = self.subject, []
+        for now, frequency, _ in self._moments():
+            # tau f - mu tau^2 / 2 for tau = 2 R / c; the samples have the conjugate of the channel's phase.
+            x, y, z = (SPEED * now * subject.towards).tolist()
+            square = -0.5 * self._wave.slope * (2 / SPEED_OF_LIGHT) ** 2
+            eps = permittivity(subject.actors[0], frequency)
+            probes.append(Probe((x, y, z), 2 * frequency / SPEED_OF_LIGHT, square, eps))
+        return np.conj(integrals(subject, probes, self._store, smooth))
 
     def __call__(self, method: Method) -> dict[str, float]:
         """Relative error, and for the tracer the time of tracing and synthesising the frame [s]."""
@@ -115,7 +135,7 @@ class AdcCheck:
                 a, distance = method.returns(float(wave.chirp_times[chirp, 0]))
                 tau = 2 * (distance + SPEED * wave.sample_times[sample]) / SPEED_OF_LIGHT
                 found[index] = (np.conj(a) * np.exp(2j * np.pi * self._cycles(tau, sample))).sum()
-        expected = self.expected(isinstance(method, Traced))
+        expected = self.expected(isinstance(method, (Traced, Tubes)))
         if self.subject.free_phase:
             turn = np.vdot(found, expected)
             found = found * turn / max(abs(turn), 1e-300)
@@ -126,13 +146,31 @@ class AdcCheck:
 class Known:
     """What a subject returns at some times."""
 
-    def __init__(self, subject: Subject, times: FloatArray) -> None:
-        self.subject, self.times = subject, times
-        self.smooth = subject.expected(times)
-        self.flat = self.smooth if subject.flat_expected is None else subject.flat_expected(times)
+    def __init__(self, subject: Subject, times: FloatArray, store: Store | None = None) -> None:
+        self.subject, self.times, store = subject, times, store or Store()
+        if subject.quadrature is None:
+            assert subject.expected is not None
+            self.smooth = self.flat = subject.expected(times, subject.frequency)
+            return
+        probes = [Probe.channel(SPEED * t * subject.towards, subject.frequency) for t in times]
+        self.smooth = integrals(subject, probes, store)
+        self.flat = integrals(subject, probes, store, smooth=False)
+        coarse = integrals(subject, probes[:1], store, oversampling=0.7)
+        self.own_error = float(abs(coarse[0] / self.smooth[0] - 1))
+        """How far the quadrature is from one with half as many points: more than what it is wrong by."""
+
+    own_error = 0.0
 
     def errors(self, method: Method, found: ComplexArray) -> dict[str, float]:
-        """The tracer is held against the smooth surface that a mesh stands for, methods that see a polyhedron against
-        that."""
-        expected = (self.smooth if isinstance(method, Traced) else self.flat)[: len(found)]
+        """Tracer and ray mode are held against the smooth surface that a mesh stands for, methods that see a
+        polyhedron against that."""
+        expected = (self.smooth if isinstance(method, (Traced, Tubes)) else self.flat)[: len(found)]
         return truth.errors(found, expected, self.subject.free_phase)
+
+
+def integrals(
+    subject: Subject, probes: list[Probe], store: Store, smooth: bool = True, oversampling: float = 1.0
+) -> ComplexArray:
+    """(probe,) of a subject that quadrature tells of; a mesh that is flat is its own smooth surface."""
+    assert subject.quadrature is not None
+    return store.sums(subject.quadrature(smooth, oversampling), probes, subject.hides)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import gc
+import hashlib
+import inspect
 import os
 import platform
+import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +20,26 @@ import numpy as np
 T = TypeVar("T")
 PACKAGES = ("rfgen_sionna", "numpy", "scipy", "drjit", "mitsuba", "sionna-rt", "finufft", "miepython", "torch", "anny")
 _STATUS, _REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def default_rtol() -> float:
+    """What a simulation is right to if nobody says."""
+    from rfgen_sionna.simulation import Simulator
+
+    return float(inspect.signature(Simulator).parameters["rtol"].default)
+
+
+def code() -> dict[str, Any]:
+    """Which state of the code is measured: its commit, and a hash of what is in its files."""
+    total = hashlib.sha256()
+    for folder in ("rfgen_sionna", "tests/benchmarks"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            total.update(path.read_bytes())
+    asked = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    return {"commit": asked.stdout.strip() or None, "digest": total.hexdigest()[:16]}
 
 
 def timed(work: Callable[[], T]) -> tuple[float, T]:
@@ -70,7 +93,6 @@ def machine() -> dict[str, Any]:
         "usable_cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "processor": _processor(),
         "system": f"{platform.system()} {platform.machine()}",
-        "load": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "variant": ensure_backend(),
     }
 

@@ -13,7 +13,11 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.tracing.footprints import Stage, trace_footprints
 from rfgen_sionna.tracing.tracer import Tracer
+from rfgen_sionna.tracing.tubes.shoot import Sampling, shoot
 from tests.benchmarks.subjects import Subject
+
+BLOCK = 1 << 24
+"""Samples per launch."""
 
 
 class Method(Protocol):
@@ -68,7 +72,7 @@ class Traced:
 
 @dataclass
 class Beams:
-    """Our ray mode: a grid of beams that look at the subject, each integrated over its patch."""
+    """What images (PIRs) are rendered with: a grid of beams that look at the subject, each integrated over its patch."""
 
     subject: Subject
     pixels: int
@@ -111,6 +115,38 @@ class Beams:
 
 
 @dataclass
+class Tubes:
+    """Our ray mode: tubes of rays in all directions, adaptive ones to a tolerance or uniform ones of a level."""
+
+    subject: Subject
+    rtol: float = 1e-2
+    level: int | None = None
+    """Of uniform tubes; None are adaptive ones."""
+
+    def __post_init__(self) -> None:
+        self._tracer = Tracer(self.subject.scene, self.subject.radar, self.subject.actors)
+        self._rays = 0
+
+    @property
+    def row(self) -> dict[str, Any]:
+        setting = {"rtol": self.rtol} if self.level is None else {"level": self.level}
+        name = "rays, adaptive" if self.level is None else "rays, uniform"
+        return {"method": name} | setting | ({"rays": self._rays} if self._rays else {})
+
+    def __call__(self, t: float) -> complex:
+        return summed(*self.returns(t), self.subject.frequency)
+
+    def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
+        sampling: Sampling = "adaptive" if self.level is None else "uniform"
+        found = shoot(self._tracer, t, self.subject.max_bounces, self.rtol, sampling, self.level)
+        self._rays, paths = found.report.rays, found.paths
+        moving = [each.object_id for each in self._tracer.surfaces.moving]  # what the room returns is not asked for
+        counted = self.subject.counted(paths)
+        chosen = counted[np.isin(paths.object_id[counted], moving)]
+        return paths.a[0, 0, chosen, 0], 0.5 * SPEED_OF_LIGHT * paths.tau[0, 0, chosen, 0]
+
+
+@dataclass
 class Samples:
     """One sample per pixel: rays through a grid, (j / 4 pi) exp(-2 j k R) times pixel's solid angle and reflection.
 
@@ -146,29 +182,42 @@ class Samples:
     def __call__(self, t: float) -> complex:
         import drjit as dr
 
-        weight, sin, cos, _ = self._kernel(t)
-        real, imaginary = dr.sum(weight[0] * cos + weight[1] * sin), dr.sum(weight[1] * cos - weight[0] * sin)
-        dr.eval(real, imaginary)
-        return 1j / (4 * np.pi) * complex(float(real[0]), float(imaginary[0]))
+        total = 0j
+        for rows in self._blocks(t):
+            weight, sin, cos, _ = self._kernel(*rows)
+            real, imaginary = dr.sum(weight[0] * cos + weight[1] * sin), dr.sum(weight[1] * cos - weight[0] * sin)
+            dr.eval(real, imaginary)
+            total += complex(float(real[0]), float(imaginary[0]))
+        return 1j / (4 * np.pi) * total
 
     def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
-        weight, _, _, distance = self._kernel(t)
-        hit = np.isfinite(distance.numpy()) & (weight[0].numpy() != 0)
-        a = weight[0].numpy().astype(np.float64) + 1j * weight[1].numpy()
-        return 1j / (4 * np.pi) * a[hit], distance.numpy().astype(np.float64)[hit]
+        found = []
+        for rows in self._blocks(t):
+            weight, _, _, distance = self._kernel(*rows)
+            hit = np.isfinite(distance.numpy()) & (weight[0].numpy() != 0)
+            a = weight[0].numpy().astype(np.float64) + 1j * weight[1].numpy()
+            found.append((1j / (4 * np.pi) * a[hit], distance.numpy().astype(np.float64)[hit]))
+        gains, distances = zip(*found, strict=True)
+        return np.concatenate(gains), np.concatenate(distances)
 
-    def _kernel(self, t: float) -> tuple[tuple[Any, Any], Any, Any, Any]:
+    def _blocks(self, t: float) -> list[tuple[int, int]]:
+        """First row and number of rows of each launch at `t`."""
+        self._layers[1].move(np.concatenate([actor.vertices(t) for actor in self.subject.actors]))
+        height = max(1, BLOCK // self.pixels)
+        return [(first, min(height, self.pixels - first)) for first in range(0, self.pixels, height)]
+
+    def _kernel(self, first: int, rows: int) -> tuple[tuple[Any, Any], Any, Any, Any]:
         import drjit as dr
         import mitsuba as mi
 
         subject = self.subject
         static, moving = self._layers
-        moving.move(np.concatenate([actor.vertices(t) for actor in subject.actors]))
-        count, side = self.pixels**2, dr.opaque(mi.UInt32, self.pixels)
+        count, side = rows * self.pixels, dr.opaque(mi.UInt32, self.pixels)
         width = dr.opaque(mi.Float, 2 * self._half / self.pixels)
         index = dr.arange(mi.UInt32, count)
         row = index // side
-        places = [mi.Float(row) + 0.5, mi.Float(index - row * side) + 0.5]
+        column = index - row * side
+        places = [mi.Float(row + dr.opaque(mi.UInt32, first)) + 0.5, mi.Float(column) + 0.5]
         if self.jitter:
             self._count += 1
             generator = mi.PCG32(count, dr.opaque(mi.UInt64, 1_000_003 * self.seed + self._count))

@@ -8,69 +8,103 @@ from typing import Any
 
 import numpy as np
 
+from tests.benchmarks.comparison import compare, compare_rays
 from tests.benchmarks.errors import AdcCheck, Known, spurious
-from tests.benchmarks.measuring import Peak, timed
-from tests.benchmarks.methods import Beams, Method, Samples, SionnaPaths, Traced
+from tests.benchmarks.measuring import Peak, default_rtol, timed
+from tests.benchmarks.methods import Beams, Method, Samples, SionnaPaths, Traced, Tubes
+from tests.benchmarks.stored import Store
 from tests.benchmarks.subjects import SUBJECTS, Subject, sphere
 
 STEP = 1e-3
 """Time between instants [s]: half a millimetre."""
+STEPS, SAMPLES_CHECKED = 6, 6
+"""Instants and samples of the ADC that bodies are asked for; a quick run takes the first ones."""
 PUBLISHED_VIEW = float(np.tan(np.radians(30.0)))
 """Tangent of half of 60 degrees, the field of view of published images."""
-SLOW_FLOOR, SLOW_SAMPLES = 0.05, 0.3
+SLOW_FLOOR, SLOW_SAMPLES = 0.015, 0.2
 """A method that takes longer for an instant [s] is not asked for 250 of them, or for samples of the ADC."""
-PATIENCE = 8.0
+PATIENCE = 5.0
 """For all instants of a method [s]."""
+LONGEST = 6.0
+"""A ladder ends with the first rung whose instant takes longer [s]."""
+
+Make = Callable[[], Method]
 
 
-def methods(subject: Subject, band: int, quick: bool, seed: int) -> Iterator[Callable[[], Method]]:
-    """Makers of all methods, each made when its turn comes."""
-    curved = (2, 3, 4) if quick else (2, 3, 4, 5)
-    for rtol in (1e-1, 1e-3) if quick else (1e-1, 1e-2, 1e-3, 1e-4):
-        if subject.name == "sphere":
-            for level in curved if rtol == 1e-3 else curved[-2:-1]:
-                yield lambda rtol=rtol, level=level: Traced(sphere(band, level), rtol, 20 * 4**level)
-        else:
-            yield lambda rtol=rtol: Traced(subject, rtol)
+def ladders(subject: Subject, band: int, quick: bool, seed: int) -> Iterator[list[Make]]:
+    """Makers of all methods, each made when its turn comes, every list from fast to slow."""
+    default = default_rtol()
+    tolerances = {1e-1, default, 1e-3} if quick else {1e-1, 1e-2, 1e-3, 1e-4, default}
+    if subject.name == "sphere":
+        for level in (2, 3, 4) if quick else (2, 3, 4, 5):
+            yield [lambda level=level: Traced(sphere(band, level), default, 20 * 4**level)]
+        tolerances.discard(default)
+        level = 3 if quick else 4
+        yield [
+            lambda rtol=rtol: Traced(sphere(band, level), rtol, 20 * 4**level)
+            for rtol in sorted(tolerances, reverse=True)
+        ]
+    else:
+        yield [lambda rtol=rtol: Traced(subject, rtol) for rtol in sorted(tolerances, reverse=True)]
+    yield [lambda r=r: Tubes(subject, r) for r in ((0.03, 0.01) if quick else (0.03, 0.01, 0.003, 0.001))]
+    yield [lambda n=n: Tubes(subject, level=n) for n in ((6, 8) if quick else (5, 6, 7, 8, 9, 10))]
     corner = subject.least_bounces > 1
-    for pixels in () if corner else (64, 128, 256) if quick else (64, 128, 256, 512, 1024):
-        yield lambda pixels=pixels: Beams(subject, pixels)
-    for pixels in (128, 512) if quick else (128, 256, 512, 1024, 2048, 4096):
-        for jitter in (False,) if corner else (False, True):
-            yield lambda pixels=pixels, jitter=jitter: Samples(subject, pixels, jitter, PUBLISHED_VIEW, seed)
-            if not corner:
-                yield lambda pixels=pixels, jitter=jitter: Samples(subject, pixels, jitter, None, seed)
+    if not corner:
+        yield [lambda n=n: Beams(subject, n) for n in ((64, 128, 256) if quick else (64, 128, 256, 512, 1024))]
+    counts = [128, 512, 2048] if quick else [128, 256, 512, 1024, 2048, 4096]
+    if not quick and band == 77 and subject.name in ("sphere", "person"):
+        counts += [8192]
+    for jitter in (False,) if corner else (False, True):
+        for view in (PUBLISHED_VIEW,) if corner else (PUBLISHED_VIEW, None):
+            yield [lambda n=n, j=jitter, v=view: Samples(subject, n, j, v, seed) for n in counts]
     if subject.name in ("sphere", "plate", "dihedral", "trihedral"):
-        yield lambda: SionnaPaths(baseline_apart(subject) if corner else subject)
-        for samples in () if corner else (100_000,) if quick else (100_000, 1_000_000, 10_000_000):
-            yield lambda samples=samples: SionnaPaths(subject, samples)
+        yield [lambda: SionnaPaths(baseline_apart(subject) if corner else subject)]
+        if not corner:
+            rays = (100_000,) if quick else (100_000, 1_000_000, 10_000_000)
+            yield [lambda n=n: SionnaPaths(subject, n) for n in rays]
 
 
-def run(name: str, band: int, quick: bool, seed: int, progress: Callable[[str], None]) -> dict[str, Any]:
+def run(
+    name: str, band: int, quick: bool, seed: int, progress: Callable[[str], None], store: Store | None = None
+) -> dict[str, Any]:
     """All methods on one scene."""
-    subject = SUBJECTS[name](band)
+    subject, store = SUBJECTS[name](band), store or Store()
     heavy = subject.quadrature is not None
-    steps = (4 if heavy else 8) if quick else (6 if heavy else 16)
+    steps = (4 if heavy else 8) if quick else (STEPS if heavy else 16)
     times = STEP * np.arange(steps)
     progress(f"{name}, {band} GHz: the truth")
-    seconds, known = timed(lambda: Known(subject, times))
+    before = store.integrated
+    seconds, known = timed(lambda: Known(subject, times, store))
     result: dict[str, Any] = {
         "scene": name, "band_ghz": band, "title": subject.title, "truth": subject.truth, "steps": steps,
-        "truth_seconds": seconds,
     }  # fmt: skip
-    if subject.quadrature is not None and len(subject.quadrature().points) < 6_000_000:
-        finer = subject.quadrature(oversampling=1.4).gain(np.zeros(3), subject.frequency)
-        result["truth_own_error"] = abs(finer / known.smooth[0] - 1)
-        if known.flat is not known.smooth:
-            result["polyhedron_differs"] = float(abs(known.flat[0] / known.smooth[0] - 1))
-    check = AdcCheck(subject, seed, 3 if heavy and quick else 6 if heavy else 32)
+    if heavy:
+        result["truth_own_error"] = known.own_error
+        result["polyhedron_differs"] = float(abs(known.flat[0] / known.smooth[0] - 1))
+    check = AdcCheck(subject, seed, 3 if heavy and quick else SAMPLES_CHECKED if heavy else 32, store)
     rows: list[dict[str, Any]] = []
-    for make in methods(subject, band, quick, seed):
-        method = make()
-        progress(f"{name}, {band} GHz: {method.row}")
-        rows.append(measure(method, check, known, quick))
-        del method
-    return result | {"rows": rows}
+    left_out = []
+    for ladder in ladders(subject, band, quick, seed):
+        slow = False
+        for make in ladder:
+            method = make()
+            if slow:
+                left_out.append(method.row)
+                continue
+            progress(f"{name}, {band} GHz: {_words(method.row)}")
+            rows.append(measure(method, check, known, quick))
+            slow = rows[-1]["seconds"] > LONGEST
+            del method
+    if heavy:
+        result |= {"truth_integrated": store.integrated - before, "truth_seconds": seconds}
+    rays = compare_rays(rows, "rays, adaptive", "rays, uniform")
+    return result | {
+        "rows": rows, "left_out": left_out, "comparison": compare(rows, default_rtol()), "adaptive_rays": rays,
+    }  # fmt: skip
+
+
+def _words(row: dict[str, Any]) -> str:
+    return ", ".join(str(value) if key == "method" else f"{key} {value}" for key, value in row.items())
 
 
 def measure(method: Method, check: AdcCheck, known: Known, quick: bool) -> dict[str, Any]:
@@ -79,47 +113,18 @@ def measure(method: Method, check: AdcCheck, known: Known, quick: bool) -> dict[
         first = timed(lambda: method(float(known.times[0])))[0]
         again = timed(lambda: method(float(known.times[-1])))[0]
         # What takes seconds is asked for fewer instants.
-        times = known.times[: max(3, int(PATIENCE / again))]
+        times = known.times[: max(1 if again > LONGEST else 2, int(PATIENCE / again))]
         trials = [timed(lambda t=t: method(float(t))) for t in times]
     seconds = float(np.median([each for each, _ in trials]))
     row = method.row | {"seconds": seconds, "first_seconds": first, "peak_mb": peak.megabytes}
     row |= known.errors(method, np.array([value for _, value in trials]))
-    if isinstance(method, Traced) or (not quick and seconds < SLOW_FLOOR):
+    ours = isinstance(method, Traced)
+    usual = ours and (row["rtol"] == default_rtol() or check.subject.quadrature is None)
+    if usual or (not quick and seconds < SLOW_FLOOR):
         row["floor_db"] = spurious(method)
-    if isinstance(method, Traced) or seconds < SLOW_SAMPLES:
+    if (ours and seconds < 1.0) or seconds < SLOW_SAMPLES:
         row |= check(method)
     return row
-
-
-def compare(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Ours against one sample per pixel of the published view: error at equal time, time at equal error (1 dB and 10
-    degrees). Where the baseline never gets that far, its longest time makes it a bound."""
-    ours = [row for row in rows if row["method"] == "tracer"]
-    theirs = [row for row in rows if row["method"].startswith("one sample per pixel") and row.get("view_deg") == 60.0]
-    if not ours or not theirs:
-        return {}
-    best = min((row for row in ours), key=lambda row: row["relative"])
-    affordable = [row for row in theirs if row["seconds"] <= 1.2 * best["seconds"]] or [min(theirs, key=_seconds)]
-    equal_time = min(row["relative"] for row in affordable) / best["relative"]
-    good_ours = [row for row in ours if _good(row)]
-    good_theirs = [row for row in theirs if _good(row)]
-    found: dict[str, Any] = {
-        "ours_seconds": best["seconds"], "ours_relative": best["relative"], "error_ratio_at_equal_time": equal_time,
-        "phase_ratio_at_equal_time": min(row["phase_deg"] for row in affordable) / max(best["phase_deg"], 1e-9),
-    }  # fmt: skip
-    if good_ours:
-        fastest = min(map(_seconds, good_ours))
-        reached = min(map(_seconds, good_theirs)) if good_theirs else max(map(_seconds, theirs))
-        found |= {"time_ratio_at_equal_error": reached / fastest, "baseline_reaches_it": bool(good_theirs)}
-    return found
-
-
-def _seconds(row: dict[str, Any]) -> float:
-    return float(row["seconds"])
-
-
-def _good(row: dict[str, Any]) -> bool:
-    return bool(row["level_db"] <= 1.0 and row["phase_deg"] <= 10.0)
 
 
 def baseline_apart(subject: Subject) -> Subject:

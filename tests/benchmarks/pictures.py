@@ -10,6 +10,8 @@ import numpy as np
 STYLES = {
     "tracer": ("o-", "#d1495b", "this package, facets"),
     "beams": ("D-", "#edae49", "this package, beams"),
+    "rays, adaptive": ("v-", "#8e4585", "this package, rays, adaptive"),
+    "rays, uniform": ("v:", "#b784b0", "this package, rays, uniform"),
     "one sample per pixel": ("s--", "#30638e", "one sample per pixel"),
     "one sample per pixel, jittered": ("^:", "#5d8fb8", "one sample per pixel, fresh jitter"),
     "Sionna, specular": ("X", "#2e933c", "Sionna's PathSolver, specular"),

@@ -16,11 +16,12 @@ import numpy as np
 import trimesh
 
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene import Actor, RadarScene, RigidMesh, load_scene
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.smooth import smoothing
 from tests.benchmarks import truth
+from tests.benchmarks.truth import Quadrature
 
 SPEED = 0.5
 """Of all subjects [m/s]: half a millimetre in a millisecond."""
@@ -35,10 +36,8 @@ class Subject:
     title: str
     radar: Radar
     actors: tuple[Actor, ...]
-    expected: Callable[[FloatArray], ComplexArray]
-    """Times (step,) [s] to the channel at the middle of the band."""
     truth: str
-    """Where `expected` comes from."""
+    """Where what it truly returns comes from."""
     half_view: float
     """Tangent of half the angle that the subject fills, with a margin; the radar looks at its middle."""
     scene: RadarScene | None = None
@@ -47,17 +46,17 @@ class Subject:
     max_bounces: int = 1
     least_bounces: int = 1
     """Paths with fewer don't count: what is expected holds for the others."""
-    flat_expected: Callable[[FloatArray], ComplexArray] | None = None
-    """What the mesh returns as it is, a polyhedron: what methods are held against that see nothing else. None is
-    `expected`."""
-    quadrature: Callable[..., truth.Quadrature] | None = None
-    """Points, smooth or flat and as densely as is asked for; None for point-like returns."""
+    expected: Callable[[FloatArray, float], ComplexArray] | None = None
+    """Times (step,) [s] and a frequency [Hz] to the channel of a point-like return; None where `quadrature` tells."""
+    quadrature: Callable[[bool, float], Quadrature] | None = None
+    """Of the smooth surface or of the mesh as it is, a polyhedron: what methods are held against that see nothing else;
+    with the density of the points."""
+    hides: tuple[tuple[FloatArray, IntArray], ...] = ()
+    """Vertices [m] and faces of what else stands there."""
     towards: FloatArray = field(default_factory=lambda: np.array([1.0, 0, 0]))
     """(3,) unit vector that it moves along."""
     path: Callable[[FloatArray], FloatArray] = lambda t: t
     """Of point-like returns: times (step,) [s] to half the path [m]."""
-    expected_at: Callable[[FloatArray, float], ComplexArray] = lambda t, frequency: t
-    """The same of `expected` at another frequency [Hz]."""
 
     @property
     def frequency(self) -> float:
@@ -107,8 +106,8 @@ def sphere(band: int, subdivisions: int = 5) -> Subject:
 
     return Subject(
         "sphere", f"metal sphere of {100 * radius:g} cm at {distance:g} m", radar, (actor,),
-        lambda t: at(t, radar.center_frequency), "Mie series (miepython), near-field divergence R (R - a)",
-        1.1 * radius / (distance - radius), free_phase=True, expected_at=at,
+        "Mie series (miepython), near-field divergence R (R - a)",
+        1.1 * radius / (distance - radius), free_phase=True, expected=at,
         path=lambda t: distance - radius + SPEED * t,
     )  # fmt: skip
 
@@ -154,8 +153,8 @@ def _corner(
         return truth.section_gain(section * (frequency / centre) ** 2, distance + SPEED * t, frequency)
 
     return Subject(
-        name, title, radar, (actor,), lambda t: at(t, centre), "closed form of geometrical optics, far field",
-        0.12 / distance, free_phase=True, max_bounces=bounces, least_bounces=bounces, expected_at=at,
+        name, title, radar, (actor,), "closed form of geometrical optics, far field",
+        0.12 / distance, free_phase=True, max_bounces=bounces, least_bounces=bounces, expected=at,
         path=lambda t: distance + SPEED * t,
     )  # fmt: skip
 
@@ -231,35 +230,22 @@ def _body(
     local = (points - viewpoint) @ radar.rotation
     half = 1.05 * float(np.abs(local[:, 1:] / local[:, :1]).max())
 
-    @cache
-    def quadrature(smooth: bool = True, oversampling: float = 1.0) -> truth.Quadrature:
-        static = [] if scene is None else [(each.vertices, each.faces) for each in scene.objects]
-        rays = RayScene(static, [(points, actor.faces)], origin=viewpoint)
-        first = sum(len(faces) for _, faces in static)
-        eps = permittivity(actor, radar.center_frequency)
-        return truth.Quadrature.of(
-            points,
-            actor.faces,
-            viewpoint,
-            radar.center_frequency,
-            eps,
-            radar.tx_field,
-            rays,
-            first,
-            oversampling,
-            smooth,
-        )
-
+    static = () if scene is None else tuple((each.vertices, each.faces) for each in scene.objects)
     curved = smoothing(points, actor.faces) is not None
 
-    def expected(t: FloatArray, smooth: bool = True) -> ComplexArray:
-        found = quadrature(smooth and curved)
-        return np.array([found.gain(SPEED * s * towards, radar.center_frequency) for s in t])
+    @cache
+    def rays() -> RayScene:
+        return RayScene(static, [(points, actor.faces)], origin=viewpoint)
+
+    def quadrature(smooth: bool, oversampling: float) -> Quadrature:
+        return Quadrature(
+            points, actor.faces, viewpoint, radar.center_frequency, permittivity(actor, radar.center_frequency),
+            radar.tx_field, rays, sum(len(faces) for _, faces in static), oversampling, smooth and curved,
+        )  # fmt: skip
 
     return Subject(
-        name, title, radar, (actor,), expected, "dense quadrature of physical optics, visibility point by point",
-        half, scene, quadrature=lambda smooth=True, oversampling=1.0: quadrature(smooth and curved, oversampling),
-        towards=towards, flat_expected=lambda t: expected(t, False),
+        name, title, radar, (actor,), "dense quadrature of physical optics, visibility point by point", half, scene,
+        quadrature=quadrature, hides=static, towards=towards,
     )  # fmt: skip
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from tests.benchmarks.comparison import sentences
+from tests.benchmarks.pareto import LONGEST
+
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
@@ -27,15 +30,35 @@ def _setting(row: dict[str, Any]) -> str:
     return ", ".join(parts)
 
 
+def _share(row: dict[str, Any]) -> str:
+    bound = "" if row["reached"] else "less than "
+    return (
+        f"{row['rays']:,} adaptive rays at rtol {row['rtol']:g}: {bound}{row['share']:.2g} of the "
+        f"{row['uniform_rays']:,.0f} uniform ones that reach the same error"
+        + ("" if row["reached"] else " or come nearest to it")
+        + ".\n"
+    )
+
+
 def markdown(result: dict[str, Any]) -> str:
     """All tables that there are results for."""
-    made = result["machine"]
+    made, load = result["machine"], result.get("load")
     text = [
         f"# {result['command']}\n",
-        f"{made['processor']}, {made['cores']} cores, load at the start {made['load']}, {made['variant']}; "
+        f"{made['processor']}, {made['cores']} cores, load at the start {load}, {made['variant']}; "
         + ", ".join(f"{name} {value}" for name, value in result["versions"].items())
-        + f"; {result.get('seconds', 0.0):.0f} s\n",
+        + f"; code {str(result['code']['commit'])[:7]}; default rtol {result['default_rtol']:g}; "
+        f"seed {result['seed']}; {result.get('seconds', 0.0):.0f} s\n",
     ]
+    if result.get("open"):
+        text.append(f"Not finished: {', '.join(result['open'])}.\n")
+    if result.get("claims"):
+        rows = [
+            [each["claim"], each["wanted"], f"{_number(each['found'])} {each['unit']}".strip(),
+             "yes" if each["holds"] else "**no**", each["note"]]
+            for each in result["claims"]
+        ]  # fmt: skip
+        text.append("## What is to hold\n\n" + _table(["", "wanted", "found", "holds", ""], rows))
     for scene in result.get("scenes", ()):
         own = f"; known to {scene['truth_own_error']:.2g}" if "truth_own_error" in scene else ""
         text.append(f"## {scene['title']}, {scene['band_ghz']} GHz\n\nTruth: {scene['truth']}{own}.\n")
@@ -49,13 +72,11 @@ def markdown(result: dict[str, Any]) -> str:
             for row in scene["rows"]
         ]  # fmt: skip
         text.append(_table(heads, rows))
-        if found := scene.get("comparison"):
-            words = [f"Against one sample per pixel: error {found['error_ratio_at_equal_time']:.3g} times smaller and"]
-            words.append(f"phase error {found['phase_ratio_at_equal_time']:.3g} times smaller at equal time")
-            if "time_ratio_at_equal_error" in found:
-                bound = "" if found["baseline_reaches_it"] else "more than "
-                words.append(f"; {bound}{found['time_ratio_at_equal_error']:.3g} times faster at 1 dB and 10°")
-            text.append(" ".join(words).replace(" ;", ";") + ".\n")
+        text += [line + "\n" for line in sentences(scene.get("comparison", {}))]
+        text += [_share(row) for row in scene.get("adaptive_rays", ())]
+        if scene.get("left_out"):
+            names = ", ".join(f"{row['method']} ({_setting(row)})" for row in scene["left_out"])
+            text.append(f"Left out, as the rung before took more than {LONGEST:g} s: {names}.\n")
     if "doppler" in result:
         text.append("## Spurious Doppler of a translating adult\n")
         text.append(
@@ -75,26 +96,28 @@ def markdown(result: dict[str, Any]) -> str:
     if "sampling" in result:
         text.append("## Rays for visibility, uniform and adaptive\n")
         rows = [
-            [row["method"], f"{row['rays']:,}", _number(row["relative"]), _number(1e3 * row["seconds"] or None)]
+            [row["method"], _setting({"rtol": row["rtol"]} if "rtol" in row else {}), f"{row['rays']:,}",
+             _number(row["relative"]), _number(1e3 * row["seconds"])]
             for row in result["sampling"]["rows"]
-        ]
-        text.append(_table(["method", "rays", "rel. error", "ms"], rows))
+        ]  # fmt: skip
+        text.append(_table(["method", "setting", "rays", "rel. error", "ms"], rows))
+        text += [_share(row) for row in result["sampling"]["compared"]]
     if "skips" in result:
         text.append("## Skips\n")
-        heads = ["skip", "s with", "s without", "times faster", "facets", "without", "room differs", "adult differs"]
+        heads = ["skip", "shown with", "s with", "s without", "times faster", "room differs", "adult differs",
+                 "allowed", "holds"]  # fmt: skip
         rows = [
             [
-                row["skip"], _number(row["seconds_on"]), _number(row["seconds_off"]), _number(row["times_faster"]),
-                f"{row['facets_on']:,}", f"{row['facets_off']:,}", _number(row["difference_room"]),
-                _number(row["difference_actor"]),
+                row["skip"], row["of"], _number(row["seconds_on"]), _number(row["seconds_off"]),
+                _number(row["times_faster"]), _number(row["difference_room"]), _number(row["difference_actor"]),
+                _number(row["allowed"]), "yes" if row["holds"] else "**no**",
             ]
-            for row in result["skips"]["rows"]
+            for row in result["skips"]
         ]  # fmt: skip
         text.append(_table(heads, rows))
-        imports = result["skips"]["imports"]
-        text.append(
-            f"Import of the package: {imports['seconds']:.2f} s, of the heavy libraries {imports['imported']}.\n"
-        )
+    if "imports" in result:
+        found = result["imports"]
+        text.append(f"Import of the package: {found['seconds']:.2f} s, of the heavy libraries {found['imported']}.\n")
     if "scaling" in result:
         text.append("## Scaling\n")
         rows = [

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +18,8 @@ from tests.reference.physical_optics import fresnel, triangle_points
 
 CHUNK = 1 << 18
 """Points at a time."""
+VERSION = 1
+"""Of the quadrature: a change that moves its answers takes the next number."""
 POINTS = (6, 8, 10, 12, 16, 20, 24, 32, 40)
 """Points along an edge; faces that would need more are split first."""
 
@@ -44,110 +50,128 @@ def section_gain(section: float, distance: FloatArray, frequency: float) -> Comp
 
 
 @dataclass(frozen=True)
+class Probe:
+    """One integral: the sum over the surface of strength times exp(-j 2 pi (linear R + square R^2)) for distances R."""
+
+    offset: tuple[float, float, float]
+    """By how much all is moved [m]: small against what changes visibility."""
+    linear: float
+    """[1/m]"""
+    square: float = 0.0
+    """[1/m^2]"""
+    permittivity: complex | None = None
+    """None is that of the middle of the band."""
+
+    @classmethod
+    def channel(cls, offset: FloatArray, frequency: float) -> Probe:
+        x, y, z = (float(each) for each in offset)
+        return cls((x, y, z), 2 * frequency / SPEED_OF_LIGHT)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Some points of the visible surface."""
+
+    points: FloatArray
+    """(point, 3) from the viewpoint [m]."""
+    normal: FloatArray
+    """(point, 3) unit."""
+    area: FloatArray
+    """(point,) [m^2]."""
+
+
+@dataclass(frozen=True)
 class Quadrature:
     """Physical optics of a mesh from its definition: Gauss-Legendre points on each face that faces the radar, as many
     as the phase over it asks for, each with its own obliquity, distance and visibility. One element sends and receives.
 
-    At 77 GHz a person takes a million points.
+    At 77 GHz a person takes four million points and a car ninety: they are gone through piece by piece.
     """
 
-    points: FloatArray
-    """(point, 3) [m]."""
-    normal: FloatArray
-    """(point, 3) unit."""
-    area: FloatArray
-    """(point,) [m^2], 0 where something hides it."""
+    vertices: FloatArray
+    faces: IntArray
+    viewpoint: FloatArray
+    frequency: float
     permittivity: complex
     field: FloatArray
     """(3,) direction of the element's field."""
+    rays: Callable[[], RayScene] | None
+    """Tells what hides points; None: nothing does."""
+    first_facet: int = 0
+    """Number of the mesh's face 0 in `rays`."""
+    oversampling: float = 1.0
+    """Multiplies the density of the points."""
+    smooth: bool = False
+    """Whether the quadratic surface through the corners and the middles of bowed edges is integrated: where that is, is
+    the package's to define (:mod:`rfgen_sionna.tracing.smooth`); what it returns is found here. What hides its points
+    is the flat mesh."""
 
-    @classmethod
-    def of(
-        cls,
-        vertices: FloatArray,
-        faces: IntArray,
-        viewpoint: FloatArray,
-        frequency: float,
-        permittivity: complex,
-        field: FloatArray,
-        rays: RayScene | None,
-        first_facet: int = 0,
-        oversampling: float = 1.0,
-        smooth: bool = False,
-    ) -> Quadrature:
-        """Points in a frame with the viewpoint at the origin.
+    @cached_property
+    def rises(self) -> FloatArray | None:
+        """(face, 3, 3) of the edges; None where all is flat."""
+        found = smoothing(self.vertices, self.faces) if self.smooth else None
+        corners = self.vertices[self.faces] - self.viewpoint
+        return None if found is None else edge_rises(corners, found.normals(self.vertices, self.faces))
 
-        `rays` tells what hides points (None: nothing does), with the mesh's faces numbered from `first_facet` on;
-        `oversampling` multiplies the density of the points. Of a `smooth` mesh the quadratic surface through its
-        corners and the middles of its bowed edges is integrated: where that is, is the package's to define
-        (:mod:`rfgen_sionna.tracing.smooth`); what it returns is found here. What hides its points is the flat mesh.
-        """
-        corners = vertices[faces] - viewpoint
-        found = smoothing(vertices, faces) if smooth else None
-        rises = np.zeros_like(corners) if found is None else edge_rises(corners, found.normals(vertices, faces))
+    def pieces(self) -> Iterator[Points]:
+        """The visible points, with the viewpoint at the origin."""
+        corners, rises = self.vertices[self.faces] - self.viewpoint, self.rises
+        rays = None if self.rays is None else self.rays()
         crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        for place, weight, number in self._places(corners, crosses):
+            if rises is None:
+                flat = point = np.einsum("pc,pci->pi", place, corners[number])
+                cross = crosses[number]
+            else:
+                flat, point, cross = _surface(place, corners[number], rises[number])
+            targets, owner = flat + self.viewpoint, number + self.first_facet
+            seen = slice(None) if rays is None else ~rays.occluded(self.viewpoint, targets, owner)
+            twice = np.linalg.norm(cross, axis=1)
+            yield Points(point[seen], (cross / twice[:, None])[seen], (0.5 * twice * weight)[seen])
+
+    def _places(self, corners: FloatArray, crosses: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
+        """(point, 3) barycentric coordinates, (point,) shares of the face's area, (point,) faces."""
         face = np.flatnonzero((crosses * corners[:, 0]).sum(axis=1) < 0)
-        pieces = np.broadcast_to(np.eye(3), (len(face), 3, 3))
-        wavenumber = 2 * np.pi * frequency / SPEED_OF_LIGHT * oversampling
-        parts: list[tuple[FloatArray, ...]] = []
+        parts = np.broadcast_to(np.eye(3), (len(face), 3, 3))
+        wavenumber = 2 * np.pi * self.frequency / SPEED_OF_LIGHT * self.oversampling
         while len(face):
             # Gauss-Legendre needs two points per wavelength of the path and some more; the collapsed square has its
             # long side along an edge.
-            wanted = POINTS[0] + 2 * wavenumber * _spread(pieces @ corners[face]) / np.pi
+            wanted = POINTS[0] + 2 * wavenumber * _spread(parts @ corners[face]) / np.pi
             fine = wanted <= POINTS[-1]
             chosen = np.searchsorted(POINTS, wanted)
             for index, count in enumerate(POINTS):
-                group = np.flatnonzero(fine & (chosen == index))
-                if not len(group):
-                    continue
                 local, weight = triangle_points(np.eye(3)[None], count)
-                place = (local @ pieces[group]).reshape(-1, 3)
-                share = np.linalg.det(pieces[group])  # of the face's area
-                number = np.repeat(face[group], len(weight))
-                parts.append((place, np.outer(np.abs(share), weight).ravel(), number))
-            face, pieces = np.tile(face[~fine], 4), _quartered(pieces[~fine])
-        place, weight, number = (np.concatenate(each) for each in zip(*parts, strict=True))
-        made = []
-        for first in range(0, len(place), CHUNK):
-            chunk = slice(first, first + CHUNK)
-            own = number[chunk]
-            if found is None:
-                flat = point = np.einsum("pc,pci->pi", place[chunk], corners[own])
-                cross = crosses[own]
-            else:
-                flat, point, cross = _surface(place[chunk], corners[own], rises[own])
-            seen = slice(None) if rays is None else ~rays.occluded(viewpoint, flat + viewpoint, own + first_facet)
-            twice = np.linalg.norm(cross, axis=1)
-            made.append((point[seen], (cross / twice[:, None])[seen], (0.5 * twice * weight[chunk])[seen]))
-        points, normal, area = (np.concatenate(each) for each in zip(*made, strict=True))
-        return cls(points, normal, area, permittivity, np.asarray(field, dtype=np.float64))
+                group = np.flatnonzero(fine & (chosen == index))
+                for some in np.array_split(group, -(-len(group) * len(weight) // CHUNK)) if len(group) else ():
+                    share = np.abs(np.linalg.det(parts[some]))  # of the face's area
+                    place = (local @ parts[some]).reshape(-1, 3)
+                    yield place, np.outer(share, weight).ravel(), np.repeat(face[some], len(weight))
+            face, parts = np.tile(face[~fine], 4), _quartered(parts[~fine])
 
-    def gain(self, offset: FloatArray, frequency: float, permittivity: complex | None = None) -> complex:
-        """Channel with all points moved by `offset` (3,) [m]: small against what changes visibility."""
-        total = 0j
-        for weight, distance in self.strengths(offset, permittivity):
-            phase = np.mod(2 * frequency / SPEED_OF_LIGHT * distance, 1.0)
-            total += (weight * np.exp(-2j * np.pi * phase)).sum()
-        return complex(total)
+    def sums(self, probes: Sequence[Probe]) -> ComplexArray:
+        """(probe,) the integrals."""
+        total = np.zeros(len(probes), np.complex128)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for piece in self.pieces():
+                total += list(pool.map(lambda probe, piece=piece: self._sum(probe, piece), probes))  # type: ignore[misc]
+        return total
 
-    def strengths(
-        self, offset: FloatArray, permittivity: complex | None = None
-    ) -> Iterator[tuple[ComplexArray, FloatArray]]:
-        """(point,) gains without the propagation phase, and distances [m], piece by piece.
-
-        In backscattering the polarimetric obliquity is cos (r_s e_s^2 - r_p e_p^2), for the parts e_s, e_p of the field
-        across and in the plane of incidence; `tests/benchmarks/test_bench.py` holds it against the reference's.
-        """
-        for first in range(0, len(self.points), CHUNK):
-            piece = slice(first, first + CHUNK)
-            place = self.points[piece] + offset
-            distance = np.sqrt(np.einsum("pi,pi->p", place, place))
-            towards = place / distance[:, None]
-            cos = np.maximum(-np.einsum("pi,pi->p", towards, self.normal[piece]), 0.0)
-            r_s, r_p = fresnel(self.permittivity if permittivity is None else permittivity, 1.0, cos)
-            across = _share_across(towards, self.normal[piece], self.field)
-            f = cos * (r_s * across - r_p * (1 - across))
-            yield 1j / (4 * np.pi) * f * self.area[piece] / distance**2, distance
+    def _sum(self, probe: Probe, piece: Points) -> complex:
+        """In backscattering the polarimetric obliquity is cos (r_s e_s^2 - r_p e_p^2), for the parts e_s, e_p of the
+        field across and in the plane of incidence; `tests/benchmarks/test_truth.py` holds it against the
+        reference's."""
+        place = piece.points + np.array(probe.offset)
+        distance = np.sqrt(np.einsum("pi,pi->p", place, place))
+        cos = np.maximum(-np.einsum("pi,pi->p", place, piece.normal) / distance, 0.0)
+        permittivity = self.permittivity if probe.permittivity is None else probe.permittivity
+        weight: Any = -cos  # metal: r_s = -1, r_p = 1
+        if np.isfinite(permittivity):
+            r_s, r_p = fresnel(permittivity, 1.0, cos)
+            across = _share_across(place / distance[:, None], piece.normal, self.field)
+            weight = cos * (r_s * across - r_p * (1 - across))
+        turns = np.mod(distance * (probe.linear + probe.square * distance), 1.0)
+        return complex(1j / (4 * np.pi) * (weight * piece.area / distance**2 * np.exp(-2j * np.pi * turns)).sum())
 
 
 def _share_across(towards: FloatArray, normal: FloatArray, field: FloatArray) -> FloatArray:

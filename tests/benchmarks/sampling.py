@@ -1,0 +1,70 @@
+"""RF adaptive sampling of visibility: error of an adult's return against the rays sent.
+
+Uniform are n^2 rays to each facet; adaptive those of :mod:`rfgen_sionna.tracing.sampling`, at a ladder of tolerances.
+Truth is a lattice so dense that each facet's share is known to a few tenths of a percent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
+from rfgen_sionna.tracing import gains, moving, sampling, tracer
+from rfgen_sionna.tracing.tessellate import Tessellation
+from tests.benchmarks.comparison import compare_rays
+from tests.benchmarks.measuring import default_rtol, timed
+from tests.benchmarks.skips import uniform_share
+from tests.benchmarks.subjects import person
+
+
+def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
+    progress("adaptive sampling of visibility")
+    subject = person(77)
+    made = tracer.Tracer(None, subject.radar, subject.actors, default_rtol())
+    rays, vertices, _ = made.geometry(0.0)
+    viewpoint = np.asarray(subject.radar.position)
+    surface = made.surfaces.moving[0]
+    corners = vertices[0][surface.faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = np.flatnonzero(((corners[:, 0] - viewpoint) * cross).sum(axis=1) < 0)
+    places = sampling.touching(corners)[facing]
+    corners, number = corners[facing], facing + surface.first_facet
+    fields = _fields(made, facing, vertices, viewpoint)
+    wavenumber = 2 * np.pi * subject.frequency / SPEED_OF_LIGHT
+    truth = (fields * uniform_share(rays, viewpoint, corners, number, 16 if quick else 32)[0]).sum()
+
+    def measured(method: str, find: Callable[[], tuple[Any, int]], **setting: Any) -> dict[str, Any]:
+        find()
+        elapsed, (share, sent) = timed(find)
+        error = float(abs((fields * share).sum() - truth) / abs(truth))
+        return {"method": method, "rays": sent, "relative": error, "seconds": elapsed} | setting
+
+    found = [
+        measured("uniform", lambda n=n: uniform_share(rays, viewpoint, corners, number, n))
+        for n in ((1, 2, 4, 8) if quick else (1, 2, 4, 8, 12, 16))
+    ]
+    for rtol in sorted({1e-1, 1e-2, 1e-3, default_rtol()}, reverse=True):
+        found.append(
+            measured(
+                "adaptive",
+                lambda rtol=rtol: sampling.sampled_fraction(
+                    rays, viewpoint, corners, number, places, wavenumber, rtol
+                ),
+                rtol=rtol,
+            )
+        )  # fmt: skip
+    return {"facets": len(corners), "rows": found, "compared": compare_rays(found, "adaptive", "uniform")}
+
+
+def _fields(made: tracer.Tracer, facing: Any, vertices: Any, viewpoint: Any) -> ComplexArray:
+    """(facet,) what the facets that face the radar return, each as a whole."""
+    surface, band = made.surfaces.moving[0], gains.BandTracer(made.radar, default_rtol())
+    count = len(surface.faces)
+    eye = np.broadcast_to(np.eye(3), (count, 3, 3))
+    whole = [Tessellation(np.arange(count, dtype=np.int32), eye, np.ones(count, np.int32))]
+    facets = moving.stack_facets(made.surfaces.moving, whole, vertices, viewpoint).take(facing)
+    values = band.at_probes(facets, (surface.material,), np.zeros(1), (0, 0), np.full(len(facets), 4, np.int32))
+    return np.asarray(values.a[0] * np.exp(-2j * np.pi * np.mod(band.centre * values.tau[0], 1.0)))
