@@ -281,7 +281,7 @@ def _triangle(
     usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
     spread = dr.select(usable, distance_tx * distance_rx, 1.0)
     k_in, k_out = from_tx / dr.maximum(distance_tx, 1e-30), to_rx / dr.maximum(distance_rx, 1e-30)
-    if rises is None:  # an element in the facet's plane, the other behind it
+    if rises is None or surface.walls is not None:  # an element in the facet's plane, the other behind it
         usable &= (dr.dot(normal, r - centre) > 0) & (dr.dot(normal, centre - t) < 0)
 
     lengths = [excess(corner, centre) for corner in p]
