@@ -16,7 +16,7 @@ import numpy as np
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
 from rfgen_sionna.generative.actor import Actor, motion_source
-from rfgen_sionna.generative.decisions import Decision, argument
+from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
@@ -180,6 +180,9 @@ def generate(
     found = floor_under(scene, (*spot, float(radar.position[2])))
     height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
     person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height, source=source)
+    if motion == "auto":
+        told = (replace(each, origin=DEFAULT) if each.name == "motion" else each for each in person.decisions)
+        person = replace(person, decisions=tuple(told))
     simulator = Simulator(
         scene,
         radar,
