@@ -124,6 +124,9 @@ def shoot(
         Naming what is out of range.
     """
     check_options(max_bounces, rtol, sampling, level)
+    if not (tracer.surfaces.static or tracer.surfaces.moving):
+        nothing = Scenery.of(tracer, [], float(t)).none(Elements.of(tracer.radar))
+        return RayTrace(nothing, RayReport(0, 0, (0,) * max_bounces, 0, (0,) * max_bounces, 0.0))
     found = _Shot(tracer, float(t), int(max_bounces), float(rtol), level, Elements.of(tracer.radar)).trace()
     if tracer.radar.trajectory is None:
         return found
@@ -147,6 +150,8 @@ def shoot_beyond(
     seen no wider than `finest` [rad]."""
     check_options(max_bounces, rtol, "adaptive", None)
     eyes = Elements.one(position, orientation)
+    if not (tracer.surfaces.static or tracer.surfaces.moving):
+        return Scenery.of(tracer, [], float(t)).none(eyes)
     return _Shot(tracer, float(t), max_bounces, rtol, None, eyes, finest).trace(direct=False).paths
 
 

@@ -1,0 +1,236 @@
+"""The ray mode, as a second opinion: tubes of rays against quadrature, closed forms and the facet tracer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna.records import PathKind
+from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.simulation import Simulator
+from tests.benchmarks.subjects import radar_of
+from tests.physics.test_corners import placed
+from tests.physics.test_ghosts import (
+    BALL,
+    RADIUS,
+    SIDE,
+    channel,
+    decibels,
+    side_wall,
+    sphere,
+    sphere_return,
+    wall_reflection,
+)
+from tests.physics.test_transmission import pane, there_and_back
+from tests.reference.corners import corner_gain
+from tests.reference.physical_optics import po_gain
+from tests.reference.two_spheres import by_way_of
+from tests.sionna.rectangles import scene_of
+
+SLOW = pytest.mark.slow
+SQUARE = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]) * 0.05
+FACES = np.array([[0, 2, 1], [0, 3, 2]])
+
+
+@pytest.fixture(scope="module")
+def radar():
+    """One isotropic element at the origin that looks along +x, at 77 GHz."""
+    return radar_of(77)
+
+
+def plate(degrees=0.0, position=(2.0, 0.05, 0.03), name="plate"):
+    turned = SQUARE @ Rotation.from_euler("z", degrees, degrees=True).as_matrix().T
+    return Actor.from_mesh((turned, FACES), material="pec", position=position, name=name)
+
+
+def ends(radar, tx=0, rx=0):
+    return radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
+
+
+def of(paths, name):
+    return paths.select(paths.object_id == paths.object_names.index(name))
+
+
+@pytest.mark.parametrize(("degrees", "allowed"), [(0, 0.05), (3, 0.05), (10, 0.15), (25, 0.4)])
+def test_a_plate_returns_what_dense_quadrature_does(radar, degrees, allowed):
+    """A plate of 26 wavelengths, in its main lobe and 25 and 40 dB below it, where all that is left is what its rims
+    return: they are known to a two-hundredth of the tubes there."""
+    subject = plate(degrees)
+    truth = po_gain(subject.vertices(0.0)[FACES], *ends(radar), n=120)
+    found = Simulator(None, radar, [subject]).rays(rtol=3e-3)
+    assert abs(decibels(channel(found.paths)[0, 0] / truth)) < allowed
+    assert found.report.rays < 60_000
+
+
+@pytest.mark.parametrize("material", ["pec", "concrete"])
+def test_a_ball_returns_the_same_by_rays_and_by_facets_over_the_band(radar, material):
+    """Within 0.2 dB and 2 degrees: what both say that they may be off by is 0.15 dB."""
+    ball = Actor.from_mesh(sphere(4), material=material, position=(2, 0.2, 0), name="ball")
+    simulator = Simulator(None, radar, [ball], rtol=3e-3)
+    facets, found = simulator.paths(), simulator.rays(rtol=1e-2)
+    assert found.report.error < 0.015
+    for u in (-1.0, 0.0, 1.0):
+        ratio = channel(found.paths, u)[0, 0] / channel(facets, u)[0, 0]
+        assert abs(decibels(ratio)) < 0.2
+        assert abs(np.degrees(np.angle(ratio))) < 2.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "degrees"),
+    [("dihedral", 2, 0), ("dihedral", 2, 25), ("triangle", 3, 0), pytest.param("triangle", 3, 15, marks=SLOW)],
+)
+def test_corner_reflectors_follow_dense_quadrature(radar, kind, count, degrees):
+    """Of two and three bounces, within 0.2 dB: the same field, cut at the same edges."""
+    actor, sides = placed(kind, 0.06, 3.0, Rotation.from_euler("z", degrees, degrees=True))
+    truth = corner_gain(sides, count, *ends(radar), n=200)
+    found = Simulator(None, radar, [actor], max_bounces=3).rays(rtol=1e-2, max_bounces=count)
+    paths = found.paths.select(found.paths.bounces == count)
+    assert set(paths.kind) == {PathKind.MULTI_BOUNCE}
+    assert abs(decibels(channel(paths)[0, 0] / truth)) < 0.2
+
+
+@pytest.mark.parametrize(("name", "thickness", "turn"), [("plasterboard", 0.0125, 0.0), ("glass", 0.006, 40.0)])
+def test_a_plate_behind_a_slab_returns_what_the_slab_s_coefficients_leave(radar, name, thickness, turn):
+    """In level and phase over the band within 3 %, and later by the slab's bulk."""
+    place = np.array([2.0, 0.0, 0.0])
+    scene = load_scene(scene_of(77e9, pane=(pane(turn=turn), name, thickness)).sionna)
+    free = Simulator(None, radar, [plate(0, place)]).rays(rtol=3e-3).paths
+    behind = Simulator(scene, radar, [plate(0, place)], transmission=True).rays(rtol=3e-3)
+    found = of(behind.paths, "plate")
+    normal = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0])
+    for u in (-1.0, 0.0, 1.0):
+        frequency = radar.center_frequency + u * 0.5 * radar.waveform.bandwidth
+        truth = there_and_back(scene.objects[0].properties, thickness, normal, radar.tx_field, frequency, place)
+        assert channel(found, u)[0, 0] / channel(free, u)[0, 0] == pytest.approx(truth, rel=0.03)
+    assert set(found.bounces) == {1}
+    assert Simulator(scene, radar, [plate(0, place)]).rays().paths.object_id.tolist().count(1) == 0  # opaque
+
+
+@pytest.mark.parametrize("name", ["pec", pytest.param("concrete", marks=SLOW)])
+def test_a_ghost_by_a_wall_is_as_strong_as_its_image(name):
+    """By the wall once, there or back: within half a decibel of the bistatic closed form, and where its image is."""
+    radar = replace(radar_of(77), position=(0, 0, 1))
+    ball = Actor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
+    scene = side_wall(name)
+    found = Simulator(scene, radar, [ball]).rays(max_bounces=2).paths
+    ghost = of(found.select(found.bounces == 2), "ball")
+    view = np.array(radar.position)
+    image = np.array([view[0], 2 * SIDE - view[1], view[2]])
+    level, length = sphere_return(BALL, image, view, RADIUS, radar.wavelength)
+    cos = (2 * SIDE - BALL[1]) / np.linalg.norm(BALL - image)
+    level *= wall_reflection(scene.objects[0].properties, cos, radar.center_frequency)
+    assert abs(decibels(channel(ghost)[0, 0] / (2 * level))) < 0.5  # there and back
+    weight = np.abs(ghost.a[0, 0, :, 0])
+    assert (weight * ghost.range[:, 0]).sum() / weight.sum() == pytest.approx(length / 2, abs=0.02)
+
+
+@SLOW
+@pytest.mark.parametrize("radii", [(0.1, 0.1), (0.15, 0.06)])
+def test_two_metal_balls_return_by_way_of_each_other_what_quadrature_says(radar, radii):
+    """Bent to bent: within 0.5 dB of geometrical optics at one ball and dense quadrature over the other, both ways
+    round. Physical optics from either end is not the same number: they differ by about 1 / sqrt(k a), a tenth of it."""
+    places = np.array([2.0, 0.2, 0.0]), np.array([2.05, -0.2, 0.03])
+    actors = [
+        Actor.from_mesh(sphere(5, radius), material="pec", position=place, name=name)
+        for radius, place, name in zip(radii, places, ("one", "other"), strict=True)
+    ]
+    true_radii = [
+        np.linalg.norm(each.vertices(0.0) - at, axis=1).mean() for each, at in zip(actors, places, strict=True)
+    ]
+    balls = list(zip(places, true_radii, strict=True))
+    truth = by_way_of(*balls, *ends(radar)) + by_way_of(*balls[::-1], *ends(radar))
+    found = Simulator(None, radar, actors, max_bounces=2).rays(rtol=1e-3).paths
+    ratio = channel(found.select(found.bounces == 2))[0, 0] / truth
+    assert abs(decibels(ratio)) < 0.5
+    assert abs(np.degrees(np.angle(ratio))) < 10
+
+
+def test_tx_and_rx_changed_over_make_no_difference(radar):
+    """Of a dihedral by up to two surfaces: each pair's two ways round change over with it."""
+    here, there = np.array([[0, 0.02, 0.0]]), np.array([[0, -0.01, 0.015]])
+    actor, _ = placed("dihedral", 0.05, 2.0, Rotation.from_euler("z", 10, degrees=True))
+    found = [
+        channel(Simulator(None, each, [actor]).rays(max_bounces=2).paths)
+        for each in (replace(radar, tx_positions=a, rx_positions=b) for a, b in ((here, there), (there, here)))
+    ]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_rates_are_how_delays_change(radar):
+    """Of a plate by a mirror as well: Doppler of the path's own length, to a millimetre a second."""
+    wall = scene_of(77e9, side=([[-1, 0.6, -1], [4, 0.6, -1], [4, 0.6, 1], [-1, 0.6, 1]], "pec", 0.0))
+    subject = replace_velocity(plate(20, (1.5, 0.1, 0.0)), (0.4, -0.3, 0.0))
+    simulator = Simulator(load_scene(wall.sionna), radar, [subject])
+    paths = of(simulator.rays(max_bounces=2).paths, "plate")
+    for count, image in ((1, 0.0), (2, 1.2)):
+        chosen = paths.select(paths.bounces == count)
+        k_1 = np.array([1.5, 0.1, 0.0]) / np.hypot(1.5, 0.1)
+        k_2 = np.array([1.5, 0.1 - image, 0.0]) / np.hypot(1.5, 0.1 - image) if image else k_1
+        expected = 0.5 * (k_1 + k_2) @ [0.4, -0.3, 0.0]
+        weight = np.abs(chosen.a[0, 0, :, 0])
+        assert (weight * chosen.velocity[:, 0]).sum() / weight.sum() == pytest.approx(expected, abs=0.02)
+
+
+def replace_velocity(actor, velocity):
+    vertices = actor.vertices(0.0)
+    centre = vertices.mean(axis=0)
+    return Actor.from_mesh((vertices - centre, actor.faces), material="pec", position=centre, velocity=velocity,
+                           name=actor.name)  # fmt: skip
+
+
+def test_more_rays_go_where_they_are_needed(radar):
+    """Adaptive sampling is more accurate than uniform sampling with five times as many rays; both are reported."""
+    ball = Actor.from_mesh(sphere(4), material="pec", position=(2, 0.2, 0), name="ball")
+    simulator = Simulator(None, radar, [ball])
+    truth = channel(simulator.rays(rtol=2e-3).paths)[0, 0]
+    adaptive, uniform = simulator.rays(rtol=2e-2), simulator.rays(sampling="uniform", level=7)
+    errors = [abs(channel(each.paths)[0, 0] / truth - 1) for each in (adaptive, uniform)]
+    assert 5 * adaptive.report.rays < uniform.report.rays
+    assert errors[0] < errors[1]
+    report = adaptive.report
+    assert report.guiding < report.rays == sum(report.by_bounce)
+    assert 0 < report.hits < report.rays
+    assert report.tubes[0] == adaptive.paths.num_paths > 0
+
+
+def test_the_pir_shows_a_ghost_where_the_radar_sees_it():
+    """Beside the ball a wall shows it again: at the image's direction there is nothing by one surface."""
+    radar = replace(radar_of(77), position=(0, 0, 1))
+    ball = Actor.from_mesh(sphere(3), material="pec", position=BALL, name="ball")
+    simulator = Simulator(side_wall("pec"), radar, [ball])
+    view = {"resolution": (32, 64), "fov_deg": (130.0, 60.0)}
+    one, two = simulator.pir(**view), simulator.pir(**view, bounces=2)
+    more = two.energy - one.energy
+    row, column = np.unravel_index(np.argmax(more[:, :16]), (32, 16))
+    image = np.array([BALL[0], 2 * SIDE - BALL[1], 0.0])
+    y = 0.5 * (1 - image[1] / image[0] / np.tan(np.radians(65)))
+    assert abs(column + 0.5 - 64 * y) < 2
+    assert abs(row + 0.5 - 16) < 2
+    length = 0.5 * (np.linalg.norm(image) + np.linalg.norm(BALL - [0, 0, 1]))
+    assert 149896229.0 * two.time_of_arrival[row, column] == pytest.approx(length - RADIUS, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rtol": 1.0}, "rtol is 1.0"),
+        ({"max_bounces": 7}, "max_bounces is 7: a whole number of 1 … 6"),
+        ({"max_bounces": True}, "max_bounces is True"),
+        ({"sampling": "random"}, "sampling is 'random': allowed are 'adaptive', 'uniform'"),
+        ({"level": 4}, "level is 4 with 'adaptive'"),
+        ({"sampling": "uniform"}, "level is None"),
+        ({"t": np.nan}, "t is nan"),
+    ],
+)
+def test_options_out_of_range_are_named(radar, options, message):
+    with pytest.raises(ValueError, match=message):
+        Simulator(None, radar, [plate()]).rays(**options)
+
+
+@pytest.mark.parametrize("actors", [(), (plate(0, (-500.0, 0, 0)),)])
+def test_nothing_in_reach_is_no_paths(radar, actors):
+    found = Simulator(None, radar, actors).rays()
+    assert found.paths.num_paths == 0
+    assert found.paths.a.shape[:2] == (1, 1)
+    assert found.report.error == 0.0
