@@ -63,7 +63,7 @@ def test_a_metal_sphere_of_1280_facets_agrees_with_mie(radius, frequency):
     assert 10 * np.log10(found / mie) == pytest.approx(0.0, abs=0.1 if size >= 80 else 0.3)
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.5])
+@pytest.mark.parametrize("radius", [0.05, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_metal_sphere_of_320_facets_is_within_a_tenth_of_a_decibel(radius):
     """They turn by 9 degrees each, below where a mesh counts as coarse; 77 GHz."""
     miepython = pytest.importorskip("miepython")

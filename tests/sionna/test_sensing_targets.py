@@ -162,7 +162,7 @@ def test_our_tracer_finds_the_same(rt):
     assert spread[0] - 1e-3 < found.velocity.min() < found.velocity.max() < spread[1] + 1e-3
 
 
-@pytest.mark.parametrize(("material", "subdivisions"), [("pec", 2), ("skin", 3)])
+@pytest.mark.parametrize(("material", "subdivisions"), [("pec", 2), pytest.param("skin", 3, marks=pytest.mark.slow)])
 def test_a_coarse_ball_is_the_round_one_that_our_tracer_takes_it_for(rt, material, subdivisions):
     """320 and 1,280 facets: gains of all element pairs within 0.2 dB and 2 degrees of our tracer's, the delay to the
     nearest point and the radial velocity as far as one point stands for a piece of 1.5 cm."""
