@@ -119,8 +119,6 @@ def run(
                 done(f"{unit.key}: {seconds:.0f} s")
     finally:
         logger.setLevel(level)
-    result["seconds"] = sum(each["seconds"] for each in result["units"].values())
-    _store(result, out)
     return result
 
 
@@ -240,6 +238,7 @@ def _command(scenes: Sequence[str], quick: bool, seed: int, parts: Sequence[str]
 
 
 def _store(result: Result, out: Path) -> None:
+    result["seconds"] = sum(each["seconds"] for each in result["units"].values())
     result["claims"] = claims.claims(result)
     part = out / "bench.json.part"
     part.write_text(json.dumps(result, indent=1, default=float) + "\n", encoding="utf-8")

@@ -62,7 +62,9 @@ def _rays(result: dict[str, Any]) -> Iterator[Claim]:
     some = [("visibility of the adult", result["default_rtol"], result.get("sampling", {}).get("compared", ()))]
     for scene in result.get("scenes", ()):
         if scene["scene"] in ("sphere", "person"):
-            some.append((f"ray mode, {scene['scene']}, {scene['band_ghz']} GHz", 1e-2, scene.get("adaptive_rays", ())))
+            found = scene.get("adaptive_rays", [])
+            finest = found[-1]["rtol"] if found else 0.0
+            some.append((f"ray mode, {scene['scene']}, {scene['band_ghz']} GHz", finest, found))
     for name, rtol, rows in some:
         for row in rows:
             if row["rtol"] == rtol:

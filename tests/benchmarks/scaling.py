@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks import synthesis
 from tests.benchmarks.measuring import best_of, exponent
+from tests.benchmarks.skips import corner
 from tests.benchmarks.subjects import SPEED, ball, sphere, standing
 
 
@@ -117,13 +118,8 @@ def actors(quick: bool) -> tuple[list[int], list[float]]:
 
 
 def bounces(quick: bool) -> tuple[list[int], list[float]]:
-    """An instant of a metal ball in a box of concrete, with the box traced beforehand."""
-    radar = Radar.load("awr1843", "mmmesh", position=(-1.5, 0.3, 1.2), look_at=(1.5, 0.3, 1.0))
-    scene = load_scene("box")
-    scene.tune(radar.center_frequency)
-    thing = Actor.from_mesh(
-        ball(3, 0.15), material="pec", position=(1.5, 0.3, 1.0), velocity=(-SPEED, 0, 0), name="ball"
-    )
+    """An instant of a metal ball before a wall and over a floor, with these traced beforehand."""
+    radar, scene, thing = corner()
     sizes, seconds = [1, 2, 3], []
     for size in sizes:
         tracer = Tracer(scene, radar, [thing], 1e-2, max_bounces=size)

@@ -98,6 +98,7 @@ def test_the_synthesiser_is_far_faster_than_the_direct_sum() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:materials extrapolated")
 @pytest.mark.parametrize("make", skips.rows(False).values(), ids=skips.rows(False))
 def test_without_a_skip_the_answer_is_the_same_to_the_tolerance(make: Any) -> None:
     for found in make():
