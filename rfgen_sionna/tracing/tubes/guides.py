@@ -70,8 +70,11 @@ class Marks:
         if before is None or len(cells) == 0:
             return np.zeros(len(cells), np.bool_)
         corner = before.rows(cells.reshape(-1, 3)).reshape(-1, 3)
-        there = before.chain[corner] != 0
-        # Corners at a rim may have missed: another one stands for them.
+        # Corners at a rim may have hit something else, which sends them elsewhere: the others stand for them.
+        chain = before.chain[corner]
+        most = np.where(chain[:, 1] == chain[:, 2], chain[:, 1], chain[:, 0])
+        some = np.take_along_axis(chain, np.argmax(chain != 0, axis=1)[:, None], axis=1)[:, 0]
+        there = (chain == np.where(most != 0, most, some)[:, None]) & (chain != 0)
         one = np.take_along_axis(corner, np.argmax(there, axis=1)[:, None], axis=1)
         rows = np.where(there, corner, one).reshape(-1)
         ray, point = before.ray[rows], before.point[rows]
