@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from rfgen_sionna.cli.console import out as _out
-from rfgen_sionna.cli.console import wrote
+from rfgen_sionna.cli.console import warn, wrote
 
 SCENES = "sphere, plate, dihedral, trihedral, person, living_room, car, hand"
 _TEXT = """[bold]Parts[/bold]
@@ -62,8 +62,12 @@ def bench(
         )  # fmt: skip
     for name in ("bench.json", "bench.md"):
         wrote(out / name)
+    for name, reason in result["failed"].items():
+        warn(f"{name} failed: {reason}", UserWarning)
     held = [claim["holds"] for claim in result["claims"]]
     _out.print(f"{result['seconds']:.0f} s; {sum(held)} of {len(held)} claims hold; pictures in {escape(str(out))}")
+    if result["failed"]:
+        raise typer.Exit(1)
 
 
 def load() -> Any:

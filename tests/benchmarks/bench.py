@@ -100,7 +100,7 @@ def run(
     if left and len(left) < len(found):
         done(f"going on with an interrupted run: {len(found) - len(left)} of {len(found)} are there")
     left = left or found
-    result["open"] = [unit.key for unit in left]
+    result["open"], result["failed"] = [unit.key for unit in left], {}
     # Coarse spheres and tolerances out of reach are part of what is measured.
     logger = logging.getLogger("rfgen_sionna")
     level = logger.level
@@ -111,7 +111,13 @@ def run(
             for unit in left:
                 progress(unit.key)
                 begin = time.perf_counter()
-                unit.keep(result, unit.work())
+                try:
+                    unit.keep(result, unit.work())
+                except Exception as reason:  # the others are of use all the same; this one stays open
+                    result["failed"][unit.key] = f"{type(reason).__name__}: {reason}"
+                    done(f"{unit.key} failed: {result['failed'][unit.key]}")
+                    _store(result, out)
+                    continue
                 seconds = time.perf_counter() - begin
                 result["open"].remove(unit.key)
                 result["units"][unit.key] = {"seconds": seconds, "load": _load(), "commit": result["code"]["commit"]}

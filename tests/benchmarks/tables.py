@@ -50,6 +50,7 @@ def markdown(result: dict[str, Any]) -> str:
         + f"; code {str(result['code']['commit'])[:7]}; default rtol {result['default_rtol']:g}; "
         f"seed {result['seed']}; {result.get('seconds', 0.0):.0f} s\n",
     ]
+    text += [f"{name} failed: {reason}\n" for name, reason in result.get("failed", {}).items()]
     if result.get("open"):
         text.append(f"Not finished: {', '.join(result['open'])}.\n")
     if result.get("claims"):

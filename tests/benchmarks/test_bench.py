@@ -250,6 +250,20 @@ def test_an_interrupted_run_goes_on_where_it_was(monkeypatch: pytest.MonkeyPatch
     # A run that was finished begins anew, another part is added, other settings begin another file.
     bench.run(tmp_path, parts=["skips"], **quiet)
     assert ran[4:] == ["a", "b", "c"]
+    # What fails is told of and left open; the rest is done all the same.
+    lines: list[str] = []
+
+    def failing(out: Path, wanted: Any, *_: Any) -> Any:
+        yield bench.Unit("skips", "a", lambda: 1 / 0, lambda result, found: None)
+        yield bench.Unit("skips", "b", lambda: 2, lambda result, found: result.update(b=found))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(bench, "_units", failing)
+        result = bench.run(tmp_path, parts=["skips"], progress=lambda line: None, done=lines.append)
+    assert result["failed"] == {"skips: a": "ZeroDivisionError: division by zero"}
+    assert result["open"] == ["skips: a"]
+    assert result["b"] == 2
+    assert lines[0] == "skips: a failed: ZeroDivisionError: division by zero"
     both = bench.run(tmp_path, parts=["scaling"], **quiet)["units"]
     assert set(both) == {f"{part}: {name}" for part in ("skips", "scaling") for name in "abc"}
     another = bench.run(tmp_path, parts=["scaling"], seed=1, **quiet)["units"]
@@ -274,7 +288,7 @@ def test_the_command_runs_it_from_a_checkout_alone(monkeypatch: pytest.MonkeyPat
     def run(out: Path, scenes: list[str], quick: bool, seed: int, progress: Any, parts: list[str], done: Any) -> Any:
         called.update(out=out, scenes=scenes, quick=quick, seed=seed)
         done("sphere [77]: 3 s")
-        return {"seconds": 1.0, "claims": [{"holds": True}, {"holds": False}]}
+        return {"seconds": 1.0, "failed": {}, "claims": [{"holds": True}, {"holds": False}]}
 
     monkeypatch.setattr(bench_command, "load", lambda: SimpleNamespace(run=run))
     options = ["bench", "--scene", "sphere", "--quick", "--seed", "3", "--out", str(tmp_path)]
