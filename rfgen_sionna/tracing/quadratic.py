@@ -6,7 +6,7 @@ so that where it is large the triangle is integrated in parts, each with its own
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from typing import Any, NamedTuple
 
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
@@ -125,7 +125,7 @@ def pairs(count: int) -> list[tuple[int, int]]:
     return [(one, other) for one in range(count) for other in range(one, count)]
 
 
-def number_of_terms(ways: Sequence[Any] | None) -> int:
+def number_of_terms(ways: Sized | None) -> int:
     """Length of what :meth:`Quadratic.mean` returns."""
     return 1 if ways is None else 2 + len(ways) + len(pairs(len(ways)))
 
