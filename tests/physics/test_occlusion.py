@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.special import fresnel
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
@@ -52,6 +53,28 @@ def test_plate_hides_a_sphere(radar):
             assert abs(channel(paths)) == pytest.approx(alone, rel=1e-3)
         else:
             assert paths.num_paths == 0 or abs(channel(paths)) < 10 ** (-30 / 20) * alone
+
+
+@pytest.mark.parametrize(("size", "around"), [(20, -1.8), pytest.param(100, -29.5, marks=pytest.mark.slow)])
+def test_shadows_are_geometric_whatever_would_bend_around_a_plate(size, around):
+    """Behind a square metal plate of 20 or 100 wavelengths, half way to 3 m, nothing is left of a ball of 2 cm.
+
+    That is physical optics with rays for shadows. By Kirchhoff's integral (Babinet: the open field less that of an
+    aperture like the plate) a wave of `around` dB, there and back, would come around it at 77 GHz: what is small beside
+    the first Fresnel zone, here 11 cm across, hides less in truth than it does here.
+    """
+    radar = Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1))
+    ball = Actor.from_mesh(trimesh.creation.icosphere(3, radius=0.02), material="pec", position=(3, 0, 1), name="ball")
+    side = size * radar.wavelength
+    plate = Actor.from_mesh(
+        trimesh.creation.box((0.001, side, side)), material="pec", position=(1.5, 0, 1), name="plate"
+    )
+    alone = abs(channel(Simulator(None, radar, [ball]).paths()))
+    paths = of(Simulator(None, radar, [ball, plate]).paths(), "ball")
+    assert paths.num_paths == 0 or abs(channel(paths)) < 10 ** (-30 / 20) * alone
+    sine, cosine = fresnel(side / 2 * np.sqrt(2 * 3.0 / (radar.wavelength * 1.5 * 1.5)))
+    behind = 1 - 0.5j * (2 * (cosine - 1j * sine)) ** 2
+    assert 40 * np.log10(abs(behind)) == pytest.approx(around, abs=0.5)
 
 
 @pytest.mark.parametrize("edge", [0.0, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (-0.01, 0.01))])
