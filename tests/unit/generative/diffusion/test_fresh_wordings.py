@@ -1,4 +1,4 @@
-"""Sentences written after everything that reads them, so that nothing was fitted to them; none may be edited to pass."""
+"""Sentences written after everything that reads them: nothing was fitted to them, and none may be edited to pass."""
 
 from __future__ import annotations
 
