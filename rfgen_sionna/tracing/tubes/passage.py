@@ -124,7 +124,7 @@ def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
             shift = np.linalg.solve(_regular(hessian), -gradient[..., None])[..., 0]
             # A quadric holds near its point only: no further than the legs are long.
             limit = 0.3 * np.minimum.reduce(reach_of)
-            shift *= np.minimum(1.0, limit / np.maximum(lengths(shift), 1e-30))[:, None]
+            shift *= np.minimum(1.0, limit / np.maximum(np.sqrt((shift**2).sum(axis=1)), 1e-30))[:, None]
             place = [u + shift[:, 2 * i : 2 * i + 2] for i, u in enumerate(place)]
         normals = tuple(
             _unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u))

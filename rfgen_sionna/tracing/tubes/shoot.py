@@ -72,7 +72,7 @@ def check_options(max_bounces: Any, rtol: Any, sampling: Any, level: Any) -> Non
     """Raise a ValueError that names what of :func:`shoot`'s options is out of range."""
 
     def whole(value: Any, most: int) -> bool:
-        return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and 1 <= value <= most
+        return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(1 <= value <= most)
 
     if not whole(max_bounces, MOST_BOUNCES):
         raise ValueError(f"max_bounces is {max_bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
