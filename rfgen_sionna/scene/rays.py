@@ -264,7 +264,8 @@ class RayScene:
         import drjit as dr
         import mitsuba as mi
 
-        double, whole = dr.float64_array_t(mi.Float), mi.UInt32
+        double: Any = dr.float64_array_t(mi.Float)
+        whole: Any = mi.UInt32
         flat = double(np.ascontiguousarray(corners - viewpoint).reshape(-1))
         table = double(np.ascontiguousarray(weights, np.float64).reshape(-1))
         own = whole(np.ascontiguousarray(facets, np.uint32))

@@ -188,7 +188,7 @@ class BandTracer:
         """(value, facet) what the expansion starts from."""
         if expansion.axes is None:
             return self._gains(facets, materials, expansion.nodes).a
-        found = self._gains(facets, materials, expansion.nodes, axes=expansion.axes)
+        found = self._integrated(facets, materials, expansion.nodes, facets.parts, expansion.axes)
         slopes = () if found.slopes is None else found.slopes
         return np.concatenate([found.a, *slopes])
 
@@ -202,7 +202,8 @@ class BandTracer:
         coherent: bool,
     ) -> _Probes:
         exact = self._gains(facets, materials, self._nodes(u, pairs))
-        phasors = np.exp(-2j * np.pi * np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)) * weight
+        turns = np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)
+        phasors: ComplexArray = weight * np.exp(-2j * np.pi * turns)
         single = np.abs(exact.a * weight)
         scale = max(_rms((exact.a * phasors).sum(axis=1)), CANCELLED * float(single.max(initial=0.0)))
         if not coherent:
@@ -219,15 +220,19 @@ class BandTracer:
         return _rms(missed) / probes.scale if probes.scale > 0 else 0.0
 
     def _gains(
+        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+    ) -> FacetGains:
+        return self._integrated(facets, materials, nodes, facets.parts if parts is None else parts)
+
+    def _integrated(
         self,
         facets: Facets,
         materials: tuple[Material, ...],
         nodes: Nodes,
-        parts: IntArray | None = None,
+        parts: IntArray,
         axes: FloatArray | None = None,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
-        parts = facets.parts if parts is None else parts
         corners = facets.corners - self._origin
         nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))
         monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
@@ -273,7 +278,8 @@ class BandTracer:
         """From gains in the middle of the array and their slopes at `count` places of the band, `order` coefficients
         over it."""
         u = band_nodes(count)
-        nodes = Nodes(*(np.broadcast_to(each, (count, 3)) for each in self._middle), self.frequency(u))
+        tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
+        nodes = Nodes(tx, rx, self.frequency(u))
         wavenumbers = 2 * np.pi * self.half_band / SPEED_OF_LIGHT
         weights = tangent_weights(order, count, self._sum[:, self._spanned], wavenumbers)
         return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), -1), axes=self._axes)

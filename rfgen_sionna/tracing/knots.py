@@ -136,9 +136,9 @@ def gain_knots(
     length = float(knots[-1] - knots[0])
     steps = len(knots) - 1
     times = knots[:: max(steps // LOOKS, 1)]
+    places = [positions(float(t)) for t in times]
     swings = [
-        _Swings.between(times, lambda t, i=i: positions(t)[i], mesh, viewpoint, wavenumber)
-        for i, mesh in enumerate(faces)
+        _Swings.between([each[i] for each in places], mesh, viewpoint, wavenumber) for i, mesh in enumerate(faces)
     ]
     least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
     most = max(least, int(length / MIN_SPACING))
@@ -161,18 +161,12 @@ class _Swings:
     """(step, face)"""
 
     @staticmethod
-    def between(
-        times: FloatArray,
-        positions: Callable[[float], FloatArray],
-        faces: IntArray,
-        viewpoint: FloatArray,
-        wavenumber: float,
-    ) -> _Swings:
-        size = _solid_angles(positions(float(times[0])), faces, viewpoint)
+    def between(vertices: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray, wavenumber: float) -> _Swings:
+        size = _solid_angles(vertices[0], faces, viewpoint)
         if len(faces) > ENOUGH:
-            faces = faces[np.sort(np.argpartition(-size, ENOUGH)[:ENOUGH])]
-            size = _solid_angles(positions(float(times[0])), faces, viewpoint)
-        phases = [wavenumber * _corner_distances(positions(float(t)), faces, viewpoint) for t in times]
+            widest = np.sort(np.argpartition(-size, ENOUGH)[:ENOUGH])
+            faces, size = faces[widest], size[widest]
+        phases = [wavenumber * _corner_distances(each, faces, viewpoint) for each in vertices]
         swing = [np.abs(new - old).max(axis=0) for old, new in pairwise(phases)]
         weight = [size / (1.0 + 3.0 * (each**2).sum(axis=0)) ** 2 for each in phases[1:]]
         return _Swings(np.stack(swing), np.stack(weight))
