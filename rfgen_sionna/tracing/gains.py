@@ -203,7 +203,7 @@ class BandTracer:
     ) -> _Probes:
         exact = self._gains(facets, materials, self._nodes(u, pairs))
         turns = np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)
-        phasors: ComplexArray = weight * np.exp(-2j * np.pi * turns)
+        phasors = np.asarray(weight * np.exp(-2j * np.pi * turns), np.complex128)
         single = np.abs(exact.a * weight)
         scale = max(_rms((exact.a * phasors).sum(axis=1)), CANCELLED * float(single.max(initial=0.0)))
         if not coherent:
