@@ -2,8 +2,8 @@
 
     python tests/benchmarks/clutter.py --place "living room" --seeds 50 --traced 10 --output results/clutter.json
 
-An AWR1843 at (0, 0, 1) looks along +x. For each seed one chirp of samples with thermal noise becomes a range profile, over
-all channels and over bins of half a metre. Three sets are compared: what the image model draws for the prompt; the
+An AWR1843 at (0, 0, 1) looks along +x. For each seed one chirp of samples with thermal noise becomes a range profile,
+over all channels and over bins of half a metre. Three sets are compared: what the image model draws for the prompt; the
 images that the tracer renders of layouts of the test split, which the model never saw, sent the same way; and those
 layouts traced to samples themselves, without an image in between.
 """
