@@ -25,6 +25,8 @@ SLOW_FLOOR, SLOW_SAMPLES = 0.015, 0.2
 """A method that takes longer for an instant [s] is not asked for 250 of them, or for samples of the ADC."""
 PATIENCE = 5.0
 """For all instants of a method [s]."""
+VERY_LONG = 20.0
+"""The first instant of a method, with what is compiled, after which it is asked for no other [s]."""
 LONGEST = 6.0
 """A ladder ends with the first rung whose instant takes longer [s]."""
 
@@ -48,7 +50,7 @@ def ladders(subject: Subject, band: int, quick: bool, seed: int) -> Iterator[lis
         yield [lambda rtol=rtol: Traced(subject, rtol) for rtol in sorted(tolerances, reverse=True)]
     # At 24 GHz, and of rays, few settings: they tell the same as those of the other band and of the other methods.
     few = quick or band != 77
-    if subject.name in ("sphere", "person") if few else subject.scene is None and subject.name != "car":
+    if subject.name == "sphere" if few else subject.scene is None and subject.name != "car":
         yield [lambda r=r: Tubes(subject, r) for r in ((0.03,) if few else (0.03, 0.01))]
         yield [lambda n=n: Tubes(subject, level=n) for n in ((6, 7) if few else (5, 6, 7))]
     corner = subject.least_bounces > 1
@@ -113,11 +115,13 @@ def _words(row: dict[str, Any]) -> str:
 def measure(method: Method, check: AdcCheck, known: Known, quick: bool) -> dict[str, Any]:
     """One row: warm median time of an instant, memory, errors."""
     with Peak() as peak:
-        first = timed(lambda: method(float(known.times[0])))[0]
-        again = timed(lambda: method(float(known.times[-1])))[0]
+        first, value = timed(lambda: method(float(known.times[0])))
+        # What takes very long is asked once: it is the last rung of its ladder.
+        once = first > VERY_LONG
+        again = first if once else timed(lambda: method(float(known.times[-1])))[0]
         # What takes seconds is asked for fewer instants.
         times = known.times[: max(2, int(PATIENCE / again))]
-        trials = [timed(lambda t=t: method(float(t))) for t in times]
+        trials = [(first, value)] if once else [timed(lambda t=t: method(float(t))) for t in times]
     seconds = float(np.median([each for each, _ in trials]))
     row = method.row | {"seconds": seconds, "first_seconds": first, "peak_mb": peak.megabytes}
     row |= known.errors(method, np.array([value for _, value in trials]))
