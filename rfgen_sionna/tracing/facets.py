@@ -75,6 +75,15 @@ class Facets:
         bend = None if found.bend is None else found.bend.within(weights)
         return replace(found, corners=weights @ found.corners, bend=bend, parts=parts), index
 
+    def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
+        """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
+        counts out; integrated in so many parts that theirs are as small as the facets' are."""
+        found = self.take(owner)
+        width = np.sqrt(np.abs(np.linalg.det(weights)))
+        parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
+        bend = None if found.bend is None else found.bend.within(weights)
+        return replace(found, corners=weights @ found.corners, bend=bend, parts=np.maximum(parts, 1))
+
     @property
     def centroids(self) -> FloatArray:
         """(facet, 3) the points that delays go by [m]"""

@@ -184,11 +184,18 @@ class BandTracer:
         at = np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32)
         return self._gains(facets, materials, self._nodes(u, at), parts)
 
-    def values(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
-        """(value, facet) what the expansion starts from."""
-        if expansion.axes is None:
+    def values(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        expansion: Expansion,
+        reference: FloatArray | None = None,
+    ) -> ComplexArray:
+        """(value, facet) what the expansion starts from. `reference` (facet, 3) are points [m, world] that delays go by
+        instead of the centroids."""
+        if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
-        found = self._integrated(facets, materials, expansion.nodes, facets.parts, expansion.axes)
+        found = self._integrated(facets, materials, expansion.nodes, facets.parts, expansion.axes, reference)
         slopes = () if found.slopes is None else found.slopes
         return np.concatenate([found.a, *slopes])
 
@@ -231,6 +238,7 @@ class BandTracer:
         nodes: Nodes,
         parts: IntArray,
         axes: FloatArray | None = None,
+        reference: FloatArray | None = None,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         corners = facets.corners - self._origin
@@ -248,6 +256,7 @@ class BandTracer:
                 monostatic,
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,
                 axes=axes,
+                reference=None if reference is None else reference[index] - self._origin,
             )
 
         return by_curvature(facets.curved, len(nodes), of)

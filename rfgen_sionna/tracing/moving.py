@@ -19,7 +19,7 @@ from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.partial import sight_error
-from rfgen_sionna.tracing.sampling import LEVELS, sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import LEVELS, PIECES, sampled_fraction, touching
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 from rfgen_sionna.tracing.veils import Veiled, Veils
@@ -61,6 +61,10 @@ class _Seen:
 
     facets: Facets
     fraction: FloatArray
+    owner: NDArray[np.intp]
+    """(piece,) facet that a piece is of: what is seen of those hidden in part."""
+    place: NDArray[np.intp]
+    """(piece,) which piece it is (:data:`rfgen_sionna.tracing.sampling.PIECES`)."""
     looked_at: int
     rays: int
 
@@ -131,7 +135,9 @@ class MovingParts:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
-        coefficients = self._band.combined(expansion, np.stack(values, axis=-1) * shares)
+        for each, own in zip(seen, values, strict=True):
+            self._shadow(each, kept, own, expansion)
+        coefficients = self._band.combined(expansion, np.stack(values, axis=-1))
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:
                 coefficients[0, ..., k] += np.sqrt(shares[:, k]) * rough  # of energy, half of a facet returns half
@@ -281,9 +287,9 @@ class MovingParts:
         facing = np.flatnonzero(facets.facing & near)
         fraction = np.zeros(len(facets))
         if len(facing) == 0:
-            return _Seen(facets, fraction, 0, 0)
+            return _Seen(facets, fraction, facing, facing, 0, 0)
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        fraction[facing], sent = sampled_fraction(
+        found = sampled_fraction(
             rays(t),
             self._viewpoint,
             facets.corners[facing],
@@ -292,7 +298,22 @@ class MovingParts:
             wavenumber,
             self._rtol,
         )
-        return _Seen(facets, fraction, len(facing), sent)
+        fraction[facing] = found.fraction
+        return _Seen(facets, fraction, facing[found.owner], found.place, len(facing), found.rays)
+
+    def _shadow(
+        self, seen: _Seen, kept: NDArray[np.intp], values: NDArray[np.complex128], expansion: Expansion
+    ) -> None:
+        """Take what is not seen out of `values` (value, facet) of the facets `kept`: of those in half shadow the pieces
+        that are seen count, each with its own phase."""
+        values *= seen.fraction[kept]
+        if not len(seen.owner):
+            return
+        pieces = seen.facets.cut(seen.owner, PIECES[seen.place])
+        where, first = np.unique(seen.owner, return_index=True)
+        centroids = seen.facets.centroids[seen.owner]
+        each = self._band.values(pieces, self._materials, expansion, centroids)
+        values[:, np.searchsorted(kept, where)] = np.add.reduceat(each, first, axis=1)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""

@@ -7,12 +7,15 @@ wavelengths, returns next to nothing and a few rays will do; one whose phase har
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.visibility import lattice
+from rfgen_sionna.tracing.visibility import lattice, lattice_corners
 
 LEVELS = (2, 4, 8, 16, 32, 64)
 """Rays along a facet's edge, where a shadow's edge passes it."""
@@ -22,7 +25,22 @@ SHARE_PER_RTOL = 0.1
 per unit of the tolerance."""
 _ROUNDS = 2
 _TABLE = np.concatenate([MIDDLE, *(lattice(n) for n in LEVELS)])
+PIECES = np.concatenate([lattice_corners(n) for n in LEVELS])
+"""(place, 3, 3) barycentric coordinates of the corners of the piece around each place."""
 _FIRST = np.cumsum([1, *(n * n for n in LEVELS)])
+
+
+class Sampled(NamedTuple):
+    """What of facets is seen."""
+
+    fraction: FloatArray
+    """(facet,) share of the area that nothing hides, 0 … 1."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
+    place: NDArray[np.intp]
+    """(piece,) which of `PIECES` each one is."""
+    rays: int
+    """Rays sent."""
 
 
 def touching(corners: FloatArray) -> IntArray:
@@ -44,8 +62,8 @@ def sampled_fraction(
     places: IntArray,
     wavenumber: float,
     rtol: float,
-) -> tuple[FloatArray, int]:
-    """Share of each facet's area that nothing hides from the viewpoint, and the number of rays sent.
+) -> Sampled:
+    """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
     The sample points are fixed in the facet: the share changes gradually while it moves.
 
@@ -66,9 +84,9 @@ def sampled_fraction(
     rtol
         Allowed error of the return of all together.
     """
-    count = len(corners)
+    count, none = len(corners), np.zeros(0, np.intp)
     if not count:
-        return np.zeros(0), 0
+        return Sampled(np.zeros(0), none, none, 0)
     every = np.arange(count)
     seen = rays.sees(viewpoint, corners, facet, every, MIDDLE, np.zeros(count, np.intp))
     fraction, sent = seen.astype(np.float64), count
@@ -77,11 +95,12 @@ def sampled_fraction(
     dark[places[~seen]] = True
     border, done = light & dark, np.zeros(count, np.bool_)
     if not border.any():
-        return fraction, sent
+        return Sampled(fraction, none, none, sent)
     most = _most(corners - viewpoint, wavenumber)
     allowed = SHARE_PER_RTOL * rtol * float(np.sqrt(most[seen] @ most[seen]))
     # The share of n^2 rays on a lattice errs by about n^-1.5.
     wanted = (most / max(allowed, 1e-300)) ** (2 / 3)
+    owners, pieces = [none], [none]
     for attempt in range(_ROUNDS):
         edge = np.flatnonzero(border[places].any(axis=1) & ~done & (wanted > attempt))
         if not len(edge):
@@ -99,7 +118,12 @@ def sampled_fraction(
         border = np.zeros(len(border), np.bool_)
         border[places[edge[(share > 0) & (share < 1) | (share != fraction[edge])]]] = True
         fraction[edge] = share
-    return fraction, sent
+        lit = np.flatnonzero(through & (share < 1)[of])
+        owners.append(edge[of[lit]])
+        pieces.append(row[lit] - len(MIDDLE))
+    owner, place = np.concatenate(owners), np.concatenate(pieces)
+    order = np.argsort(owner, kind="stable")
+    return Sampled(fraction, owner[order], place[order], sent)
 
 
 def _most(corners: FloatArray, wavenumber: float) -> FloatArray:

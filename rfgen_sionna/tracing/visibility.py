@@ -19,6 +19,14 @@ def lattice(n: int) -> FloatArray:
     return np.column_stack([u, 1 - u.sum(axis=1)])
 
 
+def lattice_corners(n: int) -> FloatArray:
+    """(n^2, 3, 3) barycentric coordinates of their corners, (triangle, corner, vertex)."""
+    upright = [((i, j), (i + 1, j), (i, j + 1)) for i in range(n) for j in range(n - i)]
+    inverted = [((i + 1, j + 1), (i, j + 1), (i + 1, j)) for i in range(n) for j in range(n - i - 1)]
+    u = np.array(upright + inverted) / n
+    return np.concatenate([u, 1 - u.sum(axis=2, keepdims=True)], axis=2)
+
+
 GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
 FINE = lattice(4)
 _LEAST_HEIGHT = 1e-4

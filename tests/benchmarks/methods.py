@@ -72,7 +72,7 @@ class Traced:
 
 @dataclass
 class Beams:
-    """What images (PIRs) are rendered with: a grid of beams that look at the subject, each integrated over its patch."""
+    """What images (PIRs) are rendered with: a grid of beams that look at the subject, each integrated over a patch."""
 
     subject: Subject
     pixels: int

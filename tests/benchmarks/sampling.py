@@ -52,7 +52,7 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
                 "adaptive",
                 lambda rtol=rtol: sampling.sampled_fraction(
                     rays, viewpoint, corners, number, places, wavenumber, rtol
-                ),
+                )[::3],
                 rtol=rtol,
             )
         )  # fmt: skip

@@ -23,7 +23,18 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.tracing import bounces, gains, ghosts, moving, static, static_bounces, tracer, veils, visibility
+from rfgen_sionna.tracing import (
+    bounces,
+    gains,
+    ghosts,
+    moving,
+    sampling,
+    static,
+    static_bounces,
+    tracer,
+    veils,
+    visibility,
+)
 from tests.benchmarks.measuring import default_rtol, timed
 from tests.benchmarks.subjects import SPEED, ball, standing
 
@@ -75,7 +86,11 @@ def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any) -> Any:
 
 
 def _all_rays_moving(rays: Any, viewpoint: Any, corners: Any, facet: Any, *_: Any) -> Any:
-    return uniform_share(rays, viewpoint, corners, facet)
+    n = 8
+    through = visibility._through(rays, viewpoint, corners, facet, visibility.lattice(n))
+    owner, place = np.nonzero(through & ~through.all(axis=1, keepdims=True))
+    first = sum(each**2 for each in sampling.LEVELS if each < n)
+    return sampling.Sampled(through.mean(axis=1), owner, first + place, through.size)
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:

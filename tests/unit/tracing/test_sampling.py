@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.sampling import sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import PIECES, sampled_fraction, touching
 from rfgen_sionna.tracing.visibility import lattice
 
 VIEW = np.array([0.0, 0.0, 1.0])
@@ -51,10 +51,11 @@ def test_facets_touch_where_they_share_a_corner_and_nowhere_else():
 
 def test_nothing_in_the_way_takes_one_ray_a_facet():
     scene, corners, number = facets_of(trimesh.creation.box((0.01, 0.5, 0.5)).apply_translation((3, 0, 1)))
-    fraction, rays = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
-    assert (fraction == 1).all()
-    assert rays == len(corners)
-    assert sampled_fraction(scene, VIEW, corners[:0], number[:0], touching(corners[:0]), WAVENUMBER, 1e-3)[1] == 0
+    found = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    assert (found.fraction == 1).all()
+    assert found.rays == len(corners)
+    assert not len(found.owner)
+    assert sampled_fraction(scene, VIEW, corners[:0], number[:0], touching(corners[:0]), WAVENUMBER, 1e-3).rays == 0
 
 
 @pytest.mark.parametrize("y", np.linspace(-0.4, 0.4, 5))
@@ -65,7 +66,13 @@ def test_the_area_that_a_board_leaves_of_a_plate(y):
     scene, corners, number = facets_of(plate, board)
     of_plate = number < len(plate.faces)
     corners, number = corners[of_plate], number[of_plate]
-    fraction, _ = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    found = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    fraction = found.fraction
+    # The pieces that are seen of a facet are its share.
+    weights = PIECES[found.place]
+    size = np.abs(np.linalg.det(weights))
+    mixed = np.flatnonzero((fraction > 0) & (fraction < 1))
+    assert np.allclose(np.bincount(found.owner, size, len(fraction))[mixed], fraction[mixed])
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert (fraction * area).sum() / area.sum() == pytest.approx(0.5 + y, abs=0.01)
 
@@ -83,6 +90,7 @@ def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
     truth[partly] = uniform(scene, corners[partly], number[partly], 32)
     exact = returned(corners, truth)
     places = touching(corners)
-    fraction, rays = sampled_fraction(scene, VIEW, corners, number, places, WAVENUMBER, 1e-2)
-    assert rays < 16 * len(corners) / 5
+    found = sampled_fraction(scene, VIEW, corners, number, places, WAVENUMBER, 1e-2)
+    fraction = found.fraction
+    assert found.rays < 16 * len(corners) / 5
     assert abs(returned(corners, fraction) - exact) < abs(evenly - exact) + 1e-3 * abs(exact)
