@@ -18,8 +18,7 @@ from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_fa
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
-from rfgen_sionna.tracing.partial import sight_error
-from rfgen_sionna.tracing.sampling import LEVELS, PIECES, sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import PIECES, sampled_fraction, touching
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 from rfgen_sionna.tracing.veils import Veiled, Veils
@@ -44,9 +43,6 @@ class MovingTrace:
     paths: RadarPaths
     error: float
     """Estimated relative error of the return of the worst of them; see :mod:`rfgen_sionna.tracing.accuracy`."""
-    hidden: float
-    """What facets hidden in part are wrong by (:mod:`rfgen_sionna.tracing.partial`) in the middle instant, relative to
-    what they all return without interfering."""
     facets: int
     """Facets looked at."""
     rays: int
@@ -144,19 +140,6 @@ class MovingParts:
         paths = self._paths(knots, instants, positions, facets, coefficients, kept)
         self._turn += 1
         error = max(self._last, self._error)
-        there, share = facets[middle], shares[:, middle]
-        sampled = np.full(len(share), LEVELS[1] ** 2, np.int32)
-        hidden = sight_error(
-            there.corners,
-            share,
-            sampled,
-            self._weight(there, np.ones(len(share))),
-            self._viewpoint,
-            there.surface,
-            self._materials,
-            self._band.centre,
-            np.sqrt(np.bincount(there.surface, np.abs(coefficients[0, 0, 0, :, middle]) ** 2, len(self._level))),
-        )
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
             return self._centroids(positions(t), chosen)
@@ -176,7 +159,6 @@ class MovingParts:
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             error,
-            float(hidden.max(initial=0.0)),
             sum(each.looked_at for each in looked),
             sum(each.rays for each in looked),
             lambda t: self._centroids(positions(t), kept),

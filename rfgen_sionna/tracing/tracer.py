@@ -59,10 +59,6 @@ class TraceReport:
     error: float
     """Estimated error of the integration: of the return of the static scene or of an actor, relative to itself,
     whichever is larger (:mod:`rfgen_sionna.tracing.accuracy`). That of visibility is not in it."""
-    hidden: float = 0.0
-    """Estimated error of an actor's return, relative to what its facets return without interfering, because facets that
-    are hidden in part count by their visible share (:mod:`rfgen_sionna.tracing.partial`): finer meshes make it smaller,
-    a smaller tolerance hardly does."""
 
 
 @dataclass(frozen=True)
@@ -319,7 +315,6 @@ class Tracer:
             instants=len(instants),
             knots=len(knots),
             error=max(static.error + sum(each.error for each in beyond), moving.error),
-            hidden=moving.hidden,
         )
         return Traced(self._still, shadow, shaded, moving.paths, report, moving.places)
 

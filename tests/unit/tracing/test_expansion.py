@@ -12,6 +12,7 @@ from rfgen_sionna.tracing.expansion import band_nodes, tangent_weights
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.gains import TANGENTS
 from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.sampling import LEVELS, PIECES
 from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -91,3 +92,29 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
         found = np.vander(u, expansion.order, increasing=True) @ gains[:, *pair]
         truth = (exact.a * phasor).sum(axis=1)
         assert np.abs((found * phasor).sum(axis=1) - truth).max() < rtol * np.abs(truth).mean()
+
+
+@pytest.mark.parametrize("shape", ["ball", "box"])
+def test_all_pieces_of_a_facet_return_what_it_does(shape):
+    """Sixteen pieces, each with its own phase and patch: gains to the integral's own error, and slopes, which are small,
+    to a tenth."""
+    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
+    mesh = ball if shape == "ball" else trimesh.creation.box((0.02, 0.06, 0.05))
+    actor = Actor.from_mesh(mesh, material="skin", position=(2, 0.2, 1.1), orientation=(0.02, 0.01, 0), name="it")
+    tracer = Tracer(None, radar, [actor], 1e-2)
+    run = tracer.follow()
+    tracer.trace(0.0, 0.0, run)
+    rays = tracer.rays_at(0.0)
+    seen = run._see(0.0, lambda t: [actor.vertices(t)], lambda t: rays)
+    facets = seen.facets.take(np.flatnonzero(seen.fraction > 0))
+    first, count = LEVELS[0] ** 2, LEVELS[1] ** 2
+    owner = np.repeat(np.arange(len(facets)), count)
+    pieces = facets.cut(owner, PIECES[first + np.tile(np.arange(count), len(facets))])
+    each = run._band.values(pieces, run._materials, run._expansion, facets.centroids[owner])
+    whole = run._band.values(facets, run._materials, run._expansion)
+    summed = each.reshape(len(whole), len(facets), count).sum(axis=2)
+    nodes = len(run._expansion.nodes)
+    for number, (value, expected) in enumerate(zip(summed, whole, strict=True)):
+        allowed = 0.005 if number < nodes else 0.1  # gains, and their slopes
+        assert np.abs(value - expected).max() < allowed * np.abs(expected).max()
