@@ -96,8 +96,7 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
 
 @pytest.mark.parametrize("shape", ["ball", "box"])
 def test_all_pieces_of_a_facet_return_what_it_does(shape):
-    """Sixteen pieces, each with its own phase and patch: gains to the integral's own error, and slopes, which are small,
-    to a tenth."""
+    """Sixteen pieces, each with its own phase and patch: gains to the integral's own error, and slopes to a tenth."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     mesh = ball if shape == "ball" else trimesh.creation.box((0.02, 0.06, 0.05))
