@@ -41,6 +41,7 @@ def render_pir(
     orientation: Vector | None = None,
     patch_wavelengths: float = PATCH_WAVELENGTHS,
     bounces: int = 1,
+    tubes: bool = True,
 ) -> Pir:
     """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
 
@@ -74,6 +75,8 @@ def render_pir(
         Most surfaces on a path. From 2 on tubes of rays are followed from surface to surface
         (:mod:`rfgen_sionna.tracing.tubes`), and the diffuse returns of rough surfaces that smooth ones show a second
         time are in (:mod:`rfgen_sionna.tracing.gloss`). Where the tracer sees through slabs, so do tubes.
+    tubes
+        False leaves tubes out, which take minutes in a furnished room: the diffuse returns alone are added.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def render_pir(
     patches = Returns(traced[patch], np.abs(found.a) ** 2, found.distance, found.velocity)
     row, column = view.places(patches.pixel, place, split)
     total = _blend(found.a, row, column, patches.pixel, view) * counts
-    if bounces > 1 or tracer.transmission:
+    if tubes and (bounces > 1 or tracer.transmission):
         gains, others = _by_tubes(tracer, t, bounces, view, position, orientation)
         patches = patches.and_those(others)
         total += gains

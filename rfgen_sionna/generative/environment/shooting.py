@@ -114,6 +114,7 @@ class Stage:
             shot.orientation,
             patch_wavelengths=PATCHES,
             bounces=bounces,
+            tubes=False,
         )
 
 
