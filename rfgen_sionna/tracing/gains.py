@@ -224,7 +224,9 @@ class BandTracer:
         weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
         rows = np.einsum("pk,kpn->pn", found, weights)
         missed = ((rows @ values - probes.gains) * probes.phasors).sum(axis=1)
-        return _rms(missed) / probes.scale if probes.scale > 0 else 0.0
+        if probes.scale == 0:  # of nothing no tolerance is left
+            return np.inf if missed.any() else 0.0
+        return _rms(missed) / probes.scale
 
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
