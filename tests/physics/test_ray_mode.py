@@ -29,6 +29,7 @@ from tests.reference.two_spheres import by_way_of
 from tests.sionna.rectangles import scene_of
 
 SLOW = pytest.mark.slow
+pytestmark = SLOW  # minutes; tests/unit/tracing/tubes has the quick ones
 SQUARE = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]) * 0.05
 FACES = np.array([[0, 2, 1], [0, 3, 2]])
 
