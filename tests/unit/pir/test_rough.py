@@ -138,7 +138,12 @@ def test_a_mirror_shows_what_stands_beside_the_radar(radar):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"), [({"bounces": 3}, "bounces is 3: 1 or 2"), ({"patch_wavelengths": 0.0}, "0.25 … 100")]
+    ("options", "message"),
+    [
+        ({"bounces": 0}, "bounces is 0: a whole number of 1 … 6"),
+        ({"bounces": True}, "bounces is True"),
+        ({"patch_wavelengths": 0.0}, "0.25 … 100"),
+    ],
 )
 def test_bad_options(radar, options, message):
     with pytest.raises(ValueError, match=message):
