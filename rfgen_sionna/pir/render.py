@@ -109,13 +109,15 @@ def render_pir(
     patches = Returns(traced[patch], np.abs(found.a) ** 2, found.distance, found.velocity)
     row, column = view.places(patches.pixel, place, split)
     total = _blend(found.a, row, column, patches.pixel, view) * counts
+    placed = patches.weighted(np.abs(total) ** 2)
     if tubes and (bounces > 1 or tracer.transmission):
         gains, others = _by_tubes(tracer, t, bounces, view, position, orientation)
-        patches = patches.and_those(others)
+        # Each weighs what it returns by itself: single returns of a wall off its mirror direction cancel.
+        placed += Returns.none().and_those(others).weighted(np.abs(gains) ** 2)
         total += gains
     coherent = np.abs(total) ** 2
     diffuse = beams.total(beams.energy, view.size)
-    weight, distance, speed = patches.weighted(coherent) + beams.weighted(diffuse)
+    weight, distance, speed = placed + beams.weighted(diffuse)
     arrival, velocity = np.full(view.size, np.nan), np.zeros(view.size)
     hit = weight > 0
     arrival[hit] = (2 / SPEED_OF_LIGHT) * distance[hit] / weight[hit]

@@ -54,6 +54,11 @@ class SlabTable:
             echoes[number] = float(fringe <= MAX_FRINGE)
         return SlabTable(tuple(materials), thickness, index2, echoes)
 
+    @property
+    def echo_lengths(self) -> FloatArray:
+        """(material,) by how much later the first echo between a slab's faces is, at normal incidence [m]."""
+        return np.asarray(2.0 * self.echoes * np.sqrt(self.index2) * self.thickness)
+
     def strength(self, frequency: float) -> FloatArray:
         """(material,) |T| at normal incidence; 0 for what is opaque."""
         found = np.zeros(len(self.materials))

@@ -76,6 +76,11 @@ class Optics:
         return np.asarray(self.table.thickness[of] * root)
 
     @property
+    def smoothness(self) -> FloatArray:
+        """(material,) share of the reflected field that stays coherent."""
+        return np.asarray(Media.at(self.materials, np.array([self.centre]), self.half_band).smoothness)
+
+    @property
     def penetrable(self) -> NDArray[np.bool_]:
         """(material,) which can be gone through."""
         finite = np.array([np.isfinite(complex(m.relative_permittivity(self.centre))) for m in self.materials])

@@ -37,6 +37,9 @@ AGAIN = 0.08
 WIDEST = 2.0
 """Longest way in or out of a footprint, in wavelengths of the sampled bandwidth: beyond, gains change too fast over
 the band to be told by a few frequencies."""
+FAINT = 0.01
+"""What a group's return is taken for at least, relative to a target that scatters all it meets in all directions: of a
+plate off its lobes or a matt board tubes need not find the last of nothing."""
 MOST_ROUNDS = 14
 MOST_TUBES = 2_000_000
 """Tubes of one bounce; where more are asked for the tolerance is given up."""
@@ -101,6 +104,7 @@ class Sampler:
         done: list[Pieces] = []
         total, power, count = np.zeros(groups, np.complex128), np.zeros(groups), np.zeros(groups)
         above: ComplexArray | None = None
+        faint = np.zeros(groups)
         for turn in range(MOST_ROUNDS):
             if len(cells) == 0:
                 break
@@ -114,6 +118,9 @@ class Sampler:
             a, group = found.a, np.where(found.whose >= 0, self.group[found.whose], 0)
             now = total + _sum(group, a, groups)
             scale = np.maximum(np.abs(now), 0.03 * np.sqrt(power + np.bincount(group, np.abs(a) ** 2, groups)))
+            if above is None:
+                faint = FAINT * np.sqrt(np.bincount(group, found.isotropic**2, groups))
+            scale = np.maximum(scale, faint)
             if self.scale is not None:
                 scale = np.maximum(scale, self.scale)
             shares = np.maximum(count + np.bincount(group, (np.abs(a) > 0).astype(float), groups), 100.0)
@@ -185,18 +192,21 @@ class Sampler:
         long = np.ptp(way, axis=1) > WIDEST * SPEED_OF_LIGHT / max(self.bandwidth, 1.0)
         width = span * self.frequency / SPEED_OF_LIGHT
         spread = k * np.ptp(way, axis=1)
-        bound = self._bound(hits, nodes, rows) / (1.0 + 0.5 * spread)
+        whose = hits.surface[np.take_along_axis(rows, like[:, None], axis=1)[:, 0]]
+        full, isotropic = self._bounds(hits, nodes, rows)
+        bound = full * hits.setting.optics.smoothness[whose] / (1.0 + 0.5 * spread)
         most = np.maximum(size, bound)
         error = most * np.minimum(0.5 * phase + _aslant(hits, rows[:, :6]), 1.0)
         error = np.where(torn | ~whole, RIM * most, error)
         wide = span > self.finest * np.maximum(out.min(axis=1), 1e-9)
         error = np.where(uneven | long | wide, np.maximum(error, 0.05 * size), error)
-        whose = hits.surface[np.take_along_axis(rows, like[:, None], axis=1)[:, 0]]
-        return _Seen(rows, sign, whole, empty, found, error, width, whose, most, spread)
+        isotropic[empty] = 0.0
+        return _Seen(rows, sign, whole, empty, found, error, width, whose, most, spread, isotropic)
 
-    def _bound(self, hits: Hits, nodes: lattice.Nodes, rows: Index) -> FloatArray:
-        """(tube,) what footprints would return if all of it were in phase and the surface a conductor: by conservation
-        of energy sqrt(solid angle x area across) / (4 pi distance)."""
+    def _bounds(self, hits: Hits, nodes: lattice.Nodes, rows: Index) -> tuple[FloatArray, FloatArray]:
+        """(tube,) what footprints would return if the surface were a conductor: with all of it in phase, by
+        conservation of energy sqrt(solid angle x area across) / (4 pi distance); and evenly into all directions,
+        wavelength sqrt(solid angle) / ((4 pi)^1.5 distance)."""
         ray = lattice.directions(nodes[:, :3], hits.setting.rotation)
         point = hits.point[rows[:, :3]]
 
@@ -207,7 +217,9 @@ class Sampler:
         cos = np.abs(np.einsum("tni,tni->tn", hits.ray[rows[:, :3]], hits.normal[rows[:, :3]])).mean(axis=1)
         back = np.maximum(np.sqrt(((point.mean(axis=1) - hits.setting.source) ** 2).sum(axis=1)), 1e-3)
         power = hits.power[rows[:, :3]].mean(axis=1)
-        return np.asarray(np.sqrt(power * area(ray) * area(point) * cos) / (4 * np.pi * back))
+        reach = np.sqrt(power * area(ray)) / (4 * np.pi * back)
+        wavelength = SPEED_OF_LIGHT / self.frequency
+        return np.asarray(reach * np.sqrt(area(point) * cos)), np.asarray(reach * wavelength / np.sqrt(4 * np.pi))
 
     def _cut(
         self, hits: Hits, cells: lattice.Nodes, found: _Seen, at: Index, allowed: FloatArray, last: bool
@@ -260,6 +272,8 @@ class _Seen:
     """(tube,) largest return of a part of it."""
     spread: FloatArray
     """(tube,) by how much the phase differs over it [rad]."""
+    isotropic: FloatArray
+    """(tube,) return of a target that scatters all it meets evenly."""
 
 
 def _cubic(hits: Hits, rows: Index, way: FloatArray, point: FloatArray) -> FloatArray:

@@ -240,6 +240,16 @@ class _Shot:
             return np.full(len(row), 0.5)
         return np.asarray(np.where(mirror == last, 0.5, np.where(mirror, 1.0, 0.0)))
 
+    def _echo(self, hits: Hits, row: Index) -> FloatArray:
+        """(tube,) by how much later echoes within the slabs come that are met on the way [m]."""
+        late = np.append(self.setting.optics.table.echo_lengths, 0.0)  # the last is that of no slab
+        total, own = late[hits.out[row]].sum(axis=1), hits
+        while True:
+            total += late[own.surface[row]]
+            if own.before is None:
+                return np.asarray(total)
+            row, own = own.parent[row], own.before
+
     def _level(self, hits: Hits, rows: Index) -> ComplexArray:
         """(tube,) what footprints return to the phase centre in the middle of the band, times the elements' pattern."""
         a = np.zeros(len(rows), np.complex128)
@@ -272,7 +282,7 @@ class _Shot:
     def _chunk(self, hits: Hits, rows: Index) -> list[RadarPaths]:
         eyes, landing = self.eyes, landed(hits, rows)
         spread = np.ptp((hits.length[rows] + np.linalg.norm(hits.point[rows] - self.setting.source, axis=2)), axis=1)
-        u = band_nodes(float(spread.max()), self.half_band, self.rtol)
+        u = band_nodes(float((spread + self._echo(hits, rows[:, 0])).max()), self.half_band, self.rtol)
         frequencies = [self.centre + self.half_band * float(each) for each in u]
         there, back = integrate(landing, self.setting.optics, eyes.tx, eyes.rx, eyes.fields, frequencies)
         way = ends(hits, rows)
