@@ -1,9 +1,10 @@
 """Sums of paths over chirps as nonuniform Fourier transforms, in one kernel for the CPU and for CUDA devices.
 
-Every lane of the kernel is one chirp of one element pair. It goes through the paths, evaluates each one's phase and
-beat frequency at the chirp's own time from B-splines, and spreads it with the taps of :mod:`rfgen_sionna.signal.taps`
-on a grid of its own; a transform of the grids follows. What changes over the ADC window, the small quadratic phase and
-the gain, goes into the taps: it takes no further transform.
+Every lane of the kernel is a chirp or two of one element pair. It goes through the paths, evaluates each one's phase
+and beat frequency at the chirp's own time from B-splines, and spreads it with the taps of
+:mod:`rfgen_sionna.signal.taps` on a grid of its own; a transform of the grids follows. What changes over the ADC
+window, the small quadratic phase and the gain, goes into the taps: it takes no further transform. Where the tolerance
+allows for it all of that is done in single precision.
 """
 
 from __future__ import annotations
@@ -25,18 +26,32 @@ PHASE, BEAT, QUADRATIC, GAINS = 0, 1, 2, 3
 imaginary part of the gain's coefficient of each order."""
 _SINGLE = 3e-7  # tolerance below which phases are turned in double precision
 _CUDA_LANES, _MOST_SHARES = 1 << 16, 32
+_TOGETHER = 2
+"""Chirps that a lane of the CPU does at once: it reads their coefficients, which are the same, just once."""
 
 
 @dataclass(frozen=True)
 class Lanes:
     """What the kernel runs over."""
 
-    table: FloatArray
-    """(row, path, field) coefficients; the fields are padded to a multiple of 4."""
+    table: NDArray[np.float64] | NDArray[np.float32]
+    """(row, path, field) coefficients; the fields are padded to a multiple of 4. In single precision all but the
+    weights is: see :func:`single_will_do`."""
     rows: NDArray[np.intp]
     """(lane,) first row of the table that counts."""
     weights: FloatArray
     """(lane, coefficient) of that row and the next ones: a field is their weighted sum."""
+
+
+def single_will_do(phase: FloatArray, beat: FloatArray, count: int, eps: float) -> bool:
+    """Whether single precision costs no more than a tenth of `eps`, with coefficients of `phase` [cycles] and of `beat`
+    [cycles per sample] for `count` samples.
+
+    Both are rounded to 2^-24 of their size, the place on the grid to as much of a turn; and the outermost sample turns
+    `count` / 2 times as far as the beat. Rounding is even up to that, which makes a root mean square of 0.3 of the sum.
+    """
+    turns = float(np.abs(phase).max(initial=0.0)) + 0.5 * count * max(1.0, float(np.abs(beat).max(initial=0.0)))
+    return 0.3 * 2 * np.pi * 2.0**-24 * turns <= 0.1 * eps
 
 
 def spread(
@@ -71,7 +86,7 @@ def spread(
     modes = np.arange(count) - count // 2
     # The inverse transform has the kernel's sign; its factor 1 / size is taken back.
     spectrum = fft.ifft(whole, axis=-1, norm="forward", overwrite_x=True)
-    return np.asarray(spectrum[:, modes % size] * deconvolution(width, count))
+    return np.asarray(spectrum[:, modes % size] * deconvolution(width, count), dtype=np.complex128)
 
 
 def _lead(width: int) -> int:
@@ -85,32 +100,43 @@ def _grids(
     import drjit as dr
 
     types = _types(device)
-    real, index = types.Float64, types.UInt32
+    index = types.UInt32
+    single = lanes.table.dtype == np.float32
+    names = ("Float", "Array2f", "Array4f") if single else ("Float64", "Array2f64", "Array4f64")
+    real, pair, four = (getattr(types, name) for name in names)
     paths, fields = lanes.table.shape[1:]
     size, cells = 2 * count, 2 * count + 2 * _lead(width) + 1
     number = len(lanes.rows)
     table = real(lanes.table.ravel())
-    lane = dr.arange(index, number * shares) // index(dr.opaque(index, shares))
-    share = dr.arange(index, number * shares) - lane * dr.opaque(index, shares)
-    row = dr.gather(index, index(lanes.rows.astype(np.uint32)), lane)
-    weights = [dr.gather(real, real(np.ascontiguousarray(column)), lane) for column in lanes.weights.T]
-    grid = dr.zeros(real, 2 * number * cells * shares)
+    members = _together(lanes.rows, _TOGETHER if device == "cpu" else 1)
+    group = dr.arange(index, len(members) * shares) // index(dr.opaque(index, shares))
+    share = dr.arange(index, len(members) * shares) - group * dr.opaque(index, shares)
+
+    def of_group(values: NDArray[Any]) -> Any:
+        kind = index if values.dtype.kind == "i" else real
+        return dr.gather(kind, kind(np.ascontiguousarray(values, np.uint32 if kind is index else None)), group)
+
+    row = of_group(lanes.rows[members[:, 0]])
+    # The grid after the last is for the lanes of groups that are not full.
+    of_lane = np.concatenate([lanes.weights, np.zeros((1, lanes.weights.shape[1]))]).astype(lanes.table.dtype)
+    lines = [of_group(column) for column in members.T]
+    weights = [[of_group(column) for column in of_lane[own].T] for own in members.T]
+    grid = dr.zeros(real, 2 * (number + 1) * cells * shares)
     scale, rows, last = dr.opaque(real, float(size)), dr.opaque(index, cells), dr.opaque(index, paths)
     step, stride = dr.opaque(index, shares), dr.opaque(index, fields // 4)
     orders = sorted({order for order, _ in terms})
     powers = {order: sorted(n for m, n in terms if m == order) for order in orders}
     of = {term: taps(width, term) for term in terms}
-    turn = types.Float32 if eps >= _SINGLE else real
+    turn = types.Float if eps >= _SINGLE else real
 
     def one_path(p: Any) -> tuple[Any]:
-        at = [((row + number) * last + p) * stride for number in range(len(weights))]
-        values = []
-        for k in range(fields // 4):
-            total = weights[0] * dr.gather(types.Array4f64, table, at[0] + k)
-            for weight, place in zip(weights[1:], at[1:], strict=True):
-                total = dr.fma(dr.gather(types.Array4f64, table, place + k), weight, total)
-            values += list(total)
+        at = [((row + number) * last + p) * stride for number in range(len(weights[0]))]
+        read = [[dr.gather(four, table, place + k) for place in at] for k in range(fields // 4)]
+        for line, own in zip(lines, weights, strict=True):
+            one_lane(line, [value for each in read for value in _mean(each, own, dr)])
+        return (p + step,)
 
+    def one_lane(line: Any, values: list[Any]) -> None:
         cycles = values[PHASE]
         cycles -= dr.round(cycles)
         sine, cosine = (real(part) for part in dr.sincos(turn(cycles) * turn(2 * np.pi)))
@@ -118,7 +144,7 @@ def _grids(
         place = (beat - dr.floor(beat)) * scale - 0.5 * width
         first = dr.ceil(place)
         v = 2 * (first - place) - 1
-        target = (lane * rows + index(types.Int32(first) + _lead(width))) * step + share
+        target = (line * rows + index(types.Int32(first) + _lead(width))) * step + share
         angle = 2 * np.pi * values[QUADRATIC] if any(n for _, n in terms) else real(0)
         strengths = []
         for order in orders:
@@ -131,19 +157,36 @@ def _grids(
                 direct, across = _expanded([(n, of[order, n]) for n in powers[order]], tap, v, angle, dr)
                 out_re += re * direct if across is None else re * direct - im * across
                 out_im += im * direct if across is None else im * direct + re * across
-            both = types.Array2f64(out_re, out_im)
-            dr.scatter_add(grid, both, target + tap * step, mode=dr.ReduceMode.NoConflicts)
-        return (p + step,)
+            dr.scatter_add(grid, pair(out_re, out_im), target + tap * step, mode=dr.ReduceMode.NoConflicts)
 
     dr.while_loop((share,), lambda p: p < last, one_path, labels=("path",))
     if shares > 1:
-        cell = dr.arange(index, number * cells) * step
-        total = types.Array2f64(0.0)
+        cell = dr.arange(index, (number + 1) * cells) * step
+        total = pair(0.0)
         for number_of_share in range(shares):
-            total += dr.gather(types.Array2f64, grid, cell + number_of_share)
+            total += dr.gather(pair, grid, cell + number_of_share)
         grid = dr.ravel(total)
     dr.eval(grid)
-    return np.asarray(grid.numpy()).view(np.complex128).reshape(number, cells)
+    sums: ComplexArray = np.asarray(grid.numpy()).view(np.complex64 if single else np.complex128)
+    return sums.reshape(number + 1, cells)[:-1]
+
+
+def _together(rows: NDArray[np.intp], most: int) -> NDArray[np.int64]:
+    """(group, most) lanes that follow one another and have the same row; len(rows) where a group has fewer."""
+    lane = np.arange(len(rows))
+    start = np.flatnonzero(np.diff(rows, prepend=-1))
+    within = lane - np.repeat(start, np.diff(start, append=len(rows)))
+    group = np.cumsum(within % most == 0) - 1
+    members = np.full((int(group[-1]) + 1, most), len(rows))
+    members[group, within % most] = lane
+    return members
+
+
+def _mean(values: Sequence[Any], weights: Sequence[Any], dr: Any) -> Any:
+    total = weights[0] * values[0]
+    for weight, value in zip(weights[1:], values[1:], strict=True):
+        total = dr.fma(value, weight, total)
+    return total
 
 
 def _expanded(powers: Sequence[tuple[int, Taps]], tap: int, v: Any, angle: Any, dr: Any) -> tuple[Any, Any]:

@@ -34,9 +34,10 @@ from rfgen_sionna.signal.phase import (
     conjugate_gains,
     element_gains,
     gains_change,
+    most_power,
     phase_terms,
 )
-from rfgen_sionna.signal.spreading import BEAT, GAINS, PHASE, QUADRATIC, Lanes, spread
+from rfgen_sionna.signal.spreading import BEAT, GAINS, PHASE, QUADRATIC, Lanes, single_will_do, spread
 from rfgen_sionna.signal.taps import NEGLIGIBLE, needed_terms, width_for
 
 DEVICES = ("auto", "cpu", "cuda")
@@ -203,6 +204,7 @@ def _moving(
     changing = gains_change(radar, paths, amplitude, course, window, channels[0][1:], NEGLIGIBLE * eps)
     orders = (1 if paths.dispersion is None else 1 + len(paths.dispersion)) + changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
+    single = single_will_do(*_largest(radar, paths, course, window, channels[0][1:]), window.count, eps)
     numbers = fields * len(course.knots) * paths.num_paths
     cells = 4 * len(times) * window.count
     room = max(_GRID, min(_MOST_GRID, cells * len(channels) // _SHARE))
@@ -215,10 +217,19 @@ def _moving(
         for low, high in itertools.pairwise(bounds):
             chosen = paths if len(bounds) == 2 else _part(paths, slice(low, high))
             echo = _spread_channels(
-                radar, chosen, amplitude[low:high], course, times, group, window, changing, eps, device
+                radar, chosen, amplitude[low:high], course, times, group, window, changing, single, eps, device
             )
             total = echo if low == 0 else total + echo
         yield from zip(group, total, strict=True)
+
+
+def _largest(
+    radar: Radar, paths: RadarPaths, course: Course, window: Window, pair: tuple[int, int]
+) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the phase [cycles], whole cycles off, and of the beat [cycles per sample] of one (tx, rx)."""
+    phase, beat, _ = course.terms(radar, paths, window, *pair)
+    phase = course.matrix @ phase
+    return phase - np.rint(phase[0]), course.matrix @ beat
 
 
 def _part(paths: RadarPaths, part: slice) -> RadarPaths:
@@ -241,6 +252,7 @@ def _spread_channels(
     channels: Sequence[Channel],
     window: Window,
     changing: bool,
+    single: bool,
     eps: float,
     device: str,
 ) -> ComplexArray:
@@ -248,15 +260,15 @@ def _spread_channels(
     knots, orders = len(course.knots), 1 if paths.dispersion is None else 1 + len(paths.dispersion)
     orders += changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
-    table = np.zeros((len(channels), knots, paths.num_paths, fields))
+    table = np.zeros((len(channels), knots, paths.num_paths, fields), np.float32 if single else np.float64)
     shared, sizes, angle = [], np.zeros(orders), 0.0
     for own, (_, tx, rx) in zip(table, channels, strict=True):
         gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
         if changing and course.derivatives is not None:
             gains = changing_gains(gains, course.derivatives[1], window)
-        loudness = np.square(np.abs(gains[0]).max(axis=1))
-        loudness /= max(float(loudness.sum()), 1e-300)
-        sizes = np.maximum(sizes, np.sqrt(np.square(np.abs(gains)).max(axis=2).sum(axis=1)))
+        most = [most_power(gain) for gain in gains]
+        loudness = most[0] / max(float(most[0].sum()), 1e-300)
+        sizes = np.maximum(sizes, np.sqrt([each.sum() for each in most]))
         phase, beat, quadratic = course.terms(radar, paths, window, tx, rx)
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
         quadratic = 0.5 * quadratic

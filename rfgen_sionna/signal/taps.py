@@ -79,7 +79,7 @@ def taps(width: int, term: Term) -> Taps:
         stacked = np.concatenate([matrix.real, matrix.imag])
         rows.append(np.linalg.lstsq(stacked, np.concatenate([wanted, 0 * wanted]), rcond=None)[0])
     fitted = np.stack(rows)
-    degree = width + 2 + width // 5
+    degree = width  # more make no width any better
     coefficients = np.stack(
         [np.polynomial.polynomial.polyfit(2 * places - 1, fitted[:, tap], degree) for tap in range(width)]
     )

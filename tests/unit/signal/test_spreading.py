@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.spreading import Lanes, spread
+from rfgen_sionna.signal.spreading import Lanes, single_will_do, spread
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.signal.taps import deconvolution, taps, value, width_for
 from tests.unit.signal.test_waveforms import RADARS
@@ -63,6 +65,30 @@ def test_the_kernel_sums_as_it_says(kind, count, shares):
     lanes = lanes_of(rng, 300, orders, 0.0 if kind == "points" else 0.02)
     found = spread(lanes, count, TERMS[kind], 12, 1e-9, "cpu", shares=shares)
     assert relative(found, definition(lanes, orders, count)) < 2e-7
+
+
+@pytest.mark.parametrize("kind", TERMS)
+def test_single_precision_costs_what_is_reckoned_with(kind):
+    """Phases of 40 cycles, as a walker's over a frame: the error of taps that are far better is the rounding's."""
+    rng = np.random.default_rng(4)
+    orders = 4 if kind == "gain over the band" else 1
+    lanes = lanes_of(rng, 300, orders, 0.0 if kind == "points" else 0.02, 9)
+    lanes.table[..., 0] *= 0.04
+    phase, beat = lanes.table[..., 0], lanes.table[..., 1]
+    allowed = next(eps for eps in np.geomspace(1e-6, 1e-2, 200) if single_will_do(phase, beat, 256, eps))
+    assert allowed < 3e-4
+    single = replace(lanes, table=lanes.table.astype(np.float32))
+    found = spread(single, 256, TERMS[kind], 10, allowed, "cpu")
+    assert 1e-7 < relative(found, definition(lanes, orders, 256)) < 0.1 * allowed
+
+
+def test_lanes_of_one_row_go_together():
+    """However many there are of each, and in whatever order rows come."""
+    rng = np.random.default_rng(5)
+    lanes = lanes_of(rng, 40, 1, 0.0, 11)
+    rows = 3 * np.array([0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 1])
+    lanes = replace(lanes, rows=rows)
+    assert relative(spread(lanes, 64, TERMS["points"], 12, 1e-9, "cpu"), definition(lanes, 1, 64)) < 1e-7
 
 
 def test_the_same_lanes_give_the_same_bits():
