@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,7 @@ class Facets:
         bend = None if found.bend is None else found.bend.within(weights)
         return replace(found, corners=weights @ found.corners, bend=bend, parts=np.maximum(parts, 1))
 
-    @property
+    @cached_property
     def centroids(self) -> FloatArray:
         """(facet, 3) the points that delays go by [m]"""
         return middles(self.corners)

@@ -165,14 +165,15 @@ class MovingParts:
         )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
-        """New facets where an actor has come nearer by a fifth, or where its range decides what is made of it."""
+        """New facets where an actor has come nearer by a fifth or gone twice as far, or where its range decides what is
+        made of it."""
         poses = [positions(float(t)) for t in (knots[0], knots[-1])]
         changed = not self._pieces
         for index, _ in enumerate(self._surfaces.moving):
             distances = [np.linalg.norm(pose[index] - self._viewpoint, axis=1) for pose in poses]
             nearest = min(float(each.min()) for each in distances)
             beyond = max(float(each.max()) for each in distances) > self._max_range
-            if beyond or nearest < 0.8 * self._distance[index] or self._distance[index] == 0.0:
+            if beyond or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:
                 self._distance[index] = nearest
                 changed = True
         if changed:
@@ -221,47 +222,62 @@ class MovingParts:
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]))
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
-        """Choose the expansion, and facets so fine that the error at `t` is allowed."""
-        tried: list[float] = []
+        """Choose the expansion, and facets so fine that the error at `t` is allowed.
+
+        It begins with the coarsest ones: what another pose has asked for this one need not.
+        """
+        tried: list[tuple[float, FloatArray]] = []
         self._last = 0.0
-        for attempt in range(MAX_ROUNDS):
-            seen = self._see(t, positions, rays)
-            share = seen.fraction
-            if self._veils is not None:  # as fine as what is seen through slabs asks for
-                veiled = self._veils.see(rays(t), self._everything(t, positions), seen.facets, share)
-                share = share + self._veils.weights(veiled, len(share))
-            kept = np.flatnonzero(share > 0)
-            facets, fraction = seen.facets.take(kept), share[kept]
-            weight = self._weight(facets, fraction)
-            expansion = self._band.expansion_for(facets, self._materials, weight)
-            self._expansion = expansion
-            gains = self._band(facets, self._materials, expansion)
-            found = [
-                measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q))
-                for p, q in ((0, 0), (gains.shape[1] - 1, gains.shape[2] - 1))
-            ]
-            error = np.max([each.error for each in found], axis=0)
-            self._level = np.max([each.level for each in found], axis=0)
-            self._error = float(error.max(initial=0.0))
+        if (self._fineness != 1.0).any():
+            self._fineness[:] = 1.0
+            self._split(positions(t))
+        while True:
+            expansion, error = self._tried(t, positions, rays)
             coarse = error > self._rtol
             if not coarse.any():
                 return expansion
+            tried.append((self._error, self._fineness.copy()))
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
-            tried.append(float(error.max()))
-            if len(tried) > 2 and min(tried[-2:]) > 0.7 * tried[-3]:
+            least = min(each for each, _ in tried)
+            stuck = len(tried) > 2 and min(each for each, _ in tried[-2:]) > 0.7 * tried[-3][0]
+            if stuck or len(tried) == MAX_ROUNDS:
                 break
-            if attempt < MAX_ROUNDS - 1:
-                self._fineness[coarse] *= finer(error[coarse], self._rtol)
-                try:
-                    self._split(positions(t))
-                except ValueError:  # more facets than a machine can hold
-                    break
+            self._fineness[coarse] *= finer(error[coarse], self._rtol)
+            try:
+                self._split(positions(t))
+            except ValueError:  # more facets than a machine can hold
+                break
+        self._fineness = next(fineness for missed, fineness in tried if missed <= 1.2 * least)
+        self._split(positions(t))
+        expansion, error = self._tried(t, positions, rays)
         worst = int(np.argmax(error))
         _LOG.warning(
             "the return of '%s' is right to %.2g of itself (rtol: %g)",
             self._surfaces.moving[worst].name, error[worst], self._rtol,
         )  # fmt: skip
         return expansion
+
+    def _tried(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> tuple[Expansion, FloatArray]:
+        """The expansion that the facets there are ask for at `t` [s], and the error (surface,) of each surface."""
+        seen = self._see(t, positions, rays)
+        share = seen.fraction
+        if self._veils is not None:  # as fine as what is seen through slabs asks for
+            veiled = self._veils.see(rays(t), self._everything(t, positions), seen.facets, share)
+            share = share + self._veils.weights(veiled, len(share))
+        kept = np.flatnonzero(share > 0)
+        facets, fraction = seen.facets.take(kept), share[kept]
+        weight = self._weight(facets, fraction)
+        expansion = self._band.expansion_for(facets, self._materials, weight)
+        self._expansion = expansion
+        gains = self._band(facets, self._materials, expansion)
+        found = [
+            measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q))
+            for p, q in ((0, 0), (gains.shape[1] - 1, gains.shape[2] - 1))
+        ]
+        error = np.max([each.error for each in found], axis=0)
+        self._level = np.max([each.level for each in found], axis=0)
+        self._error = float(error.max(initial=0.0))
+        return expansion, error
 
     def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> _Seen:
         facets = stack_facets(self._surfaces.moving, self._pieces, positions(t), self._viewpoint)
