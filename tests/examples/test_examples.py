@@ -47,7 +47,8 @@ def drawn(picture: Path) -> bool:
         return image.width > 1200 and len(image.convert("RGB").getcolors(2**24)) > 100
 
 
-@pytest.mark.parametrize("options", [["--quick"], pytest.param([], marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [["--quick"], []])
 def test_the_cascade_tells_apart_what_the_awr1843_does_not(tmp_path: Path, options: list[str]) -> None:
     out = run("mmwcas.py", tmp_path / "maps.png", *options)
     found = {
@@ -58,7 +59,8 @@ def test_the_cascade_tells_apart_what_the_awr1843_does_not(tmp_path: Path, optio
     assert drawn(tmp_path / "maps.png")
 
 
-@pytest.mark.parametrize("options", [["--quick"], pytest.param([], marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [["--quick"], []])
 def test_position2go_finds_distance_speed_and_side(tmp_path: Path, options: list[str]) -> None:
     out = run("position2go.py", tmp_path / "panels.png", *options)
     range_, azimuth, velocity = map(float, re.search(r"found at ([\d.]+) m, (.+) deg, (.+) m/s", out).groups())

@@ -40,6 +40,7 @@ def standing(radar):
     return Actor.from_prompt("a person standing", seed=0, radar=radar, duration=1.0)
 
 
+@pytest.mark.slow
 def test_mean_cross_section_over_azimuth(radar, standing):
     """-14 … -2 dBsm at 77 GHz (JRC EUR 25762 EN and the prototype of the design), skin, 24 azimuths, 12 channels."""
     distance = 6.0

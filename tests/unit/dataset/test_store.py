@@ -131,8 +131,9 @@ def test_an_interrupted_run_leaves_nothing(tmp_path, info, frame, error):
 def test_a_key_press_in_another_process_leaves_nothing(tmp_path):
     script = textwrap.dedent(
         """
-        import sys, time, numpy as np
+        import signal, sys, time, numpy as np
         from rfgen_sionna.dataset import RunInfo, RunWriter
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background inherit that it is ignored
         from rfgen_sionna.radar import Radar
         radar = Radar.load("awr1843")
         with RunWriter(sys.argv[1], RunInfo(radar)) as writer:

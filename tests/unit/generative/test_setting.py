@@ -154,6 +154,7 @@ assert not found, found
         assert run.environment == ("" if without == ["--no-environment"] else "living_room")
 
 
+@pytest.mark.slow
 def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None:
     pytest.importorskip("diffusers", reason="the models need it")
     code = f"""
