@@ -76,11 +76,13 @@ def _times(result: dict[str, Any]) -> Iterator[Claim]:
     found = result.get("pipeline", {})
     person, room, memory = (found.get(name, {}) for name in ("person", "living_room", "memory"))
     if person:
-        yield _most("an instant of an adult, warm", 0.04, person["instant_seconds"], "s")
-        yield _most("a frame of an adult with its knots", 0.12, person["frame_seconds"], "s")
-        yield _most("a frame of an adult from mesh to samples", 0.6, person["mesh_to_samples_seconds"], "s")
+        at = f"rtol {person['rtol']:g}"
+        yield _most("an instant of an adult, warm", 0.04, person["instant_seconds"], "s", at)
+        yield _most("a frame of an adult with its knots", 0.12, person["frame_seconds"], "s", at)
+        yield _most("a frame of an adult from mesh to samples", 0.6, person["mesh_to_samples_seconds"], "s", at)
     if room:
-        yield _most("100 frames in the living room", 90, room["seconds_for_100"], "s", f"of {room['frames']} frames")
+        of = f"of {room['frames']} frames, rtol {room['rtol']:g}"
+        yield _most("100 frames in the living room", 90, room["seconds_for_100"], "s", of)
         yield _most("peak memory of that run", 2, None if room["peak_mb"] is None else room["peak_mb"] / GIB, "GiB")
     if memory:
         yield _most(

@@ -280,6 +280,15 @@ def test_the_default_tolerance_is_one() -> None:
     assert inspect.signature(Tracer).parameters["rtol"].default == default_rtol()
 
 
+def test_whole_runs_are_measured_at_the_tolerance_of_generate() -> None:
+    import inspect
+
+    from rfgen_sionna.pipeline import generate
+    from tests.benchmarks.pipeline import RTOL
+
+    assert inspect.signature(generate).parameters["rtol"].default == RTOL
+
+
 def test_the_command_runs_it_from_a_checkout_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from typer.testing import CliRunner
 
