@@ -16,7 +16,7 @@ from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_gri
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, UPPER
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
 from rfgen_sionna.generative.diffusion.stage import put_back, settled
@@ -61,6 +61,11 @@ class DiffusionSource:
         """The trained model."""
         return _load(self.weights or SHIPPED)
 
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The actions that arms can do while the legs walk."""
+        return UPPER
+
     def __call__(
         self,
         action: str,
@@ -103,6 +108,8 @@ class DiffusionSource:
         rhythm: bool = True,
         keep: Keep | Sequence[Keep] = (),
         path: ArrayLike | None = None,
+        action: str | None = None,
+        arms: str = "",
     ) -> Motion:
         """A motion from words.
 
@@ -116,9 +123,11 @@ class DiffusionSource:
             rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
             keep: given poses or parts of the body, in the result's own place and time.
             path: (point, 2) places on the floor [m] that the person passes at constant speed.
+            action: what the words are known to mean, one of the model's actions; None leaves that to the model.
+            arms: what the arms then do while the legs walk, or empty.
 
         Raises:
-            ValueError: a value is out of range, or `keep` or `path` go on for longer than 8 s.
+            ValueError: a value is out of range, an action is unknown, or `keep` or `path` go on for longer than 8 s.
         """
         return self.generate_many(
             [prompt],
@@ -130,6 +139,8 @@ class DiffusionSource:
             rhythm=rhythm,
             keep=keep,
             path=path,
+            action=action,
+            arms=arms,
         )[0]
 
     def generate_many(
@@ -144,12 +155,18 @@ class DiffusionSource:
         rhythm: bool = True,
         keep: Keep | Sequence[Keep] = (),
         path: ArrayLike | None = None,
+        action: str | None = None,
+        arms: str = "",
     ) -> list[Motion]:
         """Several motions at once, which costs less than one after another; arguments as for :meth:`generate`."""
         if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
             raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
         if not 0.5 <= speed <= 2.0:
             raise ValueError(f"speed: {speed!r}; allowed is a factor from 0.5 to 2")
+        for name, value in (("action", action), ("arms", arms or None)):
+            allowed = self.model.text.actions if name == "action" else UPPER
+            if value is not None and value not in allowed:
+                raise ValueError(f"{name}: {value!r} is unknown to the motion model; allowed are {', '.join(allowed)}")
         seeds = list(range(len(prompts))) if seeds is None else list(seeds)
         if len(seeds) != len(prompts):
             raise ValueError(f"seeds: {len(seeds)} given for {len(prompts)} prompts; allowed is one each")
@@ -160,7 +177,13 @@ class DiffusionSource:
         free = not keeps and path is None
         wishes = [
             self._wish(
-                prompt, seed, negative, frames, speed, rhythm, drafted=free and rhythm and self.refine is not None
+                self.read(prompt) if action is None else meant(self.read(prompt), action, arms),
+                seed,
+                negative,
+                frames,
+                speed,
+                rhythm,
+                drafted=free and rhythm and self.refine is not None,
             )
             for prompt, seed in zip(prompts, seeds, strict=True)
         ]
@@ -175,10 +198,10 @@ class DiffusionSource:
             wishes = [replace(w, known=known, given=given) for w in wishes]
         out = []
         made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
-        for prompt, seed, features in zip(prompts, seeds, made, strict=True):
+        for wish, prompt, features in zip(wishes, prompts, made, strict=True):
             rows = settled(features) if free else features
             motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free)
-            out.append(replace(motion, prompt=prompt, seed=seed, action=self.read(prompt).action))
+            out.append(replace(motion, prompt=prompt, seed=wish.seed, action=wish.action))
         return out
 
     def redo(
@@ -210,7 +233,7 @@ class DiffusionSource:
             raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
         n = min(len(rows), LONGEST)
         start = recentred(rows)
-        wish = replace(self._wish(prompt, seed, negative, n, 1.0, False, drafted=False), draft=start[:n])
+        wish = replace(self._wish(self.read(prompt), seed, negative, n, 1.0, False, drafted=False), draft=start[:n])
         wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
         made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
         made = put_back(made, rows)
@@ -222,17 +245,17 @@ class DiffusionSource:
         )
 
     def _wish(
-        self, prompt: str, seed: int, negative: str, frames: int, speed: float, rhythm: bool, *, drafted: bool
+        self, said: Understanding, seed: int, negative: str, frames: int, speed: float, rhythm: bool, *, drafted: bool
     ) -> Wish:
-        said = self.read(prompt)
         for sentence in said.warnings:
             _LOG.warning(sentence)
         # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
         plain = said.action in CLAUSES and (said.rephrase or not said.known)
-        words = canonical(said.action, said.hand) if plain else prompt
+        words = canonical(said.action, said.hand) if plain else said.prompt
         action = said.action
         # what words leave open is drawn; a draft shows one action and can't be left open itself
-        left = self._left_open(said, negative) if negative.strip() else said.alternatives if drafted else []
+        drawable = said.alternatives if drafted and said.known else []
+        left = self._left_open(said, negative) if negative.strip() else drawable
         if len(left) > 1 or (negative.strip() and left):
             shares = np.array([share for _, share in left])
             drawn = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
@@ -265,6 +288,13 @@ class DiffusionSource:
         denied = set(self.read(negative).options)
         left = [(a, s) for a, s in options if a not in denied]
         return left if 0 < len(left) < len(options) else []
+
+
+def meant(said: Understanding, action: str, arms: str) -> Understanding:
+    """A reading of words whose meaning is known: nothing is left open."""
+    return replace(
+        said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=False
+    )
 
 
 SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"

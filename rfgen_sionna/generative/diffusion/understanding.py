@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 import torch
 
@@ -28,8 +30,25 @@ _PLAIN = frozenset(
     for word in group
 )
 """Words that say nothing about the action."""
-_SURE = 0.35
-"""Probability from which the nearest action is taken without a warning."""
+_SURE = 0.75
+"""Probability, of the action and what is left open with it, from which it is taken without a warning ..."""
+_SURE_CAPTURED = 0.85
+"""... for captured actions, of which only a few wordings were learned ..."""
+_CERTAIN = 0.95
+"""... from which half of the words, of where and by whom, need not be the action's ..."""
+_PLAUSIBLE = 0.4
+"""... and where the words themselves are the action's."""
+_OWN = 2 / 3
+"""Share of the content words that must then be of its wordings."""
+_KIN = (
+    ("walk", "walk_straight", "fast_walk", "slow_walk", "stride_walk"),
+    ("pick_up", "bend_pick"),
+    ("standing", "idle"),
+    ("jump", "jump_repeat", "jump_balance", "jump_reach"),
+    ("punch", "boxing"),
+    ("dance", "dance_modern", "salsa", "indian_dance"),
+)
+"""Actions that people say in the same words, beside those of `OPEN_CLAUSES`."""
 _OPEN = 0.5
 """Share of the likeliest action's probability from which another counts as meant, too."""
 _PACE = (0.8, 1.0, 1.2)
@@ -79,8 +98,7 @@ def vocabulary(captions: tuple[str, ...] = ()) -> frozenset[str]:
     texts = [*SUBJECTS, *captions, *(p for group in PACES.values() for p in group)]
     for table in (CLAUSES, FRAGMENTS, OPEN_CLAUSES):
         texts += [clause for clauses in table.values() for clause in clauses]
-    plain = (re.sub(r"[<>\[\]?{}]", " ", text) for text in texts)
-    return frozenset(stem(word) for text in plain for word in words(text))
+    return _stems(texts)
 
 
 def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Understanding:
@@ -111,9 +129,10 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         action, options, share = told, (told,), together
     beside = int(arms.argmax())
     content = [w for w in said if w not in _PLAIN and not w.isdigit()]
-    unknown = tuple(w for w in content if stem(w) not in known_stems)
+    # twice for words such as "springing", of which one ending hides another
+    unknown = tuple(w for w in content if not {stem(w), stem(stem(w))} & known_stems)
     warnings: tuple[str, ...] = ()
-    if together < _SURE or (content and 2 * len(unknown) >= len(content)):
+    if not _is_clear(action, every, content, unknown, told=bool(told)):
         strange = f" ({', '.join(map(repr, unknown))} unknown)" if unknown else ""
         warnings = (f"prompt: {prompt!r} is outside what the model has learned{strange}; nearest action: {action}",)
     return Understanding(
@@ -130,3 +149,48 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         (action, *(a for a in order if a != action)),
         rephrase,
     )
+
+
+def _is_clear(
+    action: str, every: Mapping[str, float], content: list[str], unknown: tuple[str, ...], *, told: bool
+) -> bool:
+    """Whether an action is what words mean rather than the least unlikely of what they don't.
+
+    On words that nobody trained on the encoder spreads its probability over actions that have nothing in common. On new
+    wordings of an action it may, too, but then they are made of the action's words, apart from names of things.
+
+    Args:
+        action: the nearest.
+        every: each action's probability.
+        content: words that say something about the action.
+        unknown: those of them which no training sentence had.
+        told: whether the order of words has told the action.
+    """
+    sure = sum(every.get(a, 0.0) for a in _left_open_with(action))
+    learned = [w for w in content if w not in unknown]
+    own = [w for w in learned if stem(w) in _wordings().get(action, ())]
+    if unknown and 2 * len(unknown) >= len(content):
+        return sure >= _CERTAIN and bool(own)
+    if sure >= (_SURE if action in CLAUSES else _SURE_CAPTURED):
+        return sure >= _CERTAIN or action not in CLAUSES or 2 * len(own) >= len(content)
+    return (told or sure >= _PLAUSIBLE) and len(own) == len(learned) and len(own) >= _OWN * len(content)
+
+
+def _left_open_with(action: str) -> set[str]:
+    """The action and those which the same words may mean."""
+    return {action}.union(*(group for group in (*OPEN_CLAUSES, *_KIN) if action in group))
+
+
+@cache
+def _wordings() -> Mapping[str, frozenset[str]]:
+    """Action of the phrase book -> stems of the words that it is said in."""
+    said = {action: [*clauses, *FRAGMENTS[action]] for action, clauses in CLAUSES.items()}
+    for named, clauses in OPEN_CLAUSES.items():
+        for action in named:
+            said[action] += clauses
+    return {action: _stems(texts) for action, texts in said.items()}
+
+
+def _stems(texts: Iterable[str]) -> frozenset[str]:
+    plain = (re.sub(r"[<>\[\]?{}]", " ", text) for text in texts)
+    return frozenset(stem(word) for text in plain for word in words(text))

@@ -72,7 +72,7 @@ def test_words_are_read_the_same_with_and_without_the_model(action: str) -> None
         assert understood.known
 
 
-@pytest.mark.parametrize("prompt", quick_first([*OUTSIDE, "a person dancing tango"]))
+@pytest.mark.parametrize("prompt", quick_first([*OUTSIDE[:4], "a person dancing tango"]))
 def test_prompts_outside_get_the_nearest_action_and_are_told(
     rig: Rig, prompt: str, caplog: pytest.LogCaptureFixture
 ) -> None:
