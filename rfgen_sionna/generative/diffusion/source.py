@@ -16,13 +16,14 @@ from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_gri
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, UPPER
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
 from rfgen_sionna.generative.diffusion.stage import put_back, settled
 from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
+from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import Skeleton
 from rfgen_sionna.records import Motion
 
