@@ -8,116 +8,39 @@ possibilities that the negative prompt allows, and the report says so.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
 
 from rfgen_sionna.generative.body_prompt import BodyPrompt, PromptError, draw_body
-from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, Decision, drawn, tabulate
+from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, drawn
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.kinematic import preferred_hand
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.reading import compile_pattern, normalise, split_negative
-from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, parse_environment, split_keyword
+from rfgen_sionna.generative.scene_prompt import DECIDED, DEFAULT_DISTANCE, ScenePrompt, Spoken
+from rfgen_sionna.generative.surroundings import EnvironmentPrompt, parse_environment, split_keyword
 from rfgen_sionna.generative.vocabulary import NEGATION
 
 T = TypeVar("T")
 
-__all__ = ["BodyPrompt", "EnvironmentPrompt", "PromptError", "ScenePrompt", "parse_environment", "parse_prompt"]
-
-DEFAULT_DISTANCE = 3.0
-"""Distance from the radar where neither prompt nor caller says one [m]."""
-DECIDED = "decided:"
-"""Heading of the decisions in a report."""
-_FACING = {0.0: ", facing the radar", 90.0: ", turned left", 180.0: ", back to the radar", 270.0: ", turned right"}
-_UNITS = {"gender": "", "age": " years", "height": " m", "weight": " kg", "muscle": " (0 to 1)"}
+__all__ = [
+    "DECIDED", "DEFAULT_DISTANCE", "BodyPrompt", "EnvironmentPrompt", "PromptError", "ScenePrompt", "UnreadActionError",
+    "parse_environment", "parse_prompt",
+]  # fmt: skip
 
 
-@dataclass(frozen=True)
-class ScenePrompt:
-    """What a prompt asks for. None stands where it leaves the choice to the simulation."""
+class UnreadActionError(PromptError):
+    """The words name no one action that the grammar knows; another reader may know it."""
 
-    text: str
-    negative: str
-    seed: int
-    action: str
-    """Key of the registry of actions."""
-    target: str = "person"
-    choices: tuple[str, ...] = ()
-    """The actions that both prompts leave open; `action` is one of them, drawn from the seed."""
-    orientation_deg: float | None = None
-    """Angle by which the person is turned from facing the radar, counter-clockwise seen from above, so
-    towards the person's own left [degrees, 0 to 360)."""
-    distance_m: float | None = None
-    """Distance from the radar over the floor [m]."""
-    bearing_deg: float | None = None
-    """Angle to the radar's boresight at which the person is, seen from above, positive to the radar's left
-    [degrees, -90 to 90]."""
-    body: BodyPrompt = field(default_factory=BodyPrompt)
-    hand: str | None = None
-    """"left" or "right": the hand of a gesture; the seed draws it where no words say it."""
-    speed: float | None = None
-    """Factor on the action's usual speed."""
-    surroundings: str | None = None
-    """Name of a scene, or "free space"."""
-    understood: tuple[tuple[str, str], ...] = ()
-    """(phrase, what it was read as)."""
-    unused: tuple[str, ...] = ()
-    """Phrases that were not understood and have no effect."""
-    origins: Mapping[str, str] = field(default_factory=dict, hash=False)
-    """Where each value comes from that is not None (see :mod:`rfgen_sionna.generative.decisions`)."""
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for each phrase without effect."""
-        return tuple(f"prompt: {phrase!r} was not understood and has no effect" for phrase in self.unused)
-
-    def decisions(self) -> list[Decision]:
-        """Everything that is decided before there is a body: what words say, defaults, and what the seed drew."""
-        action = f"{self.action}: {ACTIONS[self.action].description}"
-        angle, bearing = self.orientation_deg or 0.0, self.bearing_deg or 0.0
-        rows = [("target", f"a {self.target}"), ("action", action)]
-        if self.hand is not None:
-            rows.append(("hand", self.hand))
-        rows += [
-            ("orientation", f"{angle:g}°{_FACING.get(angle, '')}"),
-            ("distance", f"{DEFAULT_DISTANCE if self.distance_m is None else self.distance_m:g} m"),
-            ("azimuth", f"{bearing:g}°{'' if bearing else ', straight ahead'}"),
-            ("speed", f"× {1.0 if self.speed is None else self.speed:g}"),
-            ("surroundings", self.surroundings or NOWHERE),
-        ]
-        found = [Decision(name, value, self.origins.get(name, DEFAULT)) for name, value in rows]
-        for trait, value in self.body.traits().items():
-            origin = self.origins.get(trait, drawn(self.seed))
-            text = "open" if value is None else value if isinstance(value, str) else f"{value:g}{_UNITS[trait]}"
-            found.append(Decision(trait, text, origin))
-        return found
-
-    def words(self) -> str:
-        """Several lines: the phrases, and what each was read as."""
-        lines = [f"prompt: {self.text}"]
-        if self.negative:
-            lines.append(f"negative: {self.negative}")
-        width = max((len(phrase) for phrase, _ in self.understood), default=0)
-        lines += [f"  {phrase:<{width}}  {meaning}" for phrase, meaning in self.understood]
-        return "\n".join(lines)
-
-    def report(self, decisions: Sequence[Decision] | None = None) -> str:
-        """Several lines: what was understood and what was not, what is decided and where each value comes from.
-
-        Args:
-            decisions: what is known by now; None is :meth:`decisions`, in which a body that no words describe is
-                still open.
-        """
-        lines = [self.words()]
-        lines += [f"  not understood, no effect: {phrase}" for phrase in self.unused]
-        lines += [DECIDED, *tabulate(self.decisions() if decisions is None else decisions)]
-        return "\n".join(lines)
+    def __init__(self, what: str, advice: str) -> None:
+        super().__init__(f"{what}; {advice}")
+        self.what = what
+        """What is wrong, without what is allowed."""
 
 
-def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> ScenePrompt:
+def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: Spoken | None = None) -> ScenePrompt:
     """Read what a prompt and a negative prompt ask for.
 
     Args:
@@ -125,9 +48,12 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
             the keyword "negative:" joins the negative prompt.
         negative: what is not wanted: it takes away choices, such as "left arm", "facing away" or "child".
         seed: seed for what both leave open.
+        spoken: what a motion source makes of it (:func:`~rfgen_sionna.generative.sentences.read_prompt` asks one); the
+            words of the action are then its concern.
 
     Raises:
-        PromptError: no known target or action, several of them, unknown surroundings, a negation inside either prompt,
+        UnreadActionError: no known target or action, or several actions.
+        PromptError: several targets, unknown surroundings, a negation inside either prompt,
             a number out of range, or two statements that contradict each other. The message lists what is known.
         ValueError: a seed that is none.
     """
@@ -149,20 +75,27 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
     named = ("target", "action", "orientation", "distance", "azimuth", "speed", "surroundings")
     origins = dict.fromkeys(named, PROMPT)
     if not said.targets:
-        if said.unused or not said.actions:
-            raise PromptError(
-                f"target: {prompt!r} names none that is known{_rest(said)}; known: a person, {_examples()}"
+        if spoken is None and (said.unused or not said.actions):
+            raise UnreadActionError(
+                f"target: {prompt!r} names none that is known{_rest(said)}", f"known: a person, {_examples()}"
             )
         origins["target"] = DEFAULT
-    options = _one_action(said, prompt)
-    allowed = [a for a in ACTIONS if a in options and not any(a in named for _, named in denied.actions)]
+    options = _one_action(said, prompt) if spoken is None else frozenset({spoken.action})
+    allowed = [a for a in (ACTIONS if spoken is None else options) if a in options and not any(a in named for _, named in denied.actions)]
     if not allowed:
         asked = " and ".join(sorted(options))
         raise PromptError(f"action: the negative prompt {negative!r} forbids {asked}, which {prompt!r} asks for")
     action = allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))]
     if len(allowed) > 1:
         origins["action"] = drawn(seed, allowed)
-    hand, origins["hand"], unused = _hand(said, denied, action, seed)
+    understood, unread = tuple(said.reader.understood), said.unused
+    if spoken is not None:
+        origins |= {"action": spoken.origin, "arms": spoken.arms_origin}
+        understood, unread = _credited(said, spoken)
+    # the source that reads the sentence reads of hands, too
+    by_source = spoken is not None and bool(spoken.sentence)
+    hand, origins["hand"], unused = (None, DEFAULT, ()) if by_source else _hand(said, denied, action, seed)
+    periodic = by_source or ACTIONS[action].periodic
     orientation = _one("orientation", said.orientations, denied.orientations)
     if orientation is None and any(angle == 0.0 for _, angle in denied.orientations):
         # Facing the radar is what a prompt without orientation gets, so forbidding it asks for another one.
@@ -193,13 +126,37 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> SceneProm
         speed=speed,
         surroundings=surroundings,
         understood=(
-            *said.reader.understood,
-            *((words, "repeated, as this action is") for words in said.repeated if ACTIONS[action].periodic),
+            *understood,
+            *((words, "repeated, as this action is") for words in said.repeated if periodic),
             *((words, f"not {meaning}") for words, meaning in denied.reader.understood),
         ),
-        unused=(*said.unused, *(() if ACTIONS[action].periodic else said.repeated), *unused, *denied.unused),
+        unused=(
+            *unread,
+            *(() if periodic else said.repeated),
+            *unused,
+            *(phrase for phrase in denied.unused if spoken is None or phrase not in spoken.read),
+        ),
         origins=origins | from_words,
+        arms=spoken.arms if spoken else "",
+        sentence=spoken.sentence if spoken else "",
+        avoid=spoken.avoid if spoken else "",
+        notes=spoken.notes if spoken else (),
     )
+
+
+def _credited(said: Phrases, spoken: Spoken) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """What is understood and what is not, where a motion source has read the words of the action."""
+    performed = {spoken.action, spoken.arms}
+    others = {words for words, named in said.actions if not named & {*performed, "standing"}}
+    meaning = f"action {spoken.action}" + (f", arms {spoken.arms}" if spoken.arms else "")
+    # a source that reads the sentence reads all of its words; by its name alone an action is no other one, too
+    kept = [(words, m) for words, m in said.reader.understood if words not in others or not m.startswith("action ")]
+    read = [phrase for phrase in said.unused if phrase in spoken.read]
+    if spoken.sentence:
+        read += sorted(others)
+    lost = () if spoken.sentence else sorted(others)
+    unused = (*(phrase for phrase in said.unused if phrase not in spoken.read), *lost)
+    return (*kept, *((phrase, f"{meaning}, read by the motion model") for phrase in read)), unused
 
 
 def _refuse_negation(text: str, read: Phrases, message: str) -> None:
@@ -230,14 +187,14 @@ def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
     if any("jumping_jacks" in options for _, options in named):
         named = [n for n in named if n[1] != {"jump"}]
     if not named:
-        raise PromptError(f"action: {prompt!r} names none that is known{_rest(said)}; known: {_examples()}")
+        raise UnreadActionError(f"action: {prompt!r} names none that is known{_rest(said)}", f"known: {_examples()}")
     if re.search(r"\bor\b", said.reader.text):
         return frozenset().union(*(options for _, options in named))
     options = frozenset(ACTIONS).intersection(*(options for _, options in named))
     if not options:
         words = ", ".join(repr(words) for words, _ in named)
-        raise PromptError(
-            f'action: the prompt names several ({words}); name one, or join them with "or" to have one drawn'
+        raise UnreadActionError(
+            f"action: the prompt names several ({words})", 'name one, or join them with "or" to have one drawn'
         )
     return options
 

@@ -21,6 +21,8 @@ to it."""
 RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 
+_COLUMNS = ("corners", "number", "face", "surface", "facing", "parts", "place")
+
 
 @dataclass(frozen=True)
 class Facets:
@@ -75,6 +77,18 @@ class Facets:
         weights = np.concatenate([np.broadcast_to(np.eye(3), (len(flat), 3, 3)), np.tile(QUARTERS, (len(bent), 1, 1))])
         bend = None if found.bend is None else found.bend.within(weights)
         return replace(found, corners=weights @ found.corners, bend=bend, parts=parts), index
+
+    @staticmethod
+    def joined(parts: Sequence[Facets]) -> Facets:
+        """One after the other, of the same surfaces."""
+        if len(parts) == 1:
+            return parts[0]
+        bends = [each.bend for each in parts if each.bend is not None]
+        return Facets(
+            *(np.concatenate([getattr(each, name) for each in parts]) for name in _COLUMNS),
+            bend=Bend.stack(bends) if bends else None,
+            curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if bends else None,
+        )
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)

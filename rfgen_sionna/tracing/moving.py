@@ -27,6 +27,8 @@ RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
+_AT_ONCE = 200_000
+"""Facets that are integrated at once."""
 MEASURED_EVERY = 4
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
@@ -122,7 +124,7 @@ class MovingParts:
                     veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
-            values = [self._band.values(each, self._materials, expansion) for each in facets]
+            values = self._values(facets, expansion)
             if self._turn % MEASURED_EVERY:
                 break
             gains = self._band.combined(expansion, values[middle])
@@ -131,8 +133,7 @@ class MovingParts:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
-        for each, own in zip(seen, values, strict=True):
-            self._shadow(each, kept, own, expansion)
+        self._shadow(seen, kept, values, expansion)
         coefficients = self._band.combined(expansion, np.stack(values, axis=-1))
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:
@@ -299,19 +300,39 @@ class MovingParts:
         fraction[facing] = found.fraction
         return _Seen(facets, fraction, facing[found.owner], found.place, len(facing), found.rays)
 
+    def _values(
+        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray] | None = None
+    ) -> list[NDArray[np.complex128]]:
+        """(value, facet) what the expansion starts from, of each of `parts`. They are integrated together, as far as
+        memory allows: to set a kernel up takes as long as it takes ten thousand facets."""
+        step = max(1, _AT_ONCE // max(1, *(len(each) for each in parts)))
+        found = []
+        for first in range(0, len(parts), step):
+            some = parts[first : first + step]
+            reference = None if references is None else np.concatenate(references[first : first + step])
+            values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
+            found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
+        return found
+
     def _shadow(
-        self, seen: _Seen, kept: NDArray[np.intp], values: NDArray[np.complex128], expansion: Expansion
+        self,
+        seen: Sequence[_Seen],
+        kept: NDArray[np.intp],
+        values: Sequence[NDArray[np.complex128]],
+        expansion: Expansion,
     ) -> None:
-        """Take what is not seen out of `values` (value, facet) of the facets `kept`: of those in half shadow the pieces
-        that are seen count, each with its own phase."""
-        values *= seen.fraction[kept]
-        if not len(seen.owner):
+        """Take what is not seen out of the `values` (value, facet) of the facets `kept`, one array an instant: of those
+        in half shadow the pieces that are seen count, each with its own phase."""
+        for each, own in zip(seen, values, strict=True):
+            own *= each.fraction[kept]
+        some = [(each, own) for each, own in zip(seen, values, strict=True) if len(each.owner)]
+        if not some:
             return
-        pieces = seen.facets.cut(seen.owner, PIECES[seen.place])
-        where, first = np.unique(seen.owner, return_index=True)
-        centroids = seen.facets.centroids[seen.owner]
-        each = self._band.values(pieces, self._materials, expansion, centroids)
-        values[:, np.searchsorted(kept, where)] = np.add.reduceat(each, first, axis=1)
+        pieces = [each.facets.cut(each.owner, PIECES[each.place]) for each, _ in some]
+        found = self._values(pieces, expansion, [each.facets.centroids[each.owner] for each, _ in some])
+        for (each, own), of_pieces in zip(some, found, strict=True):
+            where, first = np.unique(each.owner, return_index=True)
+            own[:, np.searchsorted(kept, where)] = np.add.reduceat(of_pieces, first, axis=1)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""

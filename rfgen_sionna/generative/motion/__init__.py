@@ -4,6 +4,9 @@ from rfgen_sionna.generative.motion.actions import ACTIONS, Action
 from rfgen_sionna.generative.motion.adult import MEAN_ADULT
 from rfgen_sionna.generative.motion.kinematic import KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, PARENTS, Skeleton
-from rfgen_sionna.generative.motion.source import MotionSource
+from rfgen_sionna.generative.motion.source import MotionSource, SentenceSource
 
-__all__ = ["ACTIONS", "JOINT_NAMES", "MEAN_ADULT", "PARENTS", "Action", "KinematicSource", "MotionSource", "Skeleton"]
+__all__ = [
+    "ACTIONS", "JOINT_NAMES", "MEAN_ADULT", "PARENTS", "Action", "KinematicSource", "MotionSource", "SentenceSource",
+    "Skeleton",
+]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from rfgen_sionna.generative.motion.skeleton import Skeleton
@@ -32,4 +33,67 @@ class MotionSource(Protocol):
             hand: "left" or "right" for actions of one hand; None leaves it to the source.
             speed: factor on the usual speed of the action.
         """
+        ...
+
+
+class Reading(Protocol):
+    """What a motion source makes of a sentence."""
+
+    @property
+    def action(self) -> str:
+        """The likeliest action."""
+        ...
+
+    @property
+    def share(self) -> float:
+        """Its probability."""
+        ...
+
+    @property
+    def arms(self) -> str:
+        """What the arms do beside, or empty."""
+        ...
+
+    @property
+    def known(self) -> bool:
+        """Whether the source has learned such sentences."""
+        ...
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Words that it has never seen."""
+        ...
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """All actions, likeliest first."""
+        ...
+
+
+@runtime_checkable
+class SentenceSource(MotionSource, Protocol):
+    """A motion source that reads sentences itself."""
+
+    @property
+    def arms(self) -> Sequence[str]:
+        """The actions that arms can do while the legs walk."""
+        ...
+
+    def read(self, prompt: str) -> Reading:
+        """What it makes of a sentence."""
+        ...
+
+    def generate(
+        self,
+        prompt: str,
+        *,
+        duration: float,
+        seed: int,
+        negative: str,
+        skeleton: Skeleton | None,
+        speed: float,
+        action: str | None,
+        arms: str,
+    ) -> Motion:
+        """A motion from a sentence that was read as `action` and, for walking arms, `arms`; else as a call."""
         ...
