@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
@@ -28,18 +28,25 @@ _CLEAR = 0.018
 """Height at which a swinging foot clears the floor, halfway [m]."""
 _RELEASE = 0.07
 """Half the time that a planted foot takes to be set anew [s]."""
+_EASE = 0.15
+"""Time over which the feet are let go before legs that stay as they are [s]."""
 _FURTHEST = 0.12
 """The most that a planted foot is moved [m]; a plant that drifts further is taken in pieces."""
 
 
-def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True) -> Motion:
+def lock_feet(
+    motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True, kept: NDArray[np.bool_] | None = None
+) -> Motion:
     """The motion with toes held still while they are planted and no foot under the floor.
 
     Args:
         motion: on `skeleton`, with contacts; without them only the floor is kept.
         skeleton: whose legs they are.
         ride: whether the pelvis may be raised or lowered to put the lower planted foot on the floor.
+        kept: (frame,) where the legs stay as they are, whatever the feet do; None: nowhere.
     """
+    hold = np.ones(len(motion.translation)) if kept is None else _away_from(kept, _EASE * motion.frame_rate)
+    moved = hold > 0.0
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     root = motion.translation.copy()
     places = forward_kinematics(world, root, motion.offsets, motion.parents)
@@ -65,7 +72,7 @@ def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = T
             shift = _between(held, offset)
             least = _swing_height(~motion.contacts[:, i], motion.frame_rate)
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
-        target = places[:, ankle] + shift
+        target = places[:, ankle] + hold[:, None] * shift
         _, thigh, shank = two_bone(
             places[:, hip],
             target,
@@ -73,8 +80,8 @@ def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = T
             skeleton.length(f"{side}_knee"),
             skeleton.length(f"{side}_ankle"),
         )
-        world[:, hip] = from_rest(thigh, normalised(skeleton.offsets[knee]), X)
-        world[:, knee] = from_rest(shank, normalised(skeleton.offsets[ankle]), X)
+        world[moved, hip] = from_rest(thigh, normalised(skeleton.offsets[knee]), X)[moved]
+        world[moved, knee] = from_rest(shank, normalised(skeleton.offsets[ankle]), X)[moved]
     local = world.copy()
     for j, p in enumerate(motion.parents):
         if p >= 0:
@@ -129,6 +136,14 @@ def _swing_height(swinging: NDArray[np.bool_], rate: float) -> FloatArray:
             # off the floor before it is fast: feet that skim the last decimetres look like feet that slide
             out[first:last] = _CLEAR * (1.0 - (2.0 * s - 1.0) ** 6)
     return out
+
+
+def _away_from(kept: NDArray[np.bool_], ease: float) -> FloatArray:
+    """(frame,) 0 where `kept`, from there rising smoothly to 1 over `ease` frames."""
+    if not kept.any():
+        return np.ones(len(kept))
+    s = np.minimum(distance_transform_edt(~kept) / max(ease, 1.0), 1.0)
+    return np.asarray(s * s * (3.0 - 2.0 * s), np.float64)
 
 
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
@@ -21,7 +22,13 @@ RATE = 60.0
 
 
 def finish(
-    features: FloatArray, hands: HandBasis, skeleton: Skeleton | None = None, rate: float = RATE, *, free: bool = True
+    features: FloatArray,
+    hands: HandBasis,
+    skeleton: Skeleton | None = None,
+    rate: float = RATE,
+    *,
+    free: bool = True,
+    legs: NDArray[np.bool_] | None = None,
 ) -> Motion:
     """The motion of (frame, NUM_FEATURES) rows at 20 Hz on a skeleton.
 
@@ -32,6 +39,8 @@ def finish(
         rate: poses per second of the result [Hz].
         free: whether the pelvis may give way to the steps, and arms to the trunk; not where path or parts were asked
             for.
+        legs: (frame,) rows in which the legs were given and stay as they are, planted or not; None: in none. Only where
+            the rest isn't free.
     """
     skeleton = skeleton or MEAN_ADULT
     motion = within_limits(resampled(decode(features, hands, FRAME_RATE), rate))
@@ -41,9 +50,17 @@ def finish(
     translation[:, 2] += height
     motion = replace(motion, translation=translation, offsets=skeleton.offsets)
     if not free:
-        return lock_feet(motion, skeleton, ride=False)
+        return lock_feet(motion, skeleton, ride=False, kept=None if legs is None else _at_rate(legs, motion))
     planted = lock_feet(carried_by_feet(clear_arms(motion, skeleton), skeleton), skeleton)
     return within_limits(hands_up(planted, skeleton))
+
+
+def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
+    """Poses of the motion of which the rows on both sides, at 20 Hz, are marked."""
+    at = np.arange(len(motion.translation)) * FRAME_RATE / motion.frame_rate
+    last = len(rows) - 1
+    before, after = (np.clip(near.astype(int), 0, last) for near in (np.floor(at + 1e-9), np.ceil(at - 1e-9)))
+    return np.asarray(rows[before] & rows[after])
 
 
 def resampled(motion: Motion, rate: float) -> Motion:

@@ -176,6 +176,7 @@ class DiffusionSource:
         if (keeps or path is not None) and frames > LONGEST + 1:
             raise ValueError(f"duration: {duration:g} s with keep or path; allowed are {LONGEST / FRAME_RATE:g} s")
         free = not keeps and path is None
+        legs = None
         wishes = [
             self._wish(
                 self.read(prompt) if action is None else meant(self.read(prompt), action, arms),
@@ -197,11 +198,13 @@ class DiffusionSource:
                 known[open_, :2] = along[open_, :2]
                 given[open_] = np.maximum(given[open_], where[open_])
             wishes = [replace(w, known=known, given=given) for w in wishes]
+            legs = np.zeros(frames, bool)
+            legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
         out = []
         made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
         for wish, prompt, features in zip(wishes, prompts, made, strict=True):
             rows = settled(features) if free else features
-            motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free)
+            motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs)
             out.append(replace(motion, prompt=prompt, seed=wish.seed, action=wish.action))
         return out
 
@@ -293,9 +296,7 @@ class DiffusionSource:
 
 def meant(said: Understanding, action: str, arms: str) -> Understanding:
     """A reading of words whose meaning is known: nothing is left open."""
-    return replace(
-        said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=False
-    )
+    return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=False)
 
 
 SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,12 +14,13 @@ from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
 from rfgen_sionna.generative.diffusion.exam import OUTSIDE, PARAPHRASES
 from rfgen_sionna.generative.diffusion.features import PARTS, joint_positions
+from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.metrics import foot_slide, out_of_limits
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.records import FloatArray, Motion
 
 
 @pytest.fixture(scope="module")
@@ -108,14 +110,45 @@ def test_a_given_path_is_walked(source: DiffusionSource) -> None:
     assert abs(end[1]) < 0.5
 
 
+def joint_gap(source: DiffusionSource, made: Motion, given: Motion, joints: Sequence[str]) -> FloatArray:
+    """(frame, joint) distance of joints in two motions [m], at 20 Hz."""
+    a, b = (joint_positions(on_grid(m, source.model.hands)) for m in (made, given))
+    n = min(len(a), len(b))
+    return np.linalg.norm(a[:n] - b[:n], axis=-1)[:, [JOINT[j] for j in joints]]
+
+
+LEGS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle", "foot"))
+
+
 def test_given_legs_are_kept(source: DiffusionSource) -> None:
     walk = KinematicSource(20.0)("walk", 5.0, 1)
-    motion = source.generate(
-        "a person raises the right arm", duration=5.0, seed=1, keep=Keep(walk, ("place", "pelvis"))
-    )
+    keep = Keep(walk, ("place", "pelvis", "legs"))
+    motion = source.generate("a person raises the right arm", duration=5.0, seed=1, keep=keep)
     made, given = (on_grid(m, source.model.hands)[:100] for m in (motion, walk))
     columns = [*PARTS["place"], *PARTS["pelvis"]]
     assert np.abs(made[:, columns] - given[:, columns]).max() < 1e-6
+    assert joint_gap(source, motion, walk, LEGS)[:100].max() < 1e-4
+    places = joint_positions(made)
+    assert np.median(places[:, JOINT["right_wrist"], 2] - places[:, JOINT["right_shoulder"], 2]) > 0.2
+
+
+def test_legs_given_for_a_while_are_kept_for_that_while(source: DiffusionSource) -> None:
+    walk = KinematicSource(20.0)("walk", 5.0, 1)
+    keep = Keep(walk, stop=2.0)
+    motion = source.generate("a person walks", duration=5.0, seed=1, keep=keep)
+    assert joint_gap(source, motion, walk, LEGS)[:41].max() < 1e-4
+    assert joint_gap(source, motion, walk, LEGS)[60:].max() > 0.05
+
+
+def test_feet_are_locked_where_legs_are_not_kept() -> None:
+    walk = KinematicSource(60.0)("walk", 4.0, 1)
+    kept = np.arange(len(walk.translation)) < 120
+    partly, wholly = lock_feet(walk, ride=False, kept=kept), lock_feet(walk, ride=False)
+    assert np.allclose(partly.rotations[kept], walk.rotations[kept], atol=1e-9)
+    assert not np.allclose(wholly.rotations[kept], walk.rotations[kept], atol=1e-3)
+    assert np.allclose(partly.rotations[130:], wholly.rotations[130:], atol=1e-9)
+    turn = [np.linalg.norm(np.diff(m.rotations, axis=0), axis=-1).max() for m in (walk, wholly, partly)]
+    assert turn[2] < 1.2 * max(turn[:2])
 
 
 def test_motions_keep_limits_and_feet(source: DiffusionSource) -> None:
