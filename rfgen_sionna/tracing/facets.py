@@ -120,11 +120,11 @@ def stack_facets(
     facing = [np.zeros(0, np.bool_)]
     bends, bent = [Bend(np.zeros((0, 3, 3)))], [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
-        c = piece.corners(points, surface.faces)
+        c, p = piece.corners(points, surface.faces), columns(points, surface.faces)
         if curved:
-            bends.append(piece.bend(points, surface.faces, surface.smooth))
+            bends.append(piece.bend(p, surface.smooth))
             bent.append(np.full(len(c), surface.smooth is not None))
-        a, b, d = np.moveaxis(columns(points - viewpoint, surface.faces), 1, 0)
+        a, b, d = np.moveaxis(p - viewpoint[:, None, None], 1, 0)
         volume = sum(a[i] * (b[i - 2] * d[i - 1] - b[i - 1] * d[i - 2]) for i in range(3))
         towards = np.asarray(volume < 0)[piece.face]
         corners.append(c)

@@ -51,11 +51,11 @@ class Smoothing:
         A face counts by sin / (|a| |b|) of its edges a, b at the corner, which is exact on a sphere (N. Max, Weights
         for computing vertex normals from facet normals, Journal of Graphics Tools 4(2), 1999).
         """
-        return np.ascontiguousarray(self._columns(vertices, faces)[1].transpose(2, 1, 0))
+        return np.ascontiguousarray(self._columns(columns(vertices, faces)).transpose(2, 1, 0))
 
-    def _columns(self, vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Positions [m] and normals as (axis, corner, face), whose rows are long: several times faster."""
-        p = columns(vertices, faces)
+    def _columns(self, p: FloatArray) -> FloatArray:
+        """Normals as (axis, corner, face), for positions [m] of that shape: rows are long, which is several times
+        faster."""
         one, other, third = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1]
         cross = np.stack([one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)])
         square = [e[0] * e[0] + e[1] * e[1] + e[2] * e[2] for e in (third, other, one)]  # opposite corner
@@ -64,11 +64,11 @@ class Smoothing:
             weight[:, i] = 1.0 / np.maximum(square[i - 2] * square[i - 1], 1e-60)
         total = np.stack([self.gather @ (weight * axis[:, None]).reshape(-1) for axis in cross])
         total /= np.maximum(np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2), 1e-300)
-        return p, total[:, self.group.T]
+        return np.asarray(total[:, self.group.T])
 
-    def bend(self, vertices: FloatArray, faces: IntArray) -> Bend:
-        """How the faces are bent, for vertices (vertex, 3) [m]."""
-        return Bend(_rises(*self._columns(vertices, faces)))
+    def bend(self, corners: FloatArray) -> Bend:
+        """How the faces are bent, for their corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives them."""
+        return Bend(_rises(corners, self._columns(corners)))
 
 
 def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.scene.mesh import columns, lengths, middles
 from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
 _MAX_SPLITS = 64
@@ -57,6 +57,11 @@ class Tessellation:
         """Facets that are less than their face."""
         return np.flatnonzero((self.weights != np.eye(3)).any(axis=(1, 2)))
 
+    @cached_property
+    def are_the_faces(self) -> bool:
+        """Whether facets and faces are the same, one by one."""
+        return not len(self.pieces) and bool((self.face == np.arange(len(self.face))).all())
+
     def corners(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
         """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions."""
         corners = vertices[faces[self.face]]
@@ -64,11 +69,14 @@ class Tessellation:
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
 
-    def bend(self, vertices: FloatArray, faces: IntArray, smooth: Smoothing | None) -> Bend:
-        """How the facets are bent."""
+    def bend(self, corners: FloatArray, smooth: Smoothing | None) -> Bend:
+        """How the facets are bent, for the faces' corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives
+        them."""
         if smooth is None:
             return Bend(np.zeros((len(self.face), 3, 3)))
-        bend = smooth.bend(vertices, faces).take(self.face)
+        bend = smooth.bend(corners)
+        if not self.are_the_faces:
+            bend = bend.take(self.face)
         pieces = self.pieces
         if len(pieces) == 0:
             return bend
@@ -236,7 +244,7 @@ def tessellate(
     height, rises = np.zeros(len(faces)), None
     if smooth is not None:
         # In the middle of a face 4/9 of what its edges rise.
-        rises = smooth.bend(vertices, faces).rises
+        rises = smooth.bend(columns(vertices, faces)).rises
         height = lengths(rises).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []
