@@ -31,7 +31,7 @@ _QUIET = 0.02
 class Recipe:
     """What decides the outcome of a training run."""
 
-    steps: int = 5_000
+    steps: int = 12_000
     items: int = 32
     """Motions a step."""
     rate: float = 5e-4
