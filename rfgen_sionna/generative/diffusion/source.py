@@ -22,6 +22,7 @@ from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sample
 from rfgen_sionna.generative.diffusion.stage import put_back, settled
 from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.diffusion.threads import threads_for
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
 from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import Skeleton
@@ -95,7 +96,8 @@ class DiffusionSource:
         Raises:
             ValueError: the prompt has no words.
         """
-        return understand(self.model.text, prompt, self.model.stems)
+        with threads_for(1):
+            return understand(self.model.text, prompt, self.model.stems)
 
     def generate(
         self,
@@ -175,38 +177,39 @@ class DiffusionSource:
         keeps = [keep] if isinstance(keep, Keep) else list(keep)
         if (keeps or path is not None) and frames > LONGEST + 1:
             raise ValueError(f"duration: {duration:g} s with keep or path; allowed are {LONGEST / FRAME_RATE:g} s")
-        free = not keeps and path is None
-        legs = None
-        wishes = [
-            self._wish(
-                self.read(prompt) if action is None else meant(self.read(prompt), action, arms),
-                seed,
-                negative,
-                frames,
-                speed,
-                rhythm,
-                drafted=free and rhythm and self.refine is not None,
-            )
-            for prompt, seed in zip(prompts, seeds, strict=True)
-        ]
-        if not free:
-            size = min(max(frames, SHORTEST), LONGEST)
-            known, given = hold(keeps, self.model.hands, size) if keeps else follow(path, size, duration)  # type: ignore[arg-type]
-            if keeps and path is not None:
-                along, where = follow(path, size, duration)
-                open_ = given[:, list(PARTS).index("place")] == 0.0
-                known[open_, :2] = along[open_, :2]
-                given[open_] = np.maximum(given[open_], where[open_])
-            wishes = [replace(w, known=known, given=given) for w in wishes]
-            legs = np.zeros(frames, bool)
-            legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
-        out = []
-        made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
-        for wish, prompt, features in zip(wishes, prompts, made, strict=True):
-            rows = settled(features) if free else features
-            motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs)
-            out.append(replace(motion, prompt=prompt, seed=wish.seed, action=wish.action))
-        return out
+        with threads_for(len(prompts)):
+            free = not keeps and path is None
+            legs = None
+            wishes = [
+                self._wish(
+                    self.read(prompt) if action is None else meant(self.read(prompt), action, arms),
+                    seed,
+                    negative,
+                    frames,
+                    speed,
+                    rhythm,
+                    drafted=free and rhythm and self.refine is not None,
+                )
+                for prompt, seed in zip(prompts, seeds, strict=True)
+            ]
+            if not free:
+                size = min(max(frames, SHORTEST), LONGEST)
+                known, given = hold(keeps, self.model.hands, size) if keeps else follow(path, size, duration)  # type: ignore[arg-type]
+                if keeps and path is not None:
+                    along, where = follow(path, size, duration)
+                    open_ = given[:, list(PARTS).index("place")] == 0.0
+                    known[open_, :2] = along[open_, :2]
+                    given[open_] = np.maximum(given[open_], where[open_])
+                wishes = [replace(w, known=known, given=given) for w in wishes]
+                legs = np.zeros(frames, bool)
+                legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
+            out = []
+            made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
+            for wish, prompt, features in zip(wishes, prompts, made, strict=True):
+                rows = settled(features) if free else features
+                motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs)
+                out.append(replace(motion, prompt=prompt, seed=wish.seed, action=wish.action))
+            return out
 
     def redo(
         self,
@@ -237,9 +240,10 @@ class DiffusionSource:
             raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
         n = min(len(rows), LONGEST)
         start = recentred(rows)
-        wish = replace(self._wish(self.read(prompt), seed, negative, n, 1.0, False, drafted=False), draft=start[:n])
-        wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
-        made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
+        with threads_for(1):
+            wish = replace(self._wish(self.read(prompt), seed, negative, n, 1.0, False, drafted=False), draft=start[:n])
+            wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
+            made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
         made = put_back(made, rows)
         return replace(
             finish(made, self.model.hands, skeleton, self.frame_rate),

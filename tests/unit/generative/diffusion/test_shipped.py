@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import torch
 
 from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
@@ -18,6 +19,7 @@ from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.metrics import foot_slide, out_of_limits
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
+from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT
 from rfgen_sionna.records import FloatArray, Motion
@@ -167,11 +169,37 @@ def test_a_draft_keeps_its_action(source: DiffusionSource) -> None:
 
 
 def test_six_seconds_take_about_a_second(source: DiffusionSource) -> None:
+    """Of processor time, however many threads PyTorch has been given: 0.4 s on one core of 2024, and where threads wait
+    for each other on cores that others use, three and more."""
     source.generate("a person walks", duration=6.0)
-    start = time.process_time()
-    source.generate("a person walks", duration=6.0, seed=1)
-    # of processor time; 0.3 to 0.4 s on one core of 2024
-    assert time.process_time() - start < 2.0
+    taken = []
+    for seed in (1, 2, 3):
+        start = time.process_time()
+        source.generate("a person walks", duration=6.0, seed=seed)
+        taken.append(time.process_time() - start)
+    assert min(taken) < 1.0
+
+
+def test_few_motions_take_one_thread_and_give_the_others_back(
+    source: DiffusionSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = torch.get_num_threads()
+    seen: list[int] = []
+
+    def watched(*args: object, **named: object) -> object:
+        seen.append(torch.get_num_threads())
+        raise RuntimeError("seen enough")
+
+    monkeypatch.setattr("rfgen_sionna.generative.diffusion.source.in_stretches", watched)
+    try:
+        torch.set_num_threads(3)
+        for count in (1, SMALL, SMALL + 1):
+            with pytest.raises(RuntimeError, match="seen enough"):
+                source.generate_many(["a person walks"] * count, duration=2.0)
+            assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
+    assert seen == [1, 1, 3]
 
 
 @pytest.mark.slow
