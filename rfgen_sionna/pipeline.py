@@ -15,12 +15,14 @@ import numpy as np
 
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
-from rfgen_sionna.generative.actor import Actor, motion_source
+from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
+from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_kind, missing_packages, set_up
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.sentences import motion_source, read_prompt
+from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_kind, set_up
 from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.render import check_view
@@ -154,8 +156,8 @@ def generate(
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     device = chosen_device(device)
-    source = motion_source(_learned(motion))
-    said, asked = _read(prompt, negative, environment, seed, distance, surroundings)
+    source = motion_source(motion)
+    said, asked = _read(prompt, negative, environment, seed, distance, surroundings, source)
     kind = check_kind(surroundings, asked, negative=negative_environment, refine=refine)
     resolution, fov = _view(pir_resolution, fov_deg, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
@@ -263,17 +265,18 @@ def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
     return known if noise else known.without_noise()
 
 
-def _learned(motion: str) -> str:
-    """The origin of motion that "auto" stands for."""
-    return motion if motion != "auto" else "kinematic" if missing_packages() else "diffusion"
-
-
 def _read(
-    prompt: str, negative: str, environment: str | None, seed: int, distance: float | None, kind: str
+    prompt: str,
+    negative: str,
+    environment: str | None,
+    seed: int,
+    distance: float | None,
+    kind: str,
+    source: MotionSource,
 ) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
     """What the prompt and the arguments beside it ask for; logs the words without effect."""
     check_seed(seed)
-    said = parse_prompt(prompt, negative, seed=seed)
+    said = read_prompt(prompt, negative, seed=seed, source=source)
     if distance is not None and not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"distance is {distance!r} m: a positive, finite distance is needed")
     if distance is not None and said.distance_m is None:

@@ -117,7 +117,7 @@ def generate(
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
     from rfgen_sionna.dataset import check_output
-    from rfgen_sionna.generative.prompts import parse_prompt
+    from rfgen_sionna.generative.sentences import read_prompt
 
     if no_environment:
         if surroundings not in ("auto", "none"):
@@ -125,7 +125,7 @@ def generate(
         surroundings = "none"
     resolution = None if pir_resolution is None else _resolution(pir_resolution)
     place, target_point = _point("--radar-position", radar_position), _point("--look-at", look_at)
-    read = parse_prompt(prompt, negative, seed=seed)
+    read = read_prompt(prompt, negative, seed=seed, source=motion)
     target = output if output is not None else Path(f"{read.action}.h5")
     out.print(escape(read.words()), soft_wrap=True)
     check_output(target, overwrite)

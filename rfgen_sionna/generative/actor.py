@@ -16,11 +16,12 @@ from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, anima
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
-from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
+from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource, Skeleton
 from rfgen_sionna.generative.motion.foreign import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.loaders import ClipError
 from rfgen_sionna.generative.placing import before_radar, check_way, way_back
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed, parse_prompt
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene import actor as scene_actor
 
@@ -93,8 +94,9 @@ class Actor(scene_actor.Actor):
             radar: whom the person stands before; None is a radar at the origin looking along +x.
             source: where the motion comes from; None is what `motion` names.
             floor: height of the floor under the person [m].
-            motion: "kinematic" (rules of movement) or "diffusion" (the learned model, which also takes prompts whose
-                action is not understood: the nearest one it knows, with a warning).
+            motion: "kinematic" (rules of movement), "diffusion" (the learned model, which also knows captured actions
+                and arms that do something while somebody walks, and takes words it doesn't know for the nearest action,
+                with a warning) or "auto", the learned model where its packages are installed.
 
         Raises:
             PromptError: the prompt cannot be carried out.
@@ -107,7 +109,7 @@ class Actor(scene_actor.Actor):
         if isinstance(prompt, ScenePrompt):
             said = prompt
         else:
-            said = _read(prompt, negative, seed, source)
+            said = read_prompt(prompt, negative, seed=seed, source=source)
             for sentence in said.warnings:
                 _LOG.warning(sentence)
         words = said.body
@@ -119,7 +121,7 @@ class Actor(scene_actor.Actor):
             place, yaw = before_radar(radar, distance, said.bearing_deg or 0.0)
         yaw += np.radians(said.orientation_deg or 0.0)
         # the action is checked before the body is built, which may take a minute on a first start
-        _check(said.action, duration)
+        _check(said, duration, source)
         if isinstance(body, Rig):
             rig = body
         else:
@@ -133,14 +135,7 @@ class Actor(scene_actor.Actor):
                 _LOG.warning("body: no muscle of %g goes with %g kg here; the weight is kept", *given)
                 phenotype = replace(wanted, muscle=None)
                 rig = person(phenotype, seed=seed)
-        performed = source(
-            said.action,
-            duration,
-            seed,
-            skeleton=rig.skeleton,
-            hand=said.hand,
-            speed=1.0 if said.speed is None else said.speed,
-        )
+        performed = _performed(said, duration, seed, rig.skeleton, source)
         way: list[Decision] = []
         if said.action == "walk":
             path, seen = way_back(performed)
@@ -240,43 +235,6 @@ class Actor(scene_actor.Actor):
         )
 
 
-def motion_source(name: str) -> MotionSource:
-    """The origin of motion that a name stands for.
-
-    Raises:
-        ValueError: unknown name.
-        ImportError: the learned model's packages are missing.
-        FileNotFoundError: its weights are.
-    """
-    if name == "kinematic":
-        return KinematicSource()
-    if name == "diffusion":
-        try:
-            from rfgen_sionna.generative.diffusion.source import DiffusionSource
-        except ImportError as error:
-            raise ImportError(
-                f"motion 'diffusion' needs {error.name}: pip install 'rfgen-sionna[diffusion]'"
-            ) from error
-        source = DiffusionSource()
-        _ = source.model
-        return source
-    raise ValueError(f"motion: {name!r}; allowed are 'kinematic' and 'diffusion'")
-
-
-def _read(prompt: str, negative: str, seed: int, source: MotionSource) -> ScenePrompt:
-    """The prompt read by the grammar or, where that finds no one action and the source reads words, by the source."""
-    try:
-        return parse_prompt(prompt, negative, seed=seed)
-    except PromptError as error:
-        read = getattr(source, "read", None)
-        if read is None or not str(error).startswith(("action", "target")):
-            raise
-        # a captured dance is no action that the rest of a prompt can be read for: the nearest one that is
-        action = next(a for a in read(prompt).ranking if a in ACTIONS)
-        _LOG.warning("prompt: %s; taken for the nearest action that is known, %r, and nothing else", error, action)
-        return replace(parse_prompt(f"a person who {ACTIONS[action].description}", negative, seed=seed), text=prompt)
-
-
 def _origin(source: MotionSource) -> Decision:
     name = {"KinematicSource": "kinematic", "DiffusionSource": "diffusion"}.get(type(source).__name__, "given")
     return Decision(
@@ -284,11 +242,30 @@ def _origin(source: MotionSource) -> Decision:
     )
 
 
-def _check(action: str, duration: float) -> None:
+def _check(said: ScenePrompt, duration: float, source: MotionSource) -> None:
     if not (np.isfinite(duration) and duration > 0.0):
         raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
-    if action not in ACTIONS:
-        raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
+    if said.sentence and not isinstance(source, SentenceSource):
+        raise PromptError(f"prompt: {said.sentence!r} needs a motion source that reads sentences, such as 'diffusion'")
+    if not said.sentence and said.action not in ACTIONS:
+        raise ValueError(f"action: {said.action!r} is unknown; allowed are {', '.join(ACTIONS)}")
+
+
+def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton, source: MotionSource) -> Motion:
+    """The motion that a prompt asks for."""
+    speed = 1.0 if said.speed is None else said.speed
+    if not (said.sentence and isinstance(source, SentenceSource)):
+        return source(said.action, duration, seed, skeleton=skeleton, hand=said.hand, speed=speed)
+    return source.generate(
+        said.sentence,
+        duration=duration,
+        seed=seed,
+        negative=said.avoid,
+        skeleton=skeleton,
+        speed=speed,
+        action=said.action,
+        arms=said.arms,
+    )
 
 
 def _decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:

@@ -81,7 +81,11 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: Spok
             )
         origins["target"] = DEFAULT
     options = _one_action(said, prompt) if spoken is None else frozenset({spoken.action})
-    allowed = [a for a in (ACTIONS if spoken is None else options) if a in options and not any(a in named for _, named in denied.actions)]
+    allowed = [
+        a
+        for a in (ACTIONS if spoken is None else options)
+        if a in options and not any(a in named for _, named in denied.actions)
+    ]
     if not allowed:
         asked = " and ".join(sorted(options))
         raise PromptError(f"action: the negative prompt {negative!r} forbids {asked}, which {prompt!r} asks for")

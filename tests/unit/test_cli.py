@@ -115,6 +115,24 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
     assert "warning: another one neither" in err
 
 
+def test_a_prompt_beyond_the_grammar_is_read_by_the_source_of_motion(rfgen: Rfgen) -> None:
+    pytest.importorskip("diffusers", reason="the learned source needs it")
+    composed = "a person walks while raising the left arm"
+    for prompt, name, said in (
+        (composed, "walk", "action left_arm_raised"),
+        ("a person dances at 2 m", "dance_modern", "dances"),
+        ("a person rides a unicycle", "t_pose", "a person rides a unicycle"),
+    ):
+        code, out, err = rfgen("generate", prompt, "--motion", "diffusion", "--no-pictures")
+        assert code == 0, err
+        assert said in out
+        assert rfgen.calls[-1]["output"] == Path(f"{name}.h5")
+    code, _, err = rfgen("generate", composed, "--motion", "kinematic", "--no-pictures")
+    assert code == 2
+    assert "names several ('raising the left arm', 'walks')" in err
+    assert "motion 'diffusion'" in err
+
+
 def test_no_environment_is_free_space(rfgen: Rfgen) -> None:
     code, _, err = rfgen("generate", "a person walks in an office", "--no-environment", "--no-pictures")
     assert code == 0, err

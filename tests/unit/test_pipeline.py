@@ -368,6 +368,28 @@ def test_the_report_is_told_before_the_frames_and_kept_in_the_file(
     assert caplog.text.count("'hat'") == 1
 
 
+@pytest.mark.parametrize(
+    ("prompt", "action", "told"),
+    [
+        ("a person walks while raising the left arm", "walk", r"arms +left_arm_raised: .* from the prompt"),
+        ("a person dances", "dance_modern", r"action +dance_modern: .* from the prompt"),
+        ("a person rides a unicycle", "t_pose", r"action +t_pose: .* the nearest that is known"),
+    ],
+)
+def test_sentences_reach_the_learned_motion(
+    quick: dict[str, Any], caplog: pytest.LogCaptureFixture, prompt: str, action: str, told: str
+) -> None:
+    pytest.importorskip("diffusers", reason="the learned source needs it")
+    options = quick | {"motion": "diffusion", "duration": 0.05, "distance": 4.0}
+    with rfgen.generate(prompt, output="run.h5", seed=2, **options) as run:
+        assert run.labels["action"].values[0, 0] == action
+        assert run.labels["distance"].values[0, 0] == pytest.approx(4.0, abs=1.5)
+        assert run.prompt == prompt
+        assert re.search(told, run.report)
+    nearest = "the nearest that is known" in told
+    assert caplog.text.count(f"taken for the nearest action that is known, '{action}'") == nearest
+
+
 @pytest.mark.filterwarnings("ignore:materials extrapolated")
 def test_a_radar_placed_in_a_scene_of_sionna(quick: dict[str, Any]) -> None:
     """The person stands where the radar looks, at the distance, on what is there: the floor of a street at -3 cm."""
