@@ -25,6 +25,8 @@ rfgen generate "a woman swipes to the left with the right hand, 1 m away" --pres
 
 rfgen generate "a person walks towards the radar, at azimuth 20 degrees" --environment "free space"
 
+rfgen generate "a person walks while raising the left arm, 5 m away" --motion diffusion --environment "free space"
+
 rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
 
 rfgen generate "a person stands" --environment "an office" --surroundings furnished --seed 4
@@ -36,7 +38,9 @@ rfgen generate "a person doing jumping jacks" --environment "a living room" --su
 rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 
 A prompt names a person and one action; it may name orientation, distance, azimuth, body, hand, speed and surroundings.
-What is not understood is said, and nothing is guessed: where words leave a choice, the seed draws it, and the report
+The learned motion also knows captured actions ("dances"), and arms that do something while somebody walks; an action
+that it does not know is taken for the nearest, with a warning. What else is not understood is said, and nothing is
+guessed: where words leave a choice, the seed draws it, and the report
 says of every value whether it comes from the prompt, an argument, a default or the seed."""
 
 
