@@ -17,6 +17,7 @@ from rfgen_sionna.generative.diffusion.control import on_grid
 from rfgen_sionna.generative.diffusion.corpus import Corpus
 from rfgen_sionna.generative.diffusion.exam import AMBIGUOUS, OUTSIDE, PARAPHRASES
 from rfgen_sionna.generative.diffusion.features import encode
+from rfgen_sionna.generative.diffusion.originality import against_captured, originality
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.recogniser import Recogniser, train_recogniser
 from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
@@ -104,9 +105,10 @@ def examine(
     out |= _negatives(source, real, rng)
     out["outside the vocabulary, warned"] = float(np.mean([not source.read(p).known for p in OUTSIDE]))
     note("captured")
-    out |= _captured(source, real, rng)
+    out |= _captured(source, real, corpus, rng)
     note("originality")
-    out |= _originality(source, made, real, corpus)
+    rows = {a: [on_grid(m, source.model.hands) for m in group] for a, group in made.items()}
+    out |= originality(rows, real.kinematic, corpus)
     note("bodies")
     return out | on_bodies(source, seed) | repeats(source)
 
@@ -207,7 +209,7 @@ def _negatives(source: DiffusionSource, real: Reference, rng: np.random.Generato
     return {"negative prompts complied with": float(np.mean(list(complied.values()))), "negative prompts": complied}
 
 
-def _captured(source: DiffusionSource, real: Reference, rng: np.random.Generator) -> dict[str, Any]:
+def _captured(source: DiffusionSource, real: Reference, corpus: Corpus, rng: np.random.Generator) -> dict[str, Any]:
     """Windows asked for by the captions of the held-out captured windows, against those windows."""
     if len(real.captured) < 16:
         return {}
@@ -234,23 +236,15 @@ def _captured(source: DiffusionSource, real: Reference, rng: np.random.Generator
         ),
         "foot slide, captured [m/s]": float(np.nanmean([metrics.foot_slide(m, MEAN_ADULT) for m in made])),
         "windows, captured": len(true),
+        "distance to the nearest captured clip over that of unseen captured ones": against_captured(
+            {"captured": _long(rows)}, {"captured": _long([f for _, _, f in real.captured])}, corpus
+        ).get("captured"),
     }
 
 
-def _originality(
-    source: DiffusionSource, made: dict[str, list[Motion]], real: Reference, corpus: Corpus
-) -> dict[str, Any]:
-    ratio = []
-    for action in ("walk", "push", "jump"):
-        bank = [
-            e.features.astype(np.float64)
-            for e in corpus.entries
-            if e.actions == (action,) and e.source == "kinematic" and not e.held_out
-        ][:150]
-        ours = metrics.nearest([on_grid(m, source.model.hands) for m in made[action]], bank)
-        theirs = metrics.nearest(real.kinematic[action], bank)
-        ratio.append(float(np.median(ours) / np.median(theirs)))
-    return {"distance to the nearest training clip over that of unseen real clips": float(np.mean(ratio))}
+def _long(rows: Sequence[FloatArray]) -> list[FloatArray]:
+    """Those of two seconds at least."""
+    return [r for r in rows if len(r) >= 2 * FRAME_RATE]
 
 
 def _hits(source: DiffusionSource, real: Reference, action: str, motions: Sequence[Motion]) -> list[bool]:

@@ -84,18 +84,26 @@ def variance(motions: Sequence[FloatArray]) -> float:
 
 def nearest(motions: Sequence[FloatArray], others: Sequence[FloatArray], length: int = 40) -> FloatArray:
     """(motion,) distance [m] of two seconds from the middle of each motion to the nearest stretch of the others: rms
-    over joints and time."""
-    bank = []
-    for other in others:
-        places = relative_positions(other).astype(np.float32)
-        bank += [places[k : k + length].ravel() for k in range(0, len(places) - length + 1, 4)]
-    stack = np.stack(bank)
-    square = np.sum(stack**2, axis=1)
-    out = []
+    over joints and time; infinite where no other is long enough.
+
+    Raises:
+        ValueError: a motion is shorter than the stretch.
+    """
+    rows = []
     for motion in motions:
-        places = relative_positions(motion).astype(np.float32)
-        start = (len(places) - length) // 2
-        row = places[start : start + length].ravel()
-        d = square - 2.0 * (stack @ row) + np.sum(row**2)
-        out.append(np.sqrt(max(float(d.min()), 0.0) / (row.size / 3)))
-    return np.array(out)
+        if len(motion) < length:
+            raise ValueError(f"motion: {len(motion)} poses; {length} are needed to compare")
+        start = (len(motion) - length) // 2
+        rows.append(relative_positions(motion)[start : start + length].astype(np.float32).ravel())
+    asked = np.stack(rows)
+    own = np.sum(asked**2, axis=1)
+    least = np.full(len(asked), np.inf, np.float32)
+    for other in others:
+        # one clip at a time: all stretches of captured motion together are half a gigabyte
+        places = relative_positions(other).astype(np.float32)
+        stretches = [places[k : k + length].ravel() for k in range(0, len(places) - length + 1, 4)]
+        if stretches:
+            stack = np.stack(stretches)
+            square = np.sum(stack**2, axis=1)[:, None] - 2.0 * (stack @ asked.T) + own
+            least = np.minimum(least, square.min(axis=0))
+    return np.sqrt(np.maximum(least, 0.0).astype(np.float64) / (asked.shape[1] / 3))

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.diffusion import metrics
+from rfgen_sionna.generative.diffusion.corpus import Corpus, Entry
 from rfgen_sionna.generative.diffusion.features import encode, fit_hands
+from rfgen_sionna.generative.diffusion.originality import originality
 from rfgen_sionna.generative.diffusion.recogniser import train_recogniser
 from rfgen_sionna.generative.diffusion.rhythm import Beat, find_period, find_phase, rhythm_score, stride
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.records import FloatArray
 
 SOURCE = KinematicSource(20.0)
 WALK, JACKS, STANDING = (SOURCE(a, 6.0, 1) for a in ("walk", "jumping_jacks", "standing"))
@@ -94,6 +97,37 @@ def test_a_copy_is_next_to_its_original() -> None:
     # stretches of the others begin at every fourth pose, as the middle two seconds of six do
     assert metrics.nearest([walk], [walk, jacks])[0] < 1e-3
     assert metrics.nearest([walk], [jacks])[0] > 0.05
+
+
+def test_copies_of_synthesised_and_of_captured_clips_are_told_in_every_action() -> None:
+    def entry(action: str, rows: FloatArray, source: str = "kinematic", *, held_out: bool = False) -> Entry:
+        return Entry(
+            rows.astype(np.float16), np.zeros((len(rows), 3), np.float16), (action,), source, "", held_out=held_out
+        )
+
+    actions = ("walk", "jumping_jacks", "t_pose")
+    clips = {a: [encode(SOURCE(a, 6.0, seed), HANDS) for seed in range(7)] for a in actions}
+    bank = [entry(a, rows) for a in actions for rows in clips[a][:3]]
+    captured = encode(SOURCE("circle_clockwise", 6.0, 9), HANDS)
+    bank += [entry("wash_window", captured, "mocap"), entry("walk", clips["walk"][6], held_out=True)]
+    corpus = Corpus(tuple(bank), HANDS, {}, np.zeros(1), np.ones(1))
+    unseen = {a: clips[a][3:5] for a in actions}
+    name = "distance to the nearest {} clip over that of unseen real clips"
+    fresh = originality({a: clips[a][5:] for a in actions}, unseen, corpus)
+    assert set(fresh[name.format("training") + ", by action"]) == set(actions)
+    # a held-out clip is no copy
+    assert min(least for _, least in fresh[name.format("training") + ", by action"].values()) > 0.2
+    copied = originality({"walk": clips["walk"][:2], "t_pose": [captured, clips["t_pose"][6]]}, unseen, corpus)
+    assert copied[name.format("training") + ", by action"]["walk"][0] < 0.02
+    assert copied[name.format("captured training") + ", by action"]["t_pose"][1] < 0.02
+    assert copied[name.format("captured training") + ", by action"]["walk"][1] > 0.2
+
+
+def test_what_is_too_short_to_compare_is_refused() -> None:
+    rows = encode(WALK, HANDS)
+    with pytest.raises(ValueError, match="30 poses"):
+        metrics.nearest([rows[:30]], [rows])
+    assert metrics.nearest([rows], [rows[:30]])[0] == np.inf
 
 
 def test_the_judge_tells_what_it_was_shown() -> None:
