@@ -18,6 +18,7 @@ from rfgen_sionna.generative.diffusion.features import CONTACTS, NUM_FEATURES, P
 from rfgen_sionna.generative.diffusion.network import PAIR, SOURCES, STRIDE, Conditions
 from rfgen_sionna.generative.diffusion.residual import Corrector
 from rfgen_sionna.generative.diffusion.schedule import log_snr, make_scheduler, signal_shares, step_at
+from rfgen_sionna.generative.diffusion.seams import eased
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.text import tokenise
 from rfgen_sionna.generative.motion import ACTIONS
@@ -121,7 +122,7 @@ class Sampler:
             clean = follow(torch.where(hard > 0.0, known, clean))
             x = scheduler.step(clean, t, x).prev_sample
         # the last guess: the scheduler would leave a hundredth of the noise in
-        rows = clean.double().numpy()[:, :frames] * model.scale + model.mean
+        rows = _joined(clean.double().numpy()[:, :frames] * model.scale + model.mean, wishes)
         smooth = np.empty_like(rows)
         for source in {w.source for w in wishes}:
             at = [k for k, w in enumerate(wishes) if w.source == source]
@@ -131,7 +132,8 @@ class Sampler:
                 calm = calm_columns(wish)
                 smooth[k][:, calm] = low_pass(rows[k : k + 1], CALM)[0][:, calm]
         kept = (hard > 0.0).numpy()[:, :frames]
-        return np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth)
+        # the low-pass takes a little off where given poses end
+        return _joined(np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth), wishes)
 
     def guess(self, model: MotionModel, x: Tensor, level: Tensor, conditions: Conditions) -> Tensor:
         """The guided guess of the clean motions."""
@@ -241,6 +243,14 @@ def _doubled(c: Conditions) -> Conditions:
         torch.cat([c.known, c.known]),
         torch.cat([c.given, c.given]),
     )
+
+
+def _joined(rows: FloatArray, wishes: Sequence[Wish]) -> FloatArray:
+    """(wish, frame, NUM_FEATURES) rows whose free stretches continue the given ones."""
+    for own, wish in zip(rows, wishes, strict=True):
+        if wish.given is not None and (wish.given == 1.0).any():
+            own[:] = eased(own, wish.given[: len(own)] == 1.0)
+    return rows
 
 
 def _hard(given: Tensor) -> Tensor:

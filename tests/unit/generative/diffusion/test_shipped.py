@@ -134,6 +134,20 @@ def test_given_legs_are_kept(source: DiffusionSource) -> None:
     assert np.median(places[:, JOINT["right_wrist"], 2] - places[:, JOINT["right_shoulder"], 2]) > 0.2
 
 
+@pytest.mark.parametrize("prompt", ["a person walks back and forth", "a person raises the right arm"])
+@pytest.mark.parametrize(("start", "stop"), [(0.0, 2.0), (3.0, 9.0)])
+def test_nothing_jumps_where_given_poses_end(source: DiffusionSource, prompt: str, start: float, stop: float) -> None:
+    """Around the seam the pelvis is no faster than the walk given, nor hands and feet much faster than its own."""
+    walk = KinematicSource(20.0)("walk", 5.0, 1)
+    motion = source.generate(prompt, duration=5.0, seed=1, keep=Keep(walk, start=start, stop=stop))
+    rows = on_grid(motion, source.model.hands)
+    seam = round(20 * (stop if start == 0.0 else start))
+    near = slice(seam - 16, seam + 16)
+    assert np.linalg.norm(np.diff(rows[near, :2], axis=0), axis=-1).max() * 20.0 < 1.7
+    limbs = [JOINT[f"{side}_{joint}"] for side in ("left", "right") for joint in ("wrist", "ankle")]
+    assert np.linalg.norm(np.diff(joint_positions(rows)[near][:, limbs], axis=0), axis=-1).max() * 20.0 < 8.0
+
+
 def test_legs_given_for_a_while_are_kept_for_that_while(source: DiffusionSource) -> None:
     walk = KinematicSource(20.0)("walk", 5.0, 1)
     keep = Keep(walk, stop=2.0)
