@@ -145,6 +145,7 @@ def test_two_plates_of_two_actors_are_a_dihedral():
     assert abs(one / other - 1).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_board_that_may_move_shows_a_ball_as_a_wall_does():
     """The same image by the walls' ghosts and by plates."""
     radar = Radar.load("awr1843", position=(0, 0, 1), overrides=ISOTROPIC)

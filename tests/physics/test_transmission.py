@@ -99,6 +99,7 @@ def test_a_ball_behind_a_slab_returns_what_the_slab_s_coefficients_leave(name, t
     assert set(behind.bounces) == {1}
 
 
+@pytest.mark.slow
 def test_several_slabs_in_a_row_multiply(radar):
     one, two = ("glass", 0.006), ("plasterboard", 0.0125)
     both = scene_with(pane=(pane(0.8), *one), board=(pane(1.2), *two))

@@ -109,6 +109,7 @@ def test_coherent_returns_left_out_are_small(radar, monkeypatch):
     assert np.mean(np.isfinite(full.time_of_arrival) != np.isfinite(quick.time_of_arrival)) < 0.01
 
 
+@pytest.mark.slow
 def test_a_mirror_shows_what_stands_beside_the_radar(radar):
     """Two bounces: a metal wall shows a matt board behind the radar, as far away as its image; one bounce does not."""
     mirror = Actor.from_mesh(plate(3, 3, 2), material=rough(0.0, "metal"), position=(2, 0, HEIGHT), name="mirror")
