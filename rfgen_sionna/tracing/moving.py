@@ -108,7 +108,7 @@ class MovingParts:
         bounces = self._bounces if self._bounces is not None and self._bounces.follow(positions, knots[0]) else None
         self._follow(positions, knots)
         for attempt in range(2):
-            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays)
+            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh=not attempt)
             seen: list[_Seen] = []
             mirrored: list[MirroredView] = []
             bounced: list[Bounced] = []
@@ -222,14 +222,14 @@ class MovingParts:
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]))
 
-    def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Expansion:
+    def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
 
-        It begins with the coarsest ones: what another pose has asked for this one need not.
+        `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
         """
-        tried: list[tuple[float, FloatArray]] = []
+        tried: list[float] = []
         self._last = 0.0
-        if (self._fineness != 1.0).any():
+        if afresh and (self._fineness != 1.0).any():
             self._fineness[:] = 1.0
             self._split(positions(t))
         while True:
@@ -237,10 +237,9 @@ class MovingParts:
             coarse = error > self._rtol
             if not coarse.any():
                 return expansion
-            tried.append((self._error, self._fineness.copy()))
+            tried.append(self._error)
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
-            least = min(each for each, _ in tried)
-            stuck = len(tried) > 2 and min(each for each, _ in tried[-2:]) > 0.7 * tried[-3][0]
+            stuck = len(tried) > 2 and min(tried[-2:]) > 0.7 * tried[-3]
             if stuck or len(tried) == MAX_ROUNDS:
                 break
             self._fineness[coarse] *= finer(error[coarse], self._rtol)
@@ -248,9 +247,6 @@ class MovingParts:
                 self._split(positions(t))
             except ValueError:  # more facets than a machine can hold
                 break
-        self._fineness = next(fineness for missed, fineness in tried if missed <= 1.2 * least)
-        self._split(positions(t))
-        expansion, error = self._tried(t, positions, rays)
         worst = int(np.argmax(error))
         _LOG.warning(
             "the return of '%s' is right to %.2g of itself (rtol: %g)",
