@@ -107,8 +107,10 @@ class MovingParts:
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = self._bounces if self._bounces is not None and self._bounces.follow(positions, knots[0]) else None
         self._follow(positions, knots)
+        kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
-            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh=not attempt)
+            afresh = attempt == 0 or kept_on
+            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
             seen: list[_Seen] = []
             mirrored: list[MirroredView] = []
             bounced: list[Bounced] = []
@@ -179,7 +181,7 @@ class MovingParts:
                 changed = True
         if changed:
             self._split(poses[0])
-            self._expansion = None
+            self._expansion, self._level = None, np.zeros(len(self._level))
 
     def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
@@ -268,11 +270,12 @@ class MovingParts:
         self._expansion = expansion
         gains = self._band(facets, self._materials, expansion)
         found = [
-            measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q))
+            measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q), usual=self._level)
             for p, q in ((0, 0), (gains.shape[1] - 1, gains.shape[2] - 1))
         ]
         error = np.max([each.error for each in found], axis=0)
-        self._level = np.max([each.level for each in found], axis=0)
+        # Where the return fades no facets are asked for that it does not need elsewhere.
+        self._level = np.max([self._level, *(each.level for each in found)], axis=0)
         self._error = float(error.max(initial=0.0))
         return expansion, error
 
