@@ -186,18 +186,15 @@ def test_random_interleavings_give_the_same_bits(order: random.Random, threads):
 
 
 def test_facets_are_as_fine_as_the_pose_asks_for_and_not_as_all_before_did():
-    """A wooden ball that drifts past, whose return fades now and then: asked anew at the end, its facets are those of a
-    run that begins there."""
+    """A wooden ball that drifts past: where its return fades more are asked for, again and again."""
     radar = one_element(frame_period=0.05)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     drifting = Actor.from_mesh(ball, material="wood", position=(1.5, 0.6, 0), name="ball", velocity=(0.145, 0, 0))
     tracer = Tracer(None, radar, [drifting], rtol=1e-3)
     run, length = tracer.follow(), radar.waveform.frame_length
-    counts = {tracer.trace(t, t + length, run).report.facets for t in np.arange(0.0, 3.4, 0.04)}
-    assert max(counts) > 3 * min(counts)
-    run._expansion = None  # as where the measured error asks for other facets
-    fresh = tracer.trace(3.4, 3.4 + length, tracer.follow()).report.facets
-    assert tracer.trace(3.4, 3.4 + length, run).report.facets == fresh
+    counts = [tracer.trace(t, t + length, run).report.facets for t in np.arange(0.0, 3.4, 0.04)]
+    assert len(set(counts)) > 5
+    assert max(counts) < 2 * counts[0]
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="only Linux tells the memory")
