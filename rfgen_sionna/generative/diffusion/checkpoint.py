@@ -76,7 +76,7 @@ def write_model(path: Path, model: MotionModel) -> None:
 
 def assembled(net: DenoisingNet, text: TextEncoder, corpus: Corpus, facts: dict[str, Any]) -> MotionModel:
     """A model from what was trained and the statistics of its training set; residuals aren't measured yet."""
-    stems = vocabulary(tuple({c for e in corpus.entries for c in e.captions}))
+    stems = vocabulary(tuple({c for e in corpus.entries if not e.held_out for c in e.captions}))
     return MotionModel(net, text, corpus.hands, corpus.beats, corpus.mean, corpus.scale, facts, stems)
 
 

@@ -1,8 +1,8 @@
 """Examine a motion model: `python -m rfgen_sionna.generative.diffusion.evaluate --data FOLDER --out FOLDER`.
 
-Writes `metrics.json` and stick-figure strips; `--data` is the training command's `--out`. With `--mocap FOLDER`
-captured motion is examined too. Motions are made as prompts make them by default, from drafts; those made from noise
-alone are examined beside them, for the first seed.
+Writes `metrics.json`, the table of the model card, `figures.md`, and stick-figure strips; `--data` is the training
+command's `--out`. With `--mocap FOLDER` captured motion is examined too. Motions are made as prompts make them by
+default, from drafts; those made from noise alone are examined beside them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from rfgen_sionna.generative.diffusion import evaluation
+from rfgen_sionna.generative.diffusion.figures import table
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.pictures import strips
 from rfgen_sionna.generative.diffusion.sampling import Sampler
@@ -56,7 +57,7 @@ def main(
         real = evaluation.reference(
             fresh, corpus, progress=lambda done, total: bar.update(judging, completed=done, total=total)
         )
-        parts = seeds * (len(CLAUSES) + len(evaluation.PARTS)) + (len(CLAUSES) if source.refine else 0)
+        parts = seeds * (len(CLAUSES) * (2 if source.refine else 1) + len(evaluation.PARTS))
         task = bar.add_task("examination", total=parts, note="")
 
         def note(line: str) -> None:
@@ -64,12 +65,17 @@ def main(
             if not bar.console.is_terminal:
                 bar.console.print(f"seed {seed}: {line}")
 
-        results: dict[str, Any] = {"model": source.model.facts, "refined at": source.refine, "seeds": []}
+        results: dict[str, Any] = {
+            "model": source.model.facts, "refined at": source.refine, "seeds": [], "from noise": [],
+        }  # fmt: skip
         for seed in range(seeds):
             results["seeds"].append(evaluation.examine(source, real, corpus, each=each, seed=seed, note=note))
-            if source.refine and not seed:
-                _, results["from noise"] = evaluation.examine_actions(plain, real, each=each, seed=seed, note=note)
+            if source.refine:
+                results["from noise"].append(
+                    evaluation.examine_actions(plain, real, each=each, seed=seed, note=note)[1]
+                )
             (out / "metrics.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
+            (out / "figures.md").write_text(table(results), encoding="utf-8")
     strips(source, out / "strips.png")
 
 

@@ -73,7 +73,7 @@ def sentence_encoder(out: Path, corpus: Corpus, *, steps: int, seed: int, bar: P
         captured = [
             Captions(e.actions[0], e.captions)
             for e in corpus.entries
-            if e.source == "mocap" and not e.name.endswith("/mirrored")
+            if e.source == "mocap" and not e.held_out and not e.name.endswith("/mirrored")
         ]
         task = bar.add_task("sentences", total=steps, note="")
         encoder = train_text(
