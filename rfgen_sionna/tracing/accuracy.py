@@ -35,6 +35,12 @@ class Accuracy:
         return _ratio(self.amount, np.maximum(self.level, self.least))
 
     @property
+    def interference(self) -> FloatArray:
+        """(surface,) what its facets would return without interfering, over its return: errors that do not know of each
+        other are this much larger for the surface than for its facets."""
+        return _ratio(self.incoherent, np.maximum(self.level, self.least))
+
+    @property
     def scale(self) -> float:
         """The strongest surface's return, or what all facets return without interfering, whichever is more: of a street
         seen at grazing incidence next to nothing is left but the rims, and no tolerance can be relative to that."""
@@ -77,7 +83,8 @@ def measure(
     Flat facets are integrated in four times as many parts, bent ones split into four. The integral's error is of second
     order in the phase bulge of a part and so goes down sixteen times with it: what is left in the finer returns is
     below a tenth of the difference. The error of the expansion over band and array is in it as well, and so are those
-    of Fresnel coefficients and slopes over a facet; that of visibility is not.
+    of Fresnel coefficients and slopes over a facet; that of visibility, which
+    :mod:`rfgen_sionna.tracing.sampling` estimates, is not.
 
     Parameters
     ----------

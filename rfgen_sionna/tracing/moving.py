@@ -9,16 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import finer, measure
+from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
-from rfgen_sionna.tracing.sampling import PIECES, sampled_fraction, touching
+from rfgen_sionna.tracing.outlines import Passing
+from rfgen_sionna.tracing.sampling import touching
+from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 from rfgen_sionna.tracing.veils import Veiled, Veils
@@ -53,20 +55,6 @@ class MovingTrace:
     until the next stretch is traced."""
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """Facets at an instant and how much of them is seen."""
-
-    facets: Facets
-    fraction: FloatArray
-    owner: NDArray[np.intp]
-    """(piece,) facet that a piece is of: what is seen of those hidden in part."""
-    place: NDArray[np.intp]
-    """(piece,) which piece it is (:data:`rfgen_sionna.tracing.sampling.PIECES`)."""
-    looked_at: int
-    rays: int
-
-
 class MovingParts:
     """Traces the moving surfaces stretch by stretch, and where there may be any their `ghosts` in walls, what
     `bounces` from one flat part or body to the other, and what is seen through slabs, behind `veils`.
@@ -90,12 +78,14 @@ class MovingParts:
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
         self._ghosts, self._bounces, self._veils = ghosts, bounces, veils
         self._materials = tuple(surface.material for surface in surfaces.moving)
+        self._sight = Sight(surfaces, viewpoint, max_range, band.highest, rtol)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
         self._distance = np.zeros(len(surfaces.moving))
         self._expansion: Expansion | None = None
         self._level = np.zeros(len(surfaces.moving))
+        self._interference = np.zeros(len(surfaces.moving))
         self._error = self._last = 0.0
         self._turn = 0
 
@@ -111,7 +101,7 @@ class MovingParts:
         for attempt in range(2):
             afresh = attempt == 0 or kept_on
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
-            seen: list[_Seen] = []
+            seen: list[Seen] = []
             mirrored: list[MirroredView] = []
             bounced: list[Bounced] = []
             veiled: list[Veiled] = []
@@ -142,7 +132,8 @@ class MovingParts:
                 coefficients[0, ..., k] += np.sqrt(shares[:, k]) * rough  # of energy, half of a facet returns half
         paths = self._paths(knots, instants, positions, facets, coefficients, kept)
         self._turn += 1
-        error = max(self._last, self._error)
+        shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
+        error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
             return self._centroids(positions(t), chosen)
@@ -158,7 +149,7 @@ class MovingParts:
         if bounces is not None:
             found_there, missed = bounces.trace(knots, instants, whole, bounced, centroids, self._level)
             more, error = more + found_there, error + missed
-        looked: list[_Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *bounced, *veiled]
+        looked: list[Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *bounced, *veiled]
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             error,
@@ -182,6 +173,10 @@ class MovingParts:
         if changed:
             self._split(poses[0])
             self._expansion, self._level = None, np.zeros(len(self._level))
+
+    def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
+        """Rays that just pass the outlines of what moves, with its `vertices` there."""
+        return self._sight.passing(rays, vertices)
 
     def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
@@ -276,28 +271,14 @@ class MovingParts:
         error = np.max([each.error for each in found], axis=0)
         # Where the return fades no facets are asked for that it does not need elsewhere.
         self._level = np.max([self._level, *(each.level for each in found)], axis=0)
+        self._interference = np.max([each.interference for each in found], axis=0)
         self._error = float(error.max(initial=0.0))
         return expansion, error
 
-    def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> _Seen:
-        facets = stack_facets(self._surfaces.moving, self._pieces, positions(t), self._viewpoint)
-        near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._max_range
-        facing = np.flatnonzero(facets.facing & near)
-        fraction = np.zeros(len(facets))
-        if len(facing) == 0:
-            return _Seen(facets, fraction, facing, facing, 0, 0)
-        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        found = sampled_fraction(
-            rays(t),
-            self._viewpoint,
-            facets.corners[facing],
-            facets.number[facing],
-            self._places[facing],
-            wavenumber,
-            self._rtol,
-        )
-        fraction[facing] = found.fraction
-        return _Seen(facets, fraction, facing[found.owner], found.place, len(facing), found.rays)
+    def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
+        vertices = positions(t)
+        facets = stack_facets(self._surfaces.moving, self._pieces, vertices, self._viewpoint)
+        return self._sight(rays(t), facets, self._places, vertices)
 
     def _values(
         self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray] | None = None
@@ -315,7 +296,7 @@ class MovingParts:
 
     def _shadow(
         self,
-        seen: Sequence[_Seen],
+        seen: Sequence[Seen],
         kept: NDArray[np.intp],
         values: Sequence[NDArray[np.complex128]],
         expansion: Expansion,
@@ -327,7 +308,7 @@ class MovingParts:
         some = [(each, own) for each, own in zip(seen, values, strict=True) if len(each.owner)]
         if not some:
             return
-        pieces = [each.facets.cut(each.owner, PIECES[each.place]) for each, _ in some]
+        pieces = [each.facets.cut(each.owner, each.pieces) for each, _ in some]
         found = self._values(pieces, expansion, [each.facets.centroids[each.owner] for each, _ in some])
         for (each, own), of_pieces in zip(some, found, strict=True):
             where, first = np.unique(each.owner, return_index=True)

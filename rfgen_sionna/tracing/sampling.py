@@ -1,12 +1,13 @@
 """RF adaptive sampling: how much of each facet the radar sees, by rays that go where they matter.
 
-One guiding ray goes to the middle of every facet. Where those of facets that touch disagree, a shadow's edge passes,
-and the shares of what it touches are found by more rays, the more the facet may return: one that lies aslant, over many
-wavelengths, returns next to nothing and a few rays will do; one whose phase hardly changes counts in full.
+Guiding rays go to the corners of facets, one for all that share a corner, and just past the outlines of bodies. Facets
+whose corners fare differently, or that such a ray falls on, have a shadow's edge on them, which is found by more rays,
+the more may be missed: a facet that lies aslant, over many wavelengths, returns little, and a few will do.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,19 +16,23 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.visibility import lattice, lattice_corners
+from rfgen_sionna.tracing.shadow_lines import SPACINGS, Lit, lit_parts, points_of
 
-LEVELS = (2, 4, 8, 16, 32, 64)
-"""Rays along a facet's edge, where a shadow's edge passes it."""
-MIDDLE = lattice(1)
-SHARE_PER_RTOL = 0.1
-"""Error of a single facet's share that is allowed, times what it may return against what all may without interfering,
-per unit of the tolerance."""
-_ROUNDS = 2
-_TABLE = np.concatenate([MIDDLE, *(lattice(n) for n in LEVELS)])
-PIECES = np.concatenate([lattice_corners(n) for n in LEVELS])
-"""(place, 3, 3) barycentric coordinates of the corners of the piece around each place."""
-_FIRST = np.cumsum([1, *(n * n for n in LEVELS)])
+MISSED_PER_RTOL = 0.4
+"""Estimated error of all returns together for what is not known of shadows' edges, against what all return without
+interfering, per unit of the tolerance."""
+_BENT = 0.1
+"""What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
+_CORNERS = 0.3
+"""What the number of its corners that are seen misses of a facet."""
+_MOST = 4_000_000
+"""Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
+_BATCH = 500_000
+"""Points that are looked at together."""
+_INSET = 2e-3
+_AIM = np.array([0.36, 0.31, 0.33])
+"""Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
+it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
 
 
 class Sampled(NamedTuple):
@@ -37,8 +42,14 @@ class Sampled(NamedTuple):
     """(facet,) share of the area that nothing hides, 0 … 1."""
     owner: NDArray[np.intp]
     """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
-    place: NDArray[np.intp]
-    """(piece,) which of `PIECES` each one is."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of their corners."""
+    missed: FloatArray
+    """(facet,) estimated error of what each returns, in units of `returned`."""
+    returned: FloatArray
+    """(facet,) what each may return, up to a factor that all share."""
+    lit: NDArray[np.bool_]
+    """(facet, 3) whether its corners are seen."""
     rays: int
     """Rays sent."""
 
@@ -62,10 +73,13 @@ def sampled_fraction(
     places: IntArray,
     wavenumber: float,
     rtol: float,
+    passed: NDArray[np.bool_] | None = None,
+    before: NDArray[np.bool_] | None = None,
+    level: float = 0.0,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
-    The sample points are fixed in the facet: the share changes gradually while it moves.
+    The points looked at are fixed in the facet: the share changes gradually while it moves.
 
     Parameters
     ----------
@@ -83,54 +97,107 @@ def sampled_fraction(
         At the highest frequency [rad/m].
     rtol
         Allowed error of the return of all together.
+    passed
+        (facet,) on which rays fall that just pass outlines (:mod:`rfgen_sionna.tracing.outlines`); None: no shadow is
+        looked for beyond what corners tell.
+    before
+        (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
+        seen as a whole. None: there is no telling.
+    level
+        The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`.
     """
-    count, none = len(corners), np.zeros(0, np.intp)
+    count = len(corners)
     if not count:
-        return Sampled(np.zeros(0), none, none, 0)
-    every = np.arange(count)
-    seen = rays.sees(viewpoint, corners, facet, every, MIDDLE, np.zeros(count, np.intp))
-    fraction, sent = seen.astype(np.float64), count
-    light, dark = np.zeros((2, int(places.max()) + 1), np.bool_)
-    light[places[seen]] = True
-    dark[places[~seen]] = True
-    border, done = light & dark, np.zeros(count, np.bool_)
-    if not border.any():
-        return Sampled(fraction, none, none, sent)
-    most = _most(corners - viewpoint, wavenumber)
-    allowed = SHARE_PER_RTOL * rtol * float(np.sqrt(most[seen] @ most[seen]))
-    # The share of n^2 rays on a lattice errs by about n^-1.5.
-    wanted = (most / max(allowed, 1e-300)) ** (2 / 3)
-    owners, pieces = [none], [none]
-    for attempt in range(_ROUNDS):
-        edge = np.flatnonzero(border[places].any(axis=1) & ~done & (wanted > attempt))
-        if not len(edge):
-            break
-        done[edge] = True
-        level = np.searchsorted(LEVELS[:-1], wanted[edge])
-        number = np.array(LEVELS)[level] ** 2
-        first = np.cumsum(number) - number
-        of = np.repeat(np.arange(len(edge)), number)
-        row = np.arange(len(of)) - first[of] + _FIRST[level][of]
-        through = rays.sees(viewpoint, corners[edge], facet[edge], of, _TABLE, row)
-        share = np.add.reduceat(through, first, dtype=np.float64) / number
-        sent += len(of)
-        # A shadow may pass a facet without changing what guiding rays say: those that touch one in half shadow.
-        border = np.zeros(len(border), np.bool_)
-        border[places[edge[(share > 0) & (share < 1) | (share != fraction[edge])]]] = True
-        fraction[edge] = share
-        lit = np.flatnonzero(through & (share < 1)[of])
-        owners.append(edge[of[lit]])
-        pieces.append(row[lit] - len(MIDDLE))
-    owner, place = np.concatenate(owners), np.concatenate(pieces)
+        none = np.zeros(0)
+        return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, np.zeros((0, 3), np.bool_), 0)
+    offset = corners - viewpoint
+    most, cut = _returns(offset, wavenumber)
+    seen, sent = corners_seen(rays, viewpoint, corners, facet, places)
+    fraction = seen.mean(axis=1)
+    mixed = seen.any(axis=1) & ~seen.all(axis=1)
+    if before is not None:
+        changed = (seen != before).any(axis=1)
+        fraction, mixed = np.where(changed, fraction, 1.0), changed & seen.any(axis=1)
+    if passed is None:
+        passed = np.zeros(count, np.bool_)
+    edged = mixed | passed
+    returned = most * (fraction > 0)
+    total = max(float(np.linalg.norm(returned)), level)
+    wanted = np.sqrt(_BENT * cut / _allowed(_BENT * cut[edged], MISSED_PER_RTOL * rtol * total))
+    looked = edged & (wanted > np.sqrt(_BENT / _CORNERS))
+    lattice = np.searchsorted(SPACINGS[:-1], wanted)
+    while points_of(lattice[looked]).sum() > _MOST and lattice[looked].any():
+        lattice = np.maximum(lattice - 1, 0)
+    missed = cut * np.where(looked, _BENT / np.array(SPACINGS)[lattice] ** 2, _CORNERS * mixed)
+
+    def look(chosen: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], Lit]]:
+        batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
+        found = []
+        for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
+            see = partial(_see, rays, viewpoint, corners[some], facet[some])
+            found.append((some, lit_parts(see, lattice[some])))
+            fraction[some] = found[-1][1].fraction
+        return found
+
+    found = look(np.flatnonzero(looked))
+    # What is narrower than a cell may be missed: where a ray got by an outline, smaller ones look for it.
+    whole = passed & looked & ((fraction == 0) | (fraction == 1))
+    narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
+    lattice[narrow] += 1
+    found += look(narrow[np.cumsum(points_of(lattice[narrow])) < _MOST])
+    owner = np.concatenate([index[lit.owner] for index, lit in found])
+    pieces = np.concatenate([lit.pieces for _, lit in found])
     order = np.argsort(owner, kind="stable")
-    return Sampled(fraction, owner[order], place[order], sent)
+    sent += sum(lit.rays for _, lit in found)
+    return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), seen, sent)
 
 
-def _most(corners: FloatArray, wavenumber: float) -> FloatArray:
-    """(facet,) what facets may return at most, up to a factor: the solid angle that they take, less the more their
-    `corners` (facet, 3, 3) [m] from the radar turn against each other in phase."""
+def _see(
+    rays: RayScene,
+    viewpoint: FloatArray,
+    corners: FloatArray,
+    facet: IntArray,
+    of: NDArray[np.intp],
+    places: FloatArray,
+) -> NDArray[np.bool_]:
+    return rays.sees(viewpoint, corners, facet, of, _inset(places), np.arange(len(of)))
+
+
+def corners_seen(
+    rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray
+) -> tuple[NDArray[np.bool_], int]:
+    """(facet, 3) whether corners are seen, by one ray to each place, and the number of rays."""
+    one = np.full(int(places.max(initial=-1)) + 1, -1, np.intp)
+    one[places.ravel()] = np.arange(places.size)
+    there = np.flatnonzero(one >= 0)
+    light = np.zeros(len(one), np.bool_)
+    light[there] = rays.sees(viewpoint, corners, facet, one[there] // 3, _inset(np.eye(3)), one[there] % 3)
+    return light[places], len(there)
+
+
+def _allowed(errors: FloatArray, total: float) -> float:
+    """What each of the `errors` may be, so that the root of the sum of their squares is `total`: above zero."""
+    ordered = np.sort(errors) ** 2
+    below = np.cumsum(ordered) - ordered
+    rest = np.arange(len(ordered), 0, -1)
+    enough = np.flatnonzero(below + rest * ordered > total**2)
+    if not len(enough):
+        return np.inf
+    k = enough[0]
+    return max(float(np.sqrt((total**2 - below[k]) / rest[k])), 1e-300)
+
+
+def _inset(places: FloatArray) -> FloatArray:
+    return np.asarray(places + _INSET * (_AIM - places))
+
+
+def _returns(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
+    """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
+    angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
+    phase. An integral over a whole facet falls with the square of that, one over a straight edge with itself."""
     a, b, c = (np.ascontiguousarray(corners[:, i]) for i in range(3))
     near, middle, far = (lengths(each) for each in (a, b, c))
     spread = np.maximum(np.maximum(near, middle), far) - np.minimum(np.minimum(near, middle), far)
     angle = np.abs(np.einsum("fi,fi->f", a, np.cross(b - a, c - a))) / np.maximum(near, 1e-9) ** 3
-    return np.asarray(angle / (1.0 + (wavenumber * spread) ** 2))
+    turn = wavenumber * spread
+    return np.asarray(angle / (1.0 + turn**2)), np.asarray(angle / (1.0 + turn))

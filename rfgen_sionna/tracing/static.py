@@ -6,25 +6,63 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import finer, measure
+from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
-from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.gains import BandTracer, Expansion
+from rfgen_sionna.tracing.outlines import Passing, Places
+from rfgen_sionna.tracing.sampling import corners_seen, sampled_fraction, touching
+from rfgen_sionna.tracing.sight import static_outlines
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import tessellate
-from rfgen_sionna.tracing.visibility import Visibility, changed_fraction, visible_fraction
 
 MAX_ROUNDS = 4
 """How often the facets are made finer before the tolerance is given up with a warning."""
 MAX_EFFORT = 10_000_000
 """Triangles to integrate at each node, beyond which the tolerance is given up as well."""
 _LOG = logging.getLogger(__name__)
+
+
+class Dimmed(NamedTuple):
+    """What actors leave of static facets."""
+
+    left: FloatArray
+    """(facet,) share of what is seen without actors."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of their corners."""
+
+
+@dataclass(frozen=True)
+class Returns:
+    """What static facets return, and what tells it of pieces of them."""
+
+    band: BandTracer
+    materials: tuple[Material, ...]
+    expansion: Expansion
+    rough: ComplexArray | None
+    """(facet,) what roughness adds; None where nothing is rough."""
+    wavenumber: float
+    """At the highest frequency [rad/m]."""
+    rtol: float
+    level: float
+    """What all return without interfering, in units of :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
+
+    def of_pieces(self, facets: Facets, owner: NDArray[np.intp], pieces: FloatArray) -> ComplexArray:
+        """(order, tx, rx, facet) gains of the facets that are an `owner`, ascending, from the pieces that are seen."""
+        reference = facets.centroids[owner]
+        values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, reference)
+        _, first = np.unique(owner, return_index=True)
+        return self.band.combined(self.expansion, np.add.reduceat(values, first, axis=1)[..., None])[..., 0]
 
 
 @dataclass(frozen=True)
@@ -34,10 +72,13 @@ class StaticTrace:
     paths: RadarPaths
     """One path per facet of `facets`, a single knot."""
     facets: Facets
+    """Those that are seen; of such as are seen in part the pieces that are."""
     fraction: FloatArray
     """(facet,) visible share without actors, above 0."""
-    guides: NDArray[np.bool_]
-    """(facet, 3) which guiding rays got through without actors."""
+    lit: NDArray[np.bool_]
+    """(facet, 3) which corners are seen without actors."""
+    places: IntArray
+    """(facet, 3) of :func:`rfgen_sionna.tracing.sampling.touching`."""
     viewpoint: FloatArray
     rays: int
     """Rays sent."""
@@ -51,31 +92,64 @@ class StaticTrace:
     """Facets that are hidden, or in part."""
     hidden_fraction: FloatArray
     """(hidden,) visible share of those."""
+    returns: Returns
 
     @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         return spheres(self.facets, self.viewpoint)
 
-    def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
-        """Visible share of each facet with the actors where `rays` has them, and the number of rays sent.
+    @cached_property
+    def _shown(self) -> Places:
+        return Places(self.facets.corners - self.viewpoint, self.facets.number)
 
-        `actors` are the (vertex, 3) positions [m] of each actor. A facet that no actor touches keeps its share to the
-        bit.
+    @property
+    def bright(self) -> Dimmed:
+        """What is left where there are no actors."""
+        return Dimmed(np.ones(len(self.facets)), np.zeros(0, np.intp), np.zeros((0, 3, 3)))
+
+    def visible(self, rays: RayScene, actors: Sequence[FloatArray], passing: Passing) -> tuple[Dimmed, int]:
+        """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
+
+        `actors` are the (vertex, 3) positions [m] of each actor, `passing` rays that just pass their outlines. A facet
+        that no actor touches keeps its share to the bit.
         """
         index = np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
-        fraction = self.fraction.copy()
-        facets = self.facets.take(index)
-        fraction[index], count = changed_fraction(
-            rays, self.viewpoint, facets.corners, facets.number, self.fraction[index], self.guides[index]
+        facets, returns, left = self.facets.take(index), self.returns, np.ones(len(self.facets))
+        found = sampled_fraction(
+            rays,
+            self.viewpoint,
+            facets.corners,
+            facets.number,
+            self.places[index],
+            returns.wavenumber,
+            returns.rtol,
+            self._shown.holding(passing)[index],
+            self.lit[index],
+            returns.level,
         )
-        return fraction, count
+        left[index] = found.fraction
+        return Dimmed(left, index[found.owner], found.pieces), found.rays
 
-    def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
-        """What is missing of the static paths when the visible shares at the knots are `fraction` (facet, time).
+    def shadow(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[RadarPaths, NDArray[np.intp]]:
+        """What is missing of the static paths with what is left at each of the `knots` [s].
 
-        Returns the paths, weighted with the share less the unobstructed one, and which static path each belongs to.
+        Returns the paths, weighted with what is left less the unobstructed, and which static path each belongs to.
         """
-        return shaded_paths(self.paths, fraction / self.fraction[:, None], knots)
+        left = np.stack([each.left for each in dimmed], axis=1)
+        shadow, index = shaded_paths(self.paths, left, knots)
+        a = shadow.a.copy()
+        dispersion = None if shadow.dispersion is None else shadow.dispersion.copy()
+        for knot, each in enumerate(dimmed):
+            if not len(each.owner):
+                continue
+            owner = np.unique(each.owner)
+            gains, row = self.returns.of_pieces(self.facets, each.owner, each.pieces), np.searchsorted(index, owner)
+            if self.returns.rough is not None:
+                gains[0] += np.sqrt(each.left[owner]) * self.returns.rough[owner]  # of energy, half returns half
+            a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
+            if dispersion is not None and self.paths.dispersion is not None:
+                dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
+        return replace(shadow, a=a, dispersion=dispersion), index
 
 
 def shaded_paths(paths: RadarPaths, left: FloatArray, knots: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
@@ -147,9 +221,13 @@ def trace_static(
     """
     materials = tuple(surface.material for surface in surfaces.static)
     fineness, rays_sent, before = np.ones(len(materials)), 0, np.inf
+    passing = None
+    if rays is not None:
+        past = static_outlines(surfaces, viewpoint)
+        passing, rays_sent = Passing(past, rays.first_facet(viewpoint, past)), len(past)
     for attempt in range(MAX_ROUNDS):
-        facets, seen, hidden = _seen_facets(surfaces, rays, band, viewpoint, rtol * fineness, max_range)
-        rays_sent += seen.rays
+        seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, fineness, max_range, passing)
+        facets, rays_sent = seen.facets, rays_sent + seen.rays
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
         expansion = band.expansion_for(facets, materials, weight, coherent=False)
         gains = band(facets, materials, expansion)
@@ -180,8 +258,41 @@ def trace_static(
         band.half_band,
         (surfaces.object_names, surfaces.part_names),
     )
-    seen_as = facets, seen.fraction, seen.guides, viewpoint, rays_sent
-    return StaticTrace(paths, *seen_as, found.total, found.scale, found.level, *hidden)
+    return StaticTrace(
+        paths,
+        facets,
+        seen.fraction,
+        seen.lit,
+        touching(facets.corners),
+        viewpoint,
+        rays_sent,
+        float(np.hypot(found.total, SAFETY * seen.missed)),
+        found.scale,
+        found.level,
+        seen.hidden,
+        seen.hidden_fraction,
+        Returns(band, materials, expansion, rough, _wavenumber(band), rtol, seen.level),
+    )
+
+
+def _wavenumber(band: BandTracer) -> float:
+    return 2 * np.pi * band.highest / SPEED_OF_LIGHT
+
+
+class _Seen(NamedTuple):
+    facets: Facets
+    fraction: FloatArray
+    """(facet,)"""
+    lit: NDArray[np.bool_]
+    """(facet, 3) corners that are seen."""
+    hidden: Facets
+    hidden_fraction: FloatArray
+    """(hidden,)"""
+    level: float
+    """What all return without interfering, in units of :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
+    missed: float
+    """Estimated error of that for what is not known of shadows' edges, relative to it."""
+    rays: int
 
 
 def _seen_facets(
@@ -189,11 +300,13 @@ def _seen_facets(
     rays: RayScene | None,
     band: BandTracer,
     viewpoint: FloatArray,
-    rtol: FloatArray,
+    rtol: float,
+    fineness: FloatArray,
     max_range: float,
-) -> tuple[Facets, Visibility, tuple[Facets, FloatArray]]:
-    """The facets that are seen, made for a tolerance (surface,) of each surface; and those that are hidden, or in part,
-    with their visible share."""
+    passing: Passing | None,
+) -> _Seen:
+    """The facets that are seen, made for `rtol` times the `fineness` (surface,) of each surface, and of those that are
+    seen in part the pieces that are; and those that are hidden, or in part, with their visible share."""
     pieces = [
         tessellate(
             points,
@@ -206,16 +319,34 @@ def _seen_facets(
             band.half_band,
             smooth=surface.smooth,
         )
-        for points, surface, tolerance in zip(surfaces.static_vertices, surfaces.static, rtol.tolist(), strict=True)
+        for points, surface, tolerance in zip(
+            surfaces.static_vertices, surfaces.static, (rtol * fineness).tolist(), strict=True
+        )
     ]
     facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
     if rays is None:
-        nothing = np.zeros(len(facets))
-        return facets, Visibility(nothing, np.zeros((len(facets), 3), np.bool_), 0), (facets, nothing)
-    seen = visible_fraction(rays, viewpoint, facets.corners, facets.number)
-    kept = np.flatnonzero(seen.fraction > 0)
-    hidden = np.flatnonzero(seen.fraction < 1)
-    there = Visibility(seen.fraction[kept], seen.guides[kept], seen.rays)
-    return facets.take(kept), there, (facets.take(hidden), seen.fraction[hidden])
+        nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
+        return _Seen(facets, nothing, none, facets, nothing, 0.0, 0.0, 0)
+    places, wavenumber = touching(facets.corners), _wavenumber(band)
+    passed = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
+    found = sampled_fraction(rays, viewpoint, facets.corners, facets.number, places, wavenumber, rtol, passed)
+    cut = np.zeros(len(facets), np.bool_)
+    cut[found.owner] = True
+    whole = np.flatnonzero((found.fraction > 0) & ~cut)
+    seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
+    # Corners of pieces lie on shadows' edges: whether they are seen is looked up, as it will be with actors.
+    lit, sent = corners_seen(rays, viewpoint, seen.corners, seen.number, touching(seen.corners))
+    level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
+    hidden = np.flatnonzero(found.fraction < 1)
+    return _Seen(
+        seen,
+        np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
+        lit,
+        facets.take(hidden),
+        found.fraction[hidden],
+        level,
+        missed / level if level > 0 else 0.0,
+        found.rays + sent,
+    )

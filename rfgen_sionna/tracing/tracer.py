@@ -23,7 +23,7 @@ from rfgen_sionna.tracing.knots import choose_knots, gain_knots
 from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
-from rfgen_sionna.tracing.static import StaticTrace, trace_static
+from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
@@ -57,8 +57,9 @@ class TraceReport:
     knots: int
     """Knots of the delays."""
     error: float
-    """Estimated error of the integration: of the return of the static scene or of an actor, relative to itself,
-    whichever is larger (:mod:`rfgen_sionna.tracing.accuracy`). That of visibility is not in it."""
+    """Estimated error of the return of the static scene or of an actor, relative to itself, whichever is larger: that of
+    the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of the edges of shadows
+    (:mod:`rfgen_sionna.tracing.sampling`). What ghosts, slabs and actors hide of the static scene is not in the latter."""
 
 
 @dataclass(frozen=True)
@@ -279,7 +280,7 @@ class Tracer:
         """Delays at `knots`, visibility and gains at `instants` [s]."""
         static = self.static
         beyond = self.beyond
-        shares: dict[float, FloatArray] = {}
+        shares: dict[float, Dimmed] = {}
         left: list[dict[float, FloatArray]] = [{} for _ in beyond]
         sent = [static.rays, *(each.rays for each in beyond)]
 
@@ -287,7 +288,8 @@ class Tracer:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
             rays = self.rays_at(t)
             if t not in shares and self.actors:
-                shares[t], count = static.visible(rays, self._vertices(t))
+                vertices = self._vertices(t)
+                shares[t], count = static.visible(rays, vertices, parts.passing(rays, vertices))
                 sent.append(count)
                 for each, by_time in zip(beyond, left, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))
@@ -300,9 +302,7 @@ class Tracer:
         for t in instants.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)
-        shadow, shaded = static.shadow(
-            instants, np.stack([shares.get(t, static.fraction) for t in instants.tolist()], axis=1)
-        )
+        shadow, shaded = static.shadow(instants, [shares.get(t, static.bright) for t in instants.tolist()])
         first = static.paths.num_paths
         for each, by_time in zip(beyond, left, strict=True):
             if by_time:

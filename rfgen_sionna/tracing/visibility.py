@@ -1,4 +1,4 @@
-"""What part of each facet the radar sees."""
+"""Points on facets that tell what is seen, and what mirrors show of facets."""
 
 from __future__ import annotations
 
@@ -19,93 +19,10 @@ def lattice(n: int) -> FloatArray:
     return np.column_stack([u, 1 - u.sum(axis=1)])
 
 
-def lattice_corners(n: int) -> FloatArray:
-    """(n^2, 3, 3) barycentric coordinates of their corners, (triangle, corner, vertex)."""
-    upright = [((i, j), (i + 1, j), (i, j + 1)) for i in range(n) for j in range(n - i)]
-    inverted = [((i + 1, j + 1), (i, j + 1), (i + 1, j)) for i in range(n) for j in range(n - i - 1)]
-    u = np.array(upright + inverted) / n
-    return np.concatenate([u, 1 - u.sum(axis=2, keepdims=True)], axis=2)
-
-
 GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
 FINE = lattice(4)
 _LEAST_HEIGHT = 1e-4
 """What lies nearer to a mirror than this [m] is on it."""
-
-
-@dataclass(frozen=True)
-class Visibility:
-    """Visible share of facets and what it took to know it."""
-
-    fraction: FloatArray
-    """(facet,) share of the area that nothing hides, 0 … 1."""
-    guides: NDArray[np.bool_]
-    """(facet, 3) which of the guiding rays got through."""
-    rays: int
-    """Rays sent."""
-
-
-def visible_fraction(rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray) -> Visibility:
-    """Share of each facet's area that nothing hides from the viewpoint.
-
-    Three guiding rays go to every facet. Where they disagree, or where the neighbour in the list (most often one in the
-    mesh too) is seen differently, so that a shadow's edge can pass between guiding rays, 16 rays on a lattice decide.
-    The sample points are fixed in the facet: the share changes gradually while it moves.
-
-    Parameters
-    ----------
-    rays
-        The geometry.
-    viewpoint
-        (3,) [m].
-    corners
-        (facet, 3, 3) [m].
-    facet
-        (facet,) number of the ray scene's face that each facet is a piece of; it does not hide itself.
-    """
-    guides = _through(rays, viewpoint, corners, facet, GUIDE)
-    fraction = guides.mean(axis=1)
-    mixed = (fraction > 0) & (fraction < 1)
-    step = fraction[1:] != fraction[:-1]
-    mixed[1:] |= step
-    mixed[:-1] |= step
-    index = np.flatnonzero(mixed)
-    fraction[index] = _through(rays, viewpoint, corners[index], facet[index], FINE).mean(axis=1)
-    return Visibility(fraction, guides, len(GUIDE) * len(corners) + len(FINE) * len(index))
-
-
-def changed_fraction(
-    rays: RayScene,
-    viewpoint: FloatArray,
-    corners: FloatArray,
-    facet: IntArray,
-    fraction: FloatArray,
-    guides: NDArray[np.bool_],
-) -> tuple[FloatArray, int]:
-    """Visible share of facets after something moved, and the number of rays sent.
-
-    `fraction` and `guides` are as :func:`visible_fraction` found them before. A facet whose guiding rays fare as before
-    keeps its share to the bit; the lattice decides about the others.
-    """
-    now = _through(rays, viewpoint, corners, facet, GUIDE)
-    index = np.flatnonzero((now != guides).any(axis=1))
-    share = fraction.copy()
-    lost = ~now[index].any(axis=1) & (fraction[index] == 1.0)
-    share[index[lost]] = 0.0
-    index = index[~lost]
-    share[index] = _through(rays, viewpoint, corners[index], facet[index], FINE).mean(axis=1)
-    return share, len(GUIDE) * len(corners) + len(FINE) * len(index)
-
-
-def _through(
-    rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, weights: FloatArray
-) -> NDArray[np.bool_]:
-    """(facet, sample) whether the ray to each sample point of each facet gets through."""
-    if len(corners) == 0:
-        return np.zeros((0, len(weights)), dtype=np.bool_)
-    count = len(corners)
-    of, row = np.tile(np.arange(count), len(weights)), np.repeat(np.arange(len(weights)), count)  # sample by sample
-    return rays.sees(viewpoint, corners, facet, of, weights, row).reshape(len(weights), count).T
 
 
 @dataclass(frozen=True)
@@ -139,8 +56,9 @@ def mirrored_fraction(
     """Share of each facet's area that its mirror shows to the viewpoint.
 
     A point counts where the way from the viewpoint first meets the mirror in the place that the law of reflection asks
-    for, and nothing is between that place and the point. `direct` (facet,) is the share that is seen directly; for the
-    rest see :func:`visible_fraction`, whose guiding rays and lattice are used.
+    for, and nothing is between that place and the point. `direct` (facet,) is the share that is seen directly. Three
+    guiding rays go to every facet; where they disagree, or where the neighbour in the list (most often one in the mesh
+    too) is shown differently, 16 on a lattice decide.
     """
     count = 0
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.tracing import gains, moving, sampling, tracer
+from rfgen_sionna.tracing.outlines import Outline, Passing, Places
 from rfgen_sionna.tracing.tessellate import Tessellation
 from tests.benchmarks.comparison import compare_rays
 from tests.benchmarks.measuring import default_rtol, timed
@@ -33,6 +34,9 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     places = sampling.touching(corners)[facing]
     corners, number = corners[facing], facing + surface.first_facet
     fields = _fields(made, facing, vertices, viewpoint)
+    past = Outline(surface.faces).passing(vertices[0] - viewpoint)
+    passing = Passing(past, rays.first_facet(viewpoint, past))
+    passed = Places(corners - viewpoint, number).holding(passing)
     wavenumber = 2 * np.pi * subject.frequency / SPEED_OF_LIGHT
     truth = (fields * uniform_share(rays, viewpoint, corners, number, 16 if quick else 32)[0]).sum()
 
@@ -47,15 +51,12 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
         for n in ((1, 2, 4, 8) if quick else (1, 2, 4, 8, 12, 16))
     ]
     for rtol in sorted({1e-1, 1e-2, 1e-3, default_rtol()}, reverse=True):
-        found.append(
-            measured(
-                "adaptive",
-                lambda rtol=rtol: sampling.sampled_fraction(
-                    rays, viewpoint, corners, number, places, wavenumber, rtol
-                )[::3],
-                rtol=rtol,
-            )
-        )  # fmt: skip
+
+        def adaptive(rtol: float = rtol) -> tuple[Any, int]:
+            found = sampling.sampled_fraction(rays, viewpoint, corners, number, places, wavenumber, rtol, passed)
+            return found.fraction, found.rays + len(past)
+
+        found.append(measured("adaptive", adaptive, rtol=rtol))
     return {"facets": len(corners), "rows": found, "compared": compare_rays(found, "adaptive", "uniform")}
 
 

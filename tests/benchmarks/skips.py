@@ -27,8 +27,9 @@ from rfgen_sionna.tracing import (
     bounces,
     gains,
     ghosts,
-    moving,
     sampling,
+    shadow_lines,
+    sight,
     static,
     static_bounces,
     tracer,
@@ -75,34 +76,37 @@ def _open_surfaces(*arguments: Any) -> Any:
 
 def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 8) -> tuple[Any, int]:
     """(facet,) visible share by n^2 rays to each, and the number of rays."""
-    through = visibility._through(rays, viewpoint, corners, facet, visibility.lattice(n))
+    places = visibility.lattice(n)
+    of, row = np.repeat(np.arange(len(corners)), len(places)), np.tile(np.arange(len(places)), len(corners))
+    through = rays.sees(viewpoint, corners, facet, of, places, row).reshape(len(corners), -1)
     return through.mean(axis=1), through.size
 
 
-def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any) -> Any:
-    found = _VISIBLE(rays, viewpoint, corners, facet)
-    share, count = uniform_share(rays, viewpoint, corners, facet)
-    return replace(found, fraction=share, rays=count)
-
-
-def _all_rays_moving(rays: Any, viewpoint: Any, corners: Any, facet: Any, *_: Any) -> Any:
-    n = 8
-    through = visibility._through(rays, viewpoint, corners, facet, visibility.lattice(n))
-    owner, place = np.nonzero(through & ~through.all(axis=1, keepdims=True))
-    first = sum(each**2 for each in sampling.LEVELS if each < n)
-    return sampling.Sampled(through.mean(axis=1), owner, first + place, through.size)
+def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any, places: Any, wavenumber: float, *_: Any) -> Any:
+    """A lattice of four cells along the edge on every facet."""
+    count = len(corners)
+    lit = shadow_lines.lit_parts(
+        lambda of, place: rays.sees(viewpoint, corners, facet, of, sampling._inset(place), np.arange(len(of))),
+        np.full(count, 2),
+    )
+    order = np.argsort(lit.owner, kind="stable")
+    returned = sampling._returns(corners - viewpoint, wavenumber)[0] * (lit.fraction > 0)
+    seen, sent = sampling.corners_seen(rays, viewpoint, corners, facet, places)
+    return sampling.Sampled(
+        lit.fraction, lit.owner[order], lit.pieces[order], np.zeros(count), returned, seen, lit.rays + sent
+    )
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
     return np.ones(len(_around[1]), dtype=np.bool_)
 
 
-_COLLECT, _VISIBLE = tracer.collect_surfaces, static.visible_fraction
+_COLLECT = tracer.collect_surfaces
 _EVERYWHERE = (gains.BandTracer, "importance", lambda self, direction: np.ones(direction.shape[:-1]))
 _BEHIND = (static, "behind", _everything)
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
-_RAYS = ((moving, "sampled_fraction", _all_rays_moving), (static, "visible_fraction", _all_rays))
+_RAYS = tuple((module, "sampled_fraction", _all_rays) for module in (sight, static))
 _ENERGY = ((ghosts, "SKIPPED", 0.0), (bounces, "SKIPPED", 0.0), (static_bounces, "SKIPPED", 0.0))
 _VEILS = (veils.Veils, "possible", lambda self, only=None: True)
 

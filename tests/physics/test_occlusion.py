@@ -140,6 +140,45 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     assert traced.report.rays > 0
 
 
+SCREEN = """<shape type="rectangle" id="screen">
+        <transform name="to_world">
+            <scale x="0.4" y="0.4"/><rotate y="1" angle="-90"/><translate x="2" y="{y}" z="1"/>
+        </transform>
+        <ref id="mat-metal-sheet" name="bsdf"/>
+    </shape>
+</scene>"""
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
+@pytest.mark.parametrize("who", ["furniture", "actor"])
+@pytest.mark.parametrize("y", [0.41, -0.33])
+def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, rtol):
+    """A screen's edge through the wall's facets near the mirror point, where each has a phase of its own: level and
+    phase against the wall alone as 16 million points say."""
+    radar = Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1), overrides={"pattern": {"kind": "sionna:iso"}})
+    whole, half = tmp_path / "whole.xml", tmp_path / "half.xml"
+    whole.write_text(BACKDROP)
+    half.write_text(BACKDROP.replace("</scene>", SCREEN.format(y=y)))
+    alone = of(Simulator(str(whole), radar, rtol=rtol).paths(), "wall")
+    if who == "furniture":
+        sim = Simulator(str(half), radar, rtol=rtol)
+    else:
+        board = trimesh.creation.box((0.001, 0.8, 0.8))
+        sim = Simulator(str(whole), radar, [Actor.from_mesh(board, material="pec", position=(2, y, 1))], rtol=rtol)
+    found = channel(of(sim.paths(), "wall")) / channel(alone)
+    n = 4000
+    grid = 0.8 * ((np.arange(n) + 0.5) / n - 0.5)
+    place = [4.0, grid[:, None], grid[None, :]]
+    distance = [
+        np.sqrt(sum((a - b) ** 2 for a, b in zip(place, element - np.array([0, 0, 1]), strict=True)))
+        for element in (radar.tx_world[0], radar.rx_world[0])
+    ]
+    wave = np.exp(-2j * np.pi / radar.wavelength * sum(distance)) / np.prod(distance, axis=0) ** 1.5
+    seen = np.abs(place[1] / 2 - y) > 0.4
+    truth = (wave * seen).sum() / wave.sum()
+    assert abs(found - truth) < max(0.5 * rtol, 2e-3)
+
+
 def test_wall_is_an_image_of_the_radar(radar, tmp_path):
     """A metal wall 0.8 m square at 4 m: the mirror's level lambda / (4 pi 2 d) within the ripple of its rim.
 

@@ -12,7 +12,6 @@ from rfgen_sionna.tracing.expansion import band_nodes, tangent_weights
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.gains import TANGENTS
 from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.sampling import LEVELS, PIECES
 from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -107,9 +106,13 @@ def test_all_pieces_of_a_facet_return_what_it_does(shape):
     rays = tracer.rays_at(0.0)
     seen = run._see(0.0, lambda t: [actor.vertices(t)], lambda t: rays)
     facets = seen.facets.take(np.flatnonzero(seen.fraction > 0))
-    first, count = LEVELS[0] ** 2, LEVELS[1] ** 2
+    points, faces = np.eye(3), np.arange(3)[None]
+    for _ in range(2):
+        points, faces = trimesh.remesh.subdivide(points, faces)
+    parts = points[faces]
+    count = len(parts)
     owner = np.repeat(np.arange(len(facets)), count)
-    pieces = facets.cut(owner, PIECES[first + np.tile(np.arange(count), len(facets))])
+    pieces = facets.cut(owner, np.tile(parts, (len(facets), 1, 1)))
     each = run._band.values(pieces, run._materials, run._expansion, facets.centroids[owner])
     whole = run._band.values(facets, run._materials, run._expansion)
     summed = each.reshape(len(whole), len(facets), count).sum(axis=2)

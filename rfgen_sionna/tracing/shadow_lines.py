@@ -1,0 +1,173 @@
+"""The lit parts of facets that a shadow's edge passes.
+
+Points of a lattice on the facet are looked at; where two neighbours differ, the shadow's edge between them is found by
+quartering, and straight lines join what is found (marching triangles). What is cut off where the edge is bent falls
+with the square of the lattice's spacing. As the facet moves its lit part changes with the shadow, not cell by cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray
+
+SPACINGS = (1, 2, 4, 8, 16, 32)
+"""Cells along a facet's edge, level by level."""
+_QUARTERINGS = 2
+"""How often the edge of a cell is quartered to find the shadow's edge on it."""
+
+See = Callable[[NDArray[np.intp], FloatArray], NDArray[np.bool_]]
+"""Facets (ray,) and barycentric coordinates (ray, 3) on them to (ray,) whether each point is seen."""
+
+
+class Lit(NamedTuple):
+    """What is seen of facets."""
+
+    fraction: FloatArray
+    """(facet,) share of the area."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that each piece is of; those that are seen as a whole, or not at all, have none."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of the triangles that are seen."""
+    rays: int
+
+
+class _Lattice(NamedTuple):
+    points: FloatArray
+    """(point, 3) barycentric."""
+    cells: NDArray[np.intp]
+    """(cell, 3) points at the corners, in the facet's sense; four by four they make up a cell of the level above."""
+    edges: NDArray[np.intp]
+    """(edge, 2) points."""
+    sides: NDArray[np.intp]
+    """(cell, 3) edge from each corner to the next."""
+
+
+@cache
+def _lattice(level: int) -> _Lattice:
+    cells = np.eye(3)[None]
+    for _ in range(level):
+        a, b, c = (cells[:, i] for i in range(3))
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (bc, ca, ab))
+        cells = np.stack([np.stack(each, axis=1) for each in four], axis=1).reshape(-1, 3, 3)
+    n = SPACINGS[level]
+    points, index = np.unique(np.rint(n * cells.reshape(-1, 3)), axis=0, return_inverse=True)
+    index = index.reshape(-1, 3)
+    pairs = np.sort(np.stack([index, np.roll(index, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    edges, sides = np.unique(pairs, axis=0, return_inverse=True)
+    return _Lattice(points / n, index, edges, sides.reshape(-1, 3))
+
+
+class _Group(NamedTuple):
+    """Facets of one level."""
+
+    facets: NDArray[np.intp]
+    lattice: _Lattice
+    level: int
+    lit: NDArray[np.bool_]
+    """(facet, point)"""
+    row: NDArray[np.intp]
+    """(crossing,) facet of the group, and the edge that the shadow's edge crosses."""
+    edge: NDArray[np.intp]
+
+
+def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
+    """How many points lattices of the `level` have."""
+    cells = np.array(SPACINGS)[level]
+    return np.asarray((cells + 1) * (cells + 2) // 2, np.intp)
+
+
+def lit_parts(see: See, level: NDArray[np.intp]) -> Lit:
+    """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`."""
+    members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
+    of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
+    places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
+    none = np.zeros(0, np.intp)
+    seen = see(np.concatenate([none, *of]), np.concatenate([np.zeros((0, 3)), *places]))
+    groups, first = [], 0
+    for each, facets in members:
+        found = _lattice(each)
+        lit = seen[first : first + len(facets) * len(found.points)].reshape(len(facets), -1)
+        first += lit.size
+        row, edge = np.nonzero(lit[:, found.edges[:, 0]] != lit[:, found.edges[:, 1]])
+        groups.append(_Group(facets, found, each, lit, row, edge))
+    crossings, sent = _crossings(see, groups)
+    fraction = np.zeros(len(level))
+    owners, pieces = [none], [np.zeros((0, 3, 3))]
+    first = 0
+    for group in groups:
+        fraction[group.facets[group.lit.all(axis=1)]] = 1.0
+        last = first + len(group.row)
+        for owner, piece in (*_whole(group), *_cut(group, crossings[first:last])):
+            owners.append(group.facets[owner])
+            pieces.append(piece)
+        first = last
+    owner, piece = np.concatenate(owners), np.concatenate(pieces)
+    fraction += np.bincount(owner, np.abs(np.linalg.det(piece)), len(level))
+    return Lit(np.minimum(fraction, 1.0), owner, piece, len(seen) + sent)
+
+
+def _crossings(see: See, groups: list[_Group]) -> tuple[FloatArray, int]:
+    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, and the rays sent."""
+    of, lit, dark = [np.zeros(0, np.intp)], [np.zeros((0, 3))], [np.zeros((0, 3))]
+    for group in groups:
+        ends = group.lattice.edges[group.edge]
+        swapped = ~group.lit[group.row, ends[:, 0]]
+        ends[swapped] = ends[swapped, ::-1]
+        of.append(group.facets[group.row])
+        lit.append(group.lattice.points[ends[:, 0]])
+        dark.append(group.lattice.points[ends[:, 1]])
+    owner, near, far = np.concatenate(of), np.concatenate(lit), np.concatenate(dark)
+    if not len(owner):
+        return near, 0
+    for _ in range(_QUARTERINGS):
+        step = (far - near) / 4
+        through = see(np.tile(owner, 3), np.concatenate([near + k * step for k in (1, 2, 3)])).reshape(3, -1)
+        near = near + np.logical_and.accumulate(through).sum(axis=0)[:, None] * step
+        far = near + step
+    return 0.5 * (near + far), 3 * _QUARTERINGS * len(owner)
+
+
+def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:
+    """Cells that are seen as a whole, as large ones as there are, of facets that are not."""
+    all_cells = np.all(group.lit, axis=1, keepdims=True)
+    full = np.asarray(group.lit[:, group.lattice.cells].all(axis=2) & ~all_cells)
+    tree: list[NDArray[np.bool_]] = [full]
+    for _ in range(group.level):
+        tree.append(np.asarray(tree[-1].reshape(len(full), -1, 4).all(axis=2)))
+    found = []
+    for level, cells in enumerate(reversed(tree)):
+        above: NDArray[np.bool_] = tree[group.level - level + 1] if level else np.zeros((len(full), 1), np.bool_)
+        row, cell = np.nonzero(cells & ~np.repeat(above, 4 if level else 1, axis=1))
+        lattice = _lattice(level)
+        found.append((row, lattice.points[lattice.cells[cell]]))
+    return found
+
+
+def _cut(group: _Group, crossings: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:
+    """What is seen of cells that the shadow's edge cuts, in triangles."""
+    lattice = group.lattice
+    number = np.full((len(group.facets), len(lattice.edges)), -1)
+    number[group.row, group.edge] = np.arange(len(group.row))
+    lit = group.lit[:, lattice.cells]
+    count = lit.sum(axis=2)
+    found = []
+    for corners in (1, 2):
+        row, cell = np.nonzero(count == corners)
+        # The corner that differs from the two others, and those that come after it.
+        odd = (lit[row, cell] == (corners == 1)).argmax(axis=1)
+        turn = (odd[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(lattice.points[lattice.cells[cell[:, None], turn]], 1, 0)
+        sides = lattice.sides[cell[:, None], turn]
+        ab, ca = (crossings[number[row, sides[:, i]]] for i in (0, 2))
+        if corners == 1:
+            found.append((row, np.stack([a, ab, ca], axis=1)))
+        else:
+            found += [(row, np.stack([b, c, ca], axis=1)), (row, np.stack([b, ca, ab], axis=1))]
+    return found

@@ -1,0 +1,102 @@
+"""What the radar sees of moving facets at an instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.sampling import sampled_fraction
+from rfgen_sionna.tracing.surfaces import Surfaces
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Facets at an instant and how much of them is seen."""
+
+    facets: Facets
+    fraction: FloatArray
+    """(facet,) share of the area."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that a piece is of: what is seen of those hidden in part."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of its corners."""
+    missed: FloatArray
+    """(surface,) estimated error of what its facets return for what is not known of shadows' edges, relative to what
+    they return without interfering."""
+    looked_at: int
+    rays: int
+
+
+class Sight:
+    """Looks at moving surfaces from one place, as far as the range window."""
+
+    def __init__(
+        self, surfaces: Surfaces, viewpoint: FloatArray, max_range: float, frequency: float, rtol: float
+    ) -> None:
+        self._surfaces, self._viewpoint, self._max_range, self._rtol = surfaces, viewpoint, max_range, rtol
+        self._wavenumber = 2 * np.pi * frequency / SPEED_OF_LIGHT
+        self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
+        self._latest: tuple[Sequence[FloatArray], Passing] | None = None
+
+    def __call__(self, rays: RayScene, facets: Facets, places: IntArray, vertices: Sequence[FloatArray]) -> Seen:
+        """What is seen of `facets`, all those of the moving surfaces, which have their `vertices` (vertex, 3) [m] there
+        and in `rays`; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`."""
+        near = lengths(facets.centroids - self._viewpoint) < self._max_range
+        facing = np.flatnonzero(facets.facing & near)
+        fraction = np.zeros(len(facets))
+        corners, number = facets.corners[facing], facets.number[facing]
+        passing = self.passing(rays, vertices)
+        passed = Places(corners - self._viewpoint, number).holding(passing)
+        found = sampled_fraction(
+            rays, self._viewpoint, corners, number, places[facing], self._wavenumber, self._rtol, passed
+        )
+        fraction[facing] = found.fraction
+        surface, count = facets.surface[facing], len(self._surfaces.moving)
+        error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))
+        missed = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
+        sent = found.rays + len(passing.hit)
+        return Seen(facets, fraction, facing[found.owner], found.pieces, missed, len(facing), sent)
+
+    def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
+        """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there and in `rays`, and
+        of what stands before it."""
+        if self._latest is None or self._latest[0] is not vertices:
+            directions = self._past(vertices)
+            self._latest = vertices, Passing(directions, rays.first_facet(self._viewpoint, directions))
+        return self._latest[1]
+
+    def _past(self, vertices: Sequence[FloatArray]) -> FloatArray:
+        """(ray, 3) their directions."""
+        offsets = [points - self._viewpoint for points in vertices]
+        passing = [outline.passing(each) for outline, each in zip(self._outlines, offsets, strict=True)]
+        static, distance = self._static
+        before = np.zeros(len(static), np.bool_)
+        for each in offsets:
+            far = np.maximum(lengths(each), 1e-12)
+            axis = (each / far[:, None]).mean(axis=0)
+            axis /= max(float(np.linalg.norm(axis)), 1e-12)
+            opening = float((each @ axis / far).min())
+            before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
+        return np.concatenate([static[before], *passing])
+
+    @cached_property
+    def _static(self) -> tuple[FloatArray, FloatArray]:
+        """Rays that pass the outlines of what stays: directions (ray, 3) as long as its distance (ray,) [m]."""
+        rays = static_outlines(self._surfaces, self._viewpoint)
+        return rays, lengths(rays)
+
+
+def static_outlines(surfaces: Surfaces, viewpoint: FloatArray) -> FloatArray:
+    """(ray, 3) directions that just pass the outlines of what stays, as long as the way there [m]."""
+    placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
+    found = [Outline(surface.faces).passing(points - viewpoint) for surface, points in placed]
+    return np.concatenate([np.zeros((0, 3)), *found])

@@ -1,0 +1,77 @@
+"""Rays past outlines: where they pass, and what they find that corners of facets do not tell."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.outlines import CLEARANCE, Outline, Passing, Places
+from rfgen_sionna.tracing.sampling import sampled_fraction, touching
+
+WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
+
+
+def test_rays_pass_a_ball_all_around_just_outside():
+    """Of an icosphere: the points are off the line to the middle by the radius, less the sag of its faces."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2).apply_translation((2, 0.3, -0.2))
+    points = Outline(np.asarray(ball.faces)).passing(np.asarray(ball.vertices))
+    towards = np.array([2, 0.3, -0.2]) / np.linalg.norm([2, 0.3, -0.2])
+    direction = points / np.linalg.norm(points, axis=1)[:, None]
+    angle = np.arccos(direction @ towards)
+    expected = np.arcsin(0.2 / np.linalg.norm([2, 0.3, -0.2]))
+    assert angle == pytest.approx(expected, rel=0.02)
+    scene = RayScene([], [(ball.vertices, ball.faces)], origin=np.zeros(3))
+    assert (scene.first_facet(np.zeros(3), points) < 0).mean() > 0.95
+    off = direction - (direction @ towards)[:, None] * towards
+    within = points - 3 * CLEARANCE * (np.linalg.norm(points, axis=1) / np.sin(angle))[:, None] * off
+    assert (scene.first_facet(np.zeros(3), within) >= 0).mean() > 0.95
+
+
+def test_an_open_sheet_has_its_rim_for_an_outline():
+    plate = trimesh.Trimesh([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]], [[0, 1, 2], [0, 2, 3]])
+    points = Outline(np.asarray(plate.faces)).passing(np.asarray(plate.vertices))
+    assert len(points) > 4 * 150  # five milliradians apart
+    outside = (points[:, 1:] < 0) | (points[:, 1:] > 1)
+    assert outside.any(axis=1).all()
+
+
+@pytest.mark.parametrize("halvings", [1, 5])
+def test_the_piece_that_a_ray_falls_on_is_told_from_its_neighbours(halvings):
+    """Of four, and of a thousand."""
+    whole = np.array([[[1, 0, 0], [1, 1, 0], [1, 0, 1.0]]])
+    points, faces = np.eye(3), np.arange(3)[None]
+    for _ in range(halvings):
+        points, faces = trimesh.remesh.subdivide(points, faces)
+    corners = points[faces] @ whole[0]
+    places = Places(corners, np.full(len(corners), 7))
+    middles = corners.mean(axis=1)
+    for k, middle in enumerate(middles[::17] if halvings > 1 else middles):
+        held = places.holding(Passing(middle[None], np.array([7])))
+        assert np.flatnonzero(held).tolist() == [17 * k if halvings > 1 else k]
+    assert not places.holding(Passing(middles[:4], np.array([-1, 3, 8, 6]))).any()
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.06])
+def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
+    """Two boards leave a slit; its strip on the plate behind, twice as wide, covers no corner of a facet."""
+    plate = trimesh.creation.box((0.01, 1.0, 1.0)).apply_translation((3, 0, 0))
+    slit = [
+        trimesh.creation.box((0.001, 2.0, 1.0)).apply_translation((1.4975, 0, 0.05 + side * (0.5 + gap / 2)))
+        for side in (-1, 1)
+    ]
+    scene = RayScene([], [(m.vertices, m.faces) for m in (plate, *slit)], origin=np.zeros(3))
+    corners = plate.vertices[plate.faces]
+    front = np.flatnonzero((corners[:, :, 0] < 3).all(axis=1))
+    corners, places = corners[front], touching(corners[front])
+    past = np.concatenate([Outline(np.asarray(m.faces)).passing(np.asarray(m.vertices)) for m in slit])
+    passing = Passing(past, scene.first_facet(np.zeros(3), past))
+    view, area = np.zeros(3), 0.5 * np.linalg.norm(np.cross(*np.diff(corners, axis=1).swapaxes(0, 1)), axis=1)
+
+    def lit(rays):
+        passed = None if rays is None else Places(corners, front).holding(rays)
+        found = sampled_fraction(scene, view, corners, front, places, WAVENUMBER, 1e-3, passed)
+        return (found.fraction * area).sum() / area.sum()
+
+    assert lit(None) == 0
+    assert lit(passing) == pytest.approx(2 * gap, rel=0.05)

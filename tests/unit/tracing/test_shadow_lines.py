@@ -1,0 +1,69 @@
+"""Lit parts of facets: the areas that shadows with straight and round edges leave, in pieces that do not overlap."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rfgen_sionna.tracing.shadow_lines import SPACINGS, lit_parts
+from rfgen_sionna.tracing.visibility import lattice
+
+value = st.floats(0.05, 1.0)
+
+
+def share_of(values, level):
+    """What is found where a linear function with these `values` at the corners is above zero, all in one facet."""
+    return lit_parts(lambda _, place: place @ np.asarray(values) > 0, np.array([level]))
+
+
+@given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
+def test_a_straight_edge_leaves_what_geometry_says(sizes, odd, lit, level):
+    """Of a triangle whose corner i alone is on one side: f_i^2 / ((f_i - f_j) (f_i - f_k)) of the area."""
+    f = -np.array(sizes)
+    f[odd] *= -1
+    corner = f[odd] ** 2 / np.prod([f[odd] - f[(odd + k) % 3] for k in (1, 2)])
+    found = share_of(f if lit else -f, level)
+    # Crossings are found to a thirty-second of a cell's edge; the shadow crosses fewer than 4 n of them.
+    assert found.fraction[0] == pytest.approx(corner if lit else 1 - corner, abs=0.07 / SPACINGS[level])
+    size = np.linalg.det(found.pieces)
+    assert (size > 0).all()
+    assert size.sum() == pytest.approx(found.fraction[0])
+
+
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), min_size=2, max_size=8), st.data())
+def test_facets_of_all_levels_are_told_apart(values, data):
+    """Many at once are what they are one by one, and pieces lie where it is light."""
+    levels = np.array([data.draw(st.integers(0, 5)) for _ in values])
+    table = np.array(values)
+    found = lit_parts(lambda of, place: np.einsum("rc,rc->r", place, table[of]) > 0, levels)
+    for k, (row, level) in enumerate(zip(values, levels, strict=True)):
+        alone = share_of(row, int(level))
+        assert found.fraction[k] == pytest.approx(alone.fraction[0], abs=1e-12)
+        pieces = found.pieces[found.owner == k]
+        assert len(pieces) == len(alone.pieces)
+        inside = pieces.mean(axis=1) @ np.array(row)
+        assert (inside > -np.ptp(row) / 16 / SPACINGS[level]).all()
+
+
+def test_what_a_round_shadow_leaves_is_known_to_the_square_of_the_spacing():
+    rng = np.random.default_rng(0)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.3, 0.9]])
+    fine = lattice(400) @ corners
+    errors = np.zeros((40, len(SPACINGS)))
+    for row in errors:
+        centre, radius = corners.mean(axis=0) + rng.uniform(-0.5, 0.5, 2), rng.uniform(0.2, 0.6)
+        truth = (np.linalg.norm(fine - centre, axis=1) > radius).mean()
+        for level in range(len(SPACINGS)):
+            found = lit_parts(
+                lambda _, place, c=centre, r=radius: np.linalg.norm(place @ corners - c, axis=1) > r, np.array([level])
+            )
+            row[level] = found.fraction[0] - truth
+    rms = np.sqrt((errors**2).mean(axis=0))
+    assert (rms[1:] < 0.35 / np.array(SPACINGS[1:]) ** 2).all()
+
+
+def test_cells_in_the_light_are_joined():
+    """A shadow that cuts a corner off leaves few pieces, not a thousand cells."""
+    found = share_of((-0.01, 1.0, 1.0), 5)
+    assert len(found.pieces) < 60
+    assert found.rays < 700
