@@ -57,9 +57,10 @@ class TraceReport:
     knots: int
     """Knots of the delays."""
     error: float
-    """Estimated error of the return of the static scene or of an actor, relative to itself, whichever is larger: that of
-    the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of the edges of shadows
-    (:mod:`rfgen_sionna.tracing.sampling`). What ghosts, slabs and actors hide of the static scene is not in the latter."""
+    """Estimated error of the return of the static scene or of an actor, relative to itself, whichever is larger.
+
+    It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of shadows' edges
+    (:mod:`rfgen_sionna.tracing.sampling`), of direct returns; where actors' shadows fall on the room is not in it."""
 
 
 @dataclass(frozen=True)
