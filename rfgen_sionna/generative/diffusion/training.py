@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -20,6 +16,7 @@ from rfgen_sionna.generative.diffusion.geometry import geometric_loss
 from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, Shape
 from rfgen_sionna.generative.diffusion.schedule import STEPS, log_snr, signal_shares
 from rfgen_sionna.generative.diffusion.text import TextEncoder, tokenise
+from rfgen_sionna.generative.learning import Progress, Run
 
 _LAG = 4
 """Poses over which movement is seen."""
@@ -55,7 +52,7 @@ def train(
     *,
     shape: Shape | None = None,
     save_every: int = 500,
-    progress: Callable[[int, int, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Train, or go on where `out` stopped, and write `motion.safetensors` there.
 
@@ -76,72 +73,22 @@ def train(
     """
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
-    net = DenoisingNet(shape)
-    mean = DenoisingNet(shape)
-    mean.load_state_dict(net.state_dict())
-    optimiser = torch.optim.AdamW(net.parameters(), lr=recipe.rate, weight_decay=0.01, betas=(0.9, 0.99), fused=True)
-    saved = out / "checkpoint.pt"
-    first, seconds = 0, 0.0
-    if saved.is_file():
-        state = torch.load(saved, weights_only=True)
-        before = {**asdict(Recipe()), **state["recipe"]}
-        if {**before, "steps": 0} != {**asdict(recipe), "steps": 0}:
-            raise ValueError(
-                f"out: {saved} was made with {state['recipe']}, not with {asdict(recipe)}; use another folder"
-            )
-        net.load_state_dict(state["net"])
-        mean.load_state_dict(state["mean"])
-        optimiser.load_state_dict(state["optimiser"])
-        first, seconds = state["step"], state["seconds"]
+    run = Run(DenoisingNet(shape), recipe, out / "checkpoint.pt", out / "log.jsonl")
     feeder = Feeder(corpus, seed=recipe.seed, items=recipe.items)
     loss_of = LossOf(corpus, text)
-    shown = 0.0
-    started = time.monotonic()
-    for step in range(first, recipe.steps):
-        for group in optimiser.param_groups:
-            group["lr"] = recipe.rate * _pace(step, recipe.steps)
+
+    def keep(step: int, hours: float) -> None:
+        model = assembled(run.mean, text, corpus, {"steps": step, "hours": hours, "seed": recipe.seed})
+        if step == recipe.steps:
+            model = calibrate(replace(model, net=run.mean.eval()), corpus, seed=recipe.seed)
+        write_model(out / "motion.safetensors", model)
+
+    for step in run.steps(save_every, keep, progress):
         generator = torch.Generator().manual_seed(recipe.seed * 1_000_003 + step)
         movement = recipe.movement if step >= recipe.movement_from else 0.0
-        loss, parts = loss_of(net, feeder.batch(step), recipe.geometric, movement, generator)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-        optimiser.step()
-        keep = min(recipe.average, (step + 1.0) / (step + 20.0))
-        with torch.no_grad():
-            torch._foreach_lerp_(list(mean.parameters()), list(net.parameters()), 1.0 - keep)
-        value = float(loss.detach())
-        shown = value if step == first else 0.98 * shown + 0.02 * value
-        if progress is not None:
-            progress(step + 1, recipe.steps, shown)
-        if (step + 1) % save_every == 0 or step + 1 == recipe.steps:
-            spent = seconds + time.monotonic() - started
-            state = {
-                "net": net.state_dict(),
-                "mean": mean.state_dict(),
-                "optimiser": optimiser.state_dict(),
-                "step": step + 1,
-                "seconds": spent,
-                "recipe": asdict(recipe),
-            }
-            partial = out / "checkpoint.part"
-            torch.save(state, partial)
-            partial.replace(saved)
-            with (out / "log.jsonl").open("a", encoding="utf-8") as log:
-                log.write(json.dumps({"step": step + 1, "seconds": round(spent), "loss": shown, **parts}) + "\n")
-            facts = {"steps": step + 1, "hours": spent / 3600.0, "seed": recipe.seed}
-            model = assembled(mean, text, corpus, facts)
-            if step + 1 == recipe.steps:
-                model = calibrate(replace(model, net=mean.eval()), corpus, seed=recipe.seed)
-            write_model(out / "motion.safetensors", model)
+        loss, parts = loss_of(run.net, feeder.batch(step), recipe.geometric, movement, generator)
+        run.learn(loss, **parts)
     return out / "motion.safetensors"
-
-
-def _pace(step: int, steps: int) -> float:
-    """Share of the learning rate."""
-    rise = min(1.0, (step + 1) / 300)
-    left = (steps - step) / max(1.0, 0.4 * steps)
-    return rise * float(np.clip(left, 0.01, 1.0))
 
 
 class LossOf:

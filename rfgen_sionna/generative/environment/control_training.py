@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import time
-from copy import deepcopy
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,15 +18,8 @@ from rfgen_sionna.generative.environment.model import (
     new_control,
     write_control,
 )
-from rfgen_sionna.generative.environment.training import (
-    Progress,
-    draw_batch,
-    follow,
-    half,
-    pace,
-    resume,
-    save,
-)
+from rfgen_sionna.generative.environment.training import draw_batch, half
+from rfgen_sionna.generative.learning import Progress, Run
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.corpus import Corpus
@@ -88,24 +78,17 @@ def train_control(
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
     unet = model.unet.to(device).requires_grad_(False)
-    net = new_control(unet).to(device).train()
-    mean = deepcopy(net).requires_grad_(False)
+    files = out / "control-checkpoint.pt", out / "control-log.jsonl"
+    run = Run(new_control(unet).to(device).train(), recipe, *files, warmup=100, forget=0.03)
     if torch.device(device).type == "cpu":
-        for part in (net, unet):
+        for part in (run.net, unet):
             part.set_attn_processor(AttnProcessor())
-    optimiser = torch.optim.AdamW(net.parameters(), lr=recipe.rate, weight_decay=0.01, betas=(0.9, 0.99), fused=True)
-    saved = out / "control-checkpoint.pt"
-    first, seconds = 0, 0.0
-    if saved.is_file():
-        state = resume(saved, recipe)
-        net.load_state_dict(state["net"])
-        mean.load_state_dict(state["mean"])
-        optimiser.load_state_dict(state["optimiser"])
-        first, seconds = state["step"], state["seconds"]
-    shown, started = 0.0, time.monotonic()
-    for step in range(first, recipe.steps):
-        for group in optimiser.param_groups:
-            group["lr"] = recipe.rate * pace(step, recipe.steps, warmup=100)
+
+    def keep(step: int, hours: float) -> None:
+        facts = {**asdict(recipe), "steps": step, "hours": hours, "pairs": len(corpus)}
+        write_control(out / CONTROL_FILE, run.mean, facts)
+
+    for step in run.steps(save_every, keep, progress):
         rng = np.random.default_rng([recipe.seed, 43, step])
         batch = draw_batch(corpus, model.text, recipe.items, rng, _SILENT)
         whole = rng.uniform(size=recipe.items) < recipe.complete
@@ -123,7 +106,7 @@ def train_control(
         )
         tokens = batch.tokens.to(device)
         with half(device):
-            down, middle = net(
+            down, middle = run.net(
                 noisy,
                 times,
                 encoder_hidden_states=tokens,
@@ -137,23 +120,7 @@ def train_control(
                 down_block_additional_residuals=down,
                 mid_block_additional_residual=middle,
             ).sample
-        loss = torch.nn.functional.mse_loss(guess.float(), target)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-        optimiser.step()
-        follow(mean, net, recipe.average, step)
-        value = float(loss.detach())
-        shown = value if step == first else 0.97 * shown + 0.03 * value
-        if progress is not None:
-            progress(step + 1, recipe.steps, shown)
-        if (step + 1) % save_every == 0 or step + 1 == recipe.steps:
-            spent = seconds + time.monotonic() - started
-            save(saved, net, mean, optimiser, step + 1, spent, recipe)
-            with (out / "control-log.jsonl").open("a", encoding="utf-8") as log:
-                log.write(json.dumps({"step": step + 1, "seconds": round(spent), "loss": round(shown, 5)}) + "\n")
-            facts = {**asdict(recipe), "steps": step + 1, "hours": spent / 3600.0, "pairs": len(corpus)}
-            write_control(out / CONTROL_FILE, mean, facts)
+        run.learn(torch.nn.functional.mse_loss(guess.float(), target))
     return out / CONTROL_FILE
 
 

@@ -16,7 +16,8 @@ from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts,
 from rfgen_sionna.generative.environment.bases import Base, target_of
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.text import ViewFacts
-from rfgen_sionna.generative.environment.training import half, resume
+from rfgen_sionna.generative.environment.training import half
+from rfgen_sionna.generative.learning import resume, write
 
 JUDGED = 64
 """Validation views that a learning rate is chosen on."""
@@ -185,17 +186,13 @@ def train_lora(
         if progress is not None:
             progress(step + 1, float(loss.detach()))
         if (step + 1) % recipe.save_every == 0 or step + 1 == recipe.steps:
-            unfinished = saved.with_suffix(".part")
-            torch.save(
-                {
-                    "trained": [p.detach().cpu() for p in trained],
-                    "optimiser": optimiser.state_dict(),
-                    "step": step + 1,
-                    "recipe": asdict(run),
-                },
-                unfinished,
-            )
-            unfinished.replace(saved)
+            state = {
+                "trained": [p.detach().cpu() for p in trained],
+                "optimiser": optimiser.state_dict(),
+                "step": step + 1,
+                "recipe": asdict(run),
+            }
+            write(saved, state)
     base.unet.eval()
     weights: dict[str, Tensor] = {}
     for name, net in nets.items():

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import time
-from collections.abc import Callable
 from contextlib import AbstractContextManager
-from copy import deepcopy
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -27,9 +22,8 @@ from rfgen_sionna.generative.environment.model import (
     write_model,
 )
 from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.learning import Progress, Run
 from rfgen_sionna.pir.codec import PirCodec
-
-Progress = Callable[[int, int, float], None]
 
 WITHOUT_FILE = "without-later.safetensors"
 """The model before it was shown its recipe's later place."""
@@ -123,52 +117,28 @@ def train(
     shape, codec = shape or Shape(latents=vae.config.latent_channels), codec or PirCodec()
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
-    net = shape.unet().to(device)
-    mean = deepcopy(net).requires_grad_(False)
+    run = Run(shape.unet().to(device), recipe, out / "checkpoint.pt", out / "log.jsonl")
     if device == "cpu":
-        net.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
-    optimiser = torch.optim.AdamW(net.parameters(), lr=recipe.rate, weight_decay=0.01, betas=(0.9, 0.99), fused=True)
-    saved = out / "checkpoint.pt"
-    first, seconds = 0, 0.0
-    if saved.is_file():
-        state = resume(saved, recipe)
-        net.load_state_dict(state["net"])
-        mean.load_state_dict(state["mean"])
-        optimiser.load_state_dict(state["optimiser"])
-        first, seconds = state["step"], state["seconds"]
+        run.net.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
     latents = corpus.latents(vae)
     drafts = Drafts.fit(corpus, codec)
-    shown, started = 0.0, time.monotonic()
-    for step in range(first, recipe.steps):
-        for group in optimiser.param_groups:
-            group["lr"] = recipe.rate * pace(step, recipe.steps)
+
+    def keep(step: int, hours: float) -> None:
+        facts = {**asdict(recipe), "steps": step, "hours": hours, "views": len(corpus)}
+        model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, drafts=drafts)
+        write_model(out / BASE_FILE, model)
+        if recipe.later and step <= recipe.later_from:
+            write_model(out / WITHOUT_FILE, model)
+
+    for step in run.steps(save_every, keep, progress):
         rng = np.random.default_rng([recipe.seed, 17, step])
         hidden = recipe.later if step < recipe.later_from else ""
         batch = draw_batch(corpus, text, recipe.items, rng, without=hidden)
         clean = latents[[int(m) for m in batch.mirrored], batch.index].float().to(device)
         noisy, timesteps, target = diffuse(clean, torch.Generator().manual_seed(recipe.seed * 1_000_003 + step))
         with half(device):
-            guess = net(noisy, timesteps, batch.tokens.to(device)).sample
-        loss = torch.nn.functional.mse_loss(guess.float(), target)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-        optimiser.step()
-        follow(mean, net, recipe.average, step)
-        value = float(loss.detach())
-        shown = value if step == first else 0.98 * shown + 0.02 * value
-        if progress is not None:
-            progress(step + 1, recipe.steps, shown)
-        if (step + 1) % save_every == 0 or step + 1 == recipe.steps:
-            spent = seconds + time.monotonic() - started
-            save(saved, net, mean, optimiser, step + 1, spent, recipe)
-            with (out / "log.jsonl").open("a", encoding="utf-8") as log:
-                log.write(json.dumps({"step": step + 1, "seconds": round(spent), "loss": round(shown, 5)}) + "\n")
-            facts = {"steps": step + 1, "hours": spent / 3600.0, "views": len(corpus), **asdict(recipe)}
-            model = EnvironmentModel(mean, vae, text, codec, shape, {**facts, "steps": step + 1}, drafts=drafts)
-            write_model(out / BASE_FILE, model)
-            if recipe.later and step + 1 <= recipe.later_from:
-                write_model(out / WITHOUT_FILE, model)
+            guess = run.net(noisy, timesteps, batch.tokens.to(device)).sample
+        run.learn(torch.nn.functional.mse_loss(guess.float(), target))
     return out / BASE_FILE
 
 
@@ -187,51 +157,3 @@ def diffuse(clean: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, 
 def half(device: str) -> AbstractContextManager[None]:
     """Mixed precision: bfloat16 where matrices are multiplied."""
     return torch.autocast(torch.device(device).type, torch.bfloat16)
-
-
-def pace(step: int, steps: int, warmup: int = 300) -> float:
-    """Share of the learning rate."""
-    rise = min(1.0, (step + 1) / min(warmup, max(1, steps // 4)))
-    return rise * float(np.clip((steps - step) / max(1.0, 0.4 * steps), 0.01, 1.0))
-
-
-@torch.no_grad()
-def follow(mean: torch.nn.Module, net: torch.nn.Module, average: float, step: int) -> None:
-    """Move the running mean of the weights towards `net`, faster in the beginning."""
-    keep = min(average, (step + 1.0) / (step + 20.0))
-    torch._foreach_lerp_(list(mean.parameters()), list(net.parameters()), 1.0 - keep)
-
-
-def save(
-    path: Path,
-    net: torch.nn.Module,
-    mean: torch.nn.Module,
-    optimiser: torch.optim.Optimizer,
-    step: int,
-    seconds: float,
-    recipe: Any,
-) -> None:
-    """Write a checkpoint, whole or not at all."""
-    state = {
-        "net": net.state_dict(),
-        "mean": mean.state_dict(),
-        "optimiser": optimiser.state_dict(),
-        "step": step,
-        "seconds": seconds,
-        "recipe": asdict(recipe),
-    }
-    partial = path.with_suffix(".part")
-    torch.save(state, partial)
-    partial.replace(path)
-
-
-def resume(path: Path, recipe: Any) -> dict[str, Any]:
-    """The state in a checkpoint.
-
-    Raises:
-        ValueError: it was made with another recipe.
-    """
-    state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
-    if {**state["recipe"], "steps": 0} != {**asdict(recipe), "steps": 0}:
-        raise ValueError(f"out: {path} was made with {state['recipe']}, not with {asdict(recipe)}; use another folder")
-    return state
