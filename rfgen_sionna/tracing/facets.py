@@ -94,10 +94,13 @@ class Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
         counts out; integrated in so many parts that theirs are as small as the facets' are."""
         found = self.take(owner)
-        width = np.sqrt(np.abs(np.linalg.det(weights)))
+        corners = weights @ found.corners
+        width = _longest(corners) / np.maximum(_longest(found.corners), 1e-300)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
         bend = None if found.bend is None else found.bend.within(weights)
-        return replace(found, corners=weights @ found.corners, bend=bend, parts=np.maximum(parts, 1))
+        middle = np.rint(weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
+        place = 31 * found.place + 2**16 * middle[:, 0] + middle[:, 1]  # wraps; pieces have phases of their own
+        return replace(found, corners=corners, bend=bend, parts=np.maximum(parts, 1), place=place.astype(np.int32))
 
     @cached_property
     def centroids(self) -> FloatArray:
@@ -108,6 +111,11 @@ class Facets:
         """(facet, 3) unit vectors from the viewpoint to the centroids."""
         offset = self.centroids - viewpoint
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
+
+
+def _longest(corners: FloatArray) -> FloatArray:
+    """(facet,) longest edge [m]."""
+    return np.asarray(lengths(corners - corners[:, [1, 2, 0]]).max(axis=1, initial=0.0))
 
 
 def stack_facets(

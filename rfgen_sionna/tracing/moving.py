@@ -78,7 +78,7 @@ class MovingParts:
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
         self._ghosts, self._bounces, self._veils = ghosts, bounces, veils
         self._materials = tuple(surface.material for surface in surfaces.moving)
-        self._sight = Sight(surfaces, viewpoint, max_range, band.highest, rtol)
+        self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
@@ -217,7 +217,8 @@ class MovingParts:
         ]
         placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
-        self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]))
+        surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
+        self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.

@@ -1,7 +1,8 @@
 """Where shadows fall: rays that just pass the outlines of bodies, as the radar sees them.
 
 An outline is the edges between faces that look at the radar and such that look away, and those of open meshes. A ray
-that passes one outside hits what the shadow's edge falls on, be the light that gets through ever so narrow.
+that passes one outside hits what the shadow's edge falls on, however narrow the light that gets through, down to
+`CLEARANCE`.
 """
 
 from __future__ import annotations
@@ -20,12 +21,10 @@ CLEARANCE = 1e-4
 """How far outside rays pass, times the distance."""
 _APART = 5e-3
 """Angle between rays past one edge [rad]."""
-_MOST = 256
-"""Rays past one edge, at most."""
 _MANY = 32
 """Pieces of a face that are all tried for the one that a ray falls on."""
-_NEAREST = 8
-"""Those of more that are tried."""
+_NEAREST = (8, 64)
+"""Those of more that are tried, at first and where none of them is it."""
 
 
 class Passing(NamedTuple):
@@ -35,6 +34,15 @@ class Passing(NamedTuple):
     """(ray, 3) of any length above zero."""
     hit: NDArray[np.int64]
     """(ray,) face of the ray scene that they hit first, -1 for none."""
+    span: FloatArray
+    """(ray,) length of outline that each stands for, as seen from the viewpoint [rad]."""
+    first: int = 0
+    """Number of the first ray that passes what moves."""
+
+    @property
+    def of_actors(self) -> Passing:
+        """Those that pass what moves."""
+        return Passing(self.directions[self.first :], self.hit[self.first :], self.span[self.first :])
 
 
 class Outline:
@@ -44,42 +52,49 @@ class Outline:
         self._faces = faces
 
     @cached_property
-    def _edges(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    def _edges(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
         """(edge, 2) vertices; (edge, 2) faces, twice the same where there is no second one; (edge,) the vertex across
-        the edge in the first."""
+        the edge in the first, and whether both run through it in the same direction: one is inside out."""
         faces = self._faces.astype(np.int64)
-        ends = np.sort(np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]]), axis=1)
+        run = np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]])
+        ends = np.sort(run, axis=1)
         size = int(faces.max(initial=0)) + 1
         order = np.argsort(ends[:, 0] * size + ends[:, 1], kind="stable")
         key = (ends[:, 0] * size + ends[:, 1])[order]
         first = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])[: len(key)])
         count = np.diff(np.append(first, len(key)))
         own = order % max(1, len(faces))
-        second = np.where(count == 2, own[np.minimum(first + 1, len(key) - 1)], own[first])
+        after = np.minimum(first + 1, len(key) - 1)
+        second = np.where(count == 2, own[after], own[first])
+        forward = (run[:, 0] == ends[:, 0])[order]
         # Where three faces and more meet, one may hide the others' edge: always an outline.
         across = self._faces.T.reshape(-1)[order[first]].astype(np.intp)
-        return ends[order[first]], np.stack([own[first], second], axis=1), across
+        turned = (count == 2) & (forward[first] == forward[after])
+        return ends[order[first]], np.stack([own[first], second], axis=1), across, turned
 
-    def passing(self, vertices: FloatArray) -> FloatArray:
-        """(ray, 3) points [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
-        from the viewpoint."""
+    def passing(self, vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (ray, 3) [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
+        from the viewpoint, and the length of outline (ray,) [rad] that each stands for."""
         a, b, c = np.moveaxis(columns(vertices, self._faces), 1, 0)
         towards = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0
-        ends, faces, across = self._edges
-        outer = np.flatnonzero((faces[:, 0] == faces[:, 1]) | (towards[faces[:, 0]] != towards[faces[:, 1]]))
+        ends, faces, across, turned = self._edges
+        differ = towards[faces[:, 0]] != (towards[faces[:, 1]] ^ turned)
+        outer = np.flatnonzero((faces[:, 0] == faces[:, 1]) | differ)
         start, stop, other = (vertices[each] for each in (ends[outer, 0], ends[outer, 1], across[outer]))
-        out = np.cross(start, stop - start)
+        out = np.cross(start, stop)
         size = lengths(out)
         out /= np.maximum(size, 1e-300)[:, None]
         inward = np.einsum("ei,ei->e", out, other - start) > 0
         out[inward] *= -1.0
-        nearer = np.minimum(lengths(start), lengths(stop))
-        count = np.ceil(np.clip(size / np.maximum(nearer, 1e-9) ** 2 / _APART, 1, _MOST)).astype(np.intp)
-        count[size == 0] = 0  # seen end on
+        angle = np.arctan2(size, np.einsum("ei,ei->e", start, stop))
+        count = np.ceil(angle / _APART).astype(np.intp)  # none where it is seen end on
         edge = np.repeat(np.arange(len(outer)), count)
-        along = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[edge]
-        points = start[edge] + along[:, None] * (stop - start)[edge]
-        return np.asarray(points + CLEARANCE * lengths(points)[:, None] * out[edge])
+        share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[edge]
+        # At equal angles: the sines' law in the triangle of the viewpoint and the edge.
+        near = lengths(start)[edge] * np.sin(share * angle[edge])
+        far = lengths(stop)[edge] * np.sin((1.0 - share) * angle[edge])
+        points = start[edge] + (near / np.maximum(near + far, 1e-300))[:, None] * (stop - start)[edge]
+        return points + CLEARANCE * lengths(points)[:, None] * out[edge], (angle / np.maximum(count, 1))[edge]
 
 
 class Places:
@@ -93,30 +108,40 @@ class Places:
         self._order = np.argsort(number, kind="stable")
         self._trees: dict[int, KDTree] = {}
 
-    def holding(self, passing: Passing) -> NDArray[np.bool_]:
-        """(facet,) whether a ray's point is on it. Of faces in very many pieces those around the point are tried."""
-        hit = passing.hit
+    def holding(self, passing: Passing) -> FloatArray:
+        """(facet,) length of outline [rad] that falls on each, as rays' points tell. Of faces in very many pieces those
+        around the point are tried."""
+        hit, total = passing.hit, np.zeros(len(self._number))
         first = np.searchsorted(self._number, hit, "left", self._order)
         count = np.searchsorted(self._number, hit, "right", self._order) - first
         few = np.flatnonzero((count > 0) & (count <= _MANY))
         ray = np.repeat(few, count[few])
         start = np.cumsum(count[few]) - count[few]
-        facet = self._order[np.arange(len(ray)) + np.repeat(first[few] - start, count[few])]
-        rays, facets = [ray], [facet]
+        self._add(total, passing, ray, self._order[np.arange(len(ray)) + np.repeat(first[few] - start, count[few])])
         many = np.flatnonzero(count > _MANY)
         for face in np.unique(hit[many]):
-            some = many[hit[many] == face]
-            members = self._order[first[some[0]] : first[some[0]] + count[some[0]]]
-            near = self._tree(int(face), members).query(unit(passing.directions[some]), _NEAREST)[1]
-            rays.append(np.repeat(some, _NEAREST))
-            facets.append(members[near.ravel()])
-        ray, facet = np.concatenate(rays), np.concatenate(facets)
+            left = many[hit[many] == face]
+            members = self._order[first[left[0]] : first[left[0]] + count[left[0]]]
+            tree = self._tree(int(face), members)
+            for nearest in _NEAREST:
+                tried = min(nearest, len(members))
+                near = tree.query(unit(passing.directions[left]), tried)[1].reshape(-1)
+                found = self._add(total, passing, np.repeat(left, tried), members[near])
+                left = np.setdiff1d(left, found)
+                if not len(left):
+                    break
+        return total
+
+    def _add(
+        self, total: FloatArray, passing: Passing, ray: NDArray[np.intp], facet: NDArray[np.intp]
+    ) -> NDArray[np.intp]:
+        """Adds the rays that fall on the facets they are tried with, and returns them."""
         a, b, c = np.moveaxis(self._corners[facet], 1, 0)
         ahead = passing.directions[ray]
         sides = [np.einsum("ri,ri->r", ahead, np.cross(*pair)) for pair in ((a, b), (b, c), (c, a))]
-        held = np.zeros(len(self._number), np.bool_)
-        held[facet[(np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)]] = True
-        return held
+        on = (np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)
+        np.add.at(total, facet[on], passing.span[ray[on]])
+        return ray[on]
 
     def _tree(self, face: int, members: NDArray[np.intp]) -> KDTree:
         if face not in self._trees:

@@ -8,7 +8,7 @@ the more may be missed: a facet that lies aslant, over many wavelengths, returns
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.shadow_lines import SPACINGS, Lit, lit_parts, points_of
+from rfgen_sionna.tracing.shadow_lines import SPACINGS, Lit, inset, lit_parts, points_of
 
 MISSED_PER_RTOL = 0.4
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
@@ -29,10 +29,11 @@ _MOST = 4_000_000
 """Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
 _BATCH = 500_000
 """Points that are looked at together."""
-_INSET = 2e-3
-_AIM = np.array([0.36, 0.31, 0.33])
-"""Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
-it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
+_RIM = 0.05
+"""Guiding rays go to points so much nearer to the middle than corners are: of a face that looks away, behind the rim of
+its body, the very corner may be taken for seen."""
+_LINES = 32.0
+"""Shadows' edges that are reckoned with on one facet, at most."""
 
 
 class Sampled(NamedTuple):
@@ -48,14 +49,20 @@ class Sampled(NamedTuple):
     """(facet,) estimated error of what each returns, in units of `returned`."""
     returned: FloatArray
     """(facet,) what each may return, up to a factor that all share."""
-    lit: NDArray[np.bool_]
-    """(facet, 3) whether its corners are seen."""
     rays: int
     """Rays sent."""
 
 
-def touching(corners: FloatArray) -> IntArray:
-    """(facet, 3) numbers of the places where the `corners` (facet, 3, 3) [m] are: facets that share one touch."""
+def touching(corners: FloatArray, surface: NDArray[np.integer[Any]] | None = None) -> IntArray:
+    """(facet, 3) numbers of the places where the `corners` (facet, 3, 3) [m] are: facets that share one touch, if they
+    are of the same `surface` (facet,)."""
+    if surface is not None:
+        places, first = np.zeros((len(corners), 3), np.int32), 0
+        for each in np.unique(surface):
+            mine = surface == each
+            places[mine] = first + touching(corners[mine])
+            first = int(places[mine].max(initial=first - 1)) + 1
+        return places
     points = corners.reshape(-1, 3)
     if not len(points):
         return np.zeros((0, 3), np.int32)
@@ -73,7 +80,9 @@ def sampled_fraction(
     places: IntArray,
     wavenumber: float,
     rtol: float,
-    passed: NDArray[np.bool_] | None = None,
+    outline: FloatArray | None = None,
+    weight: FloatArray | None = None,
+    group: NDArray[np.integer[Any]] | None = None,
     before: NDArray[np.bool_] | None = None,
     level: float = 0.0,
 ) -> Sampled:
@@ -97,9 +106,13 @@ def sampled_fraction(
         At the highest frequency [rad/m].
     rtol
         Allowed error of the return of all together.
-    passed
-        (facet,) on which rays fall that just pass outlines (:mod:`rfgen_sionna.tracing.outlines`); None: no shadow is
-        looked for beyond what corners tell.
+    outline
+        (facet,) length of outlines whose shadows fall on each [rad] (:mod:`rfgen_sionna.tracing.outlines`); None: no
+        shadow is looked for beyond what corners tell.
+    weight
+        (facet,) the antennas' field gain towards each; None is 1.
+    group
+        (facet,) what belongs together: errors are relative to what the facets of a group return; None: all do.
     before
         (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
         seen as a whole. None: there is no telling.
@@ -109,26 +122,33 @@ def sampled_fraction(
     count = len(corners)
     if not count:
         none = np.zeros(0)
-        return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, np.zeros((0, 3), np.bool_), 0)
+        return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
     offset = corners - viewpoint
-    most, cut = _returns(offset, wavenumber)
+    most, cut = (each if weight is None else weight * each for each in _returns(offset, wavenumber))
     seen, sent = corners_seen(rays, viewpoint, corners, facet, places)
     fraction = seen.mean(axis=1)
     mixed = seen.any(axis=1) & ~seen.all(axis=1)
     if before is not None:
         changed = (seen != before).any(axis=1)
-        fraction, mixed = np.where(changed, fraction, 1.0), changed & seen.any(axis=1)
-    if passed is None:
-        passed = np.zeros(count, np.bool_)
+        share = np.minimum(seen.sum(axis=1) / np.maximum(before.sum(axis=1), 1), 1.0)
+        fraction, mixed = np.where(changed, share, 1.0), changed & seen.any(axis=1)
+    outline = np.zeros(count) if outline is None else outline
+    passed = outline > 0
     edged = mixed | passed
-    returned = most * (fraction > 0)
-    total = max(float(np.linalg.norm(returned)), level)
-    wanted = np.sqrt(_BENT * cut / _allowed(_BENT * cut[edged], MISSED_PER_RTOL * rtol * total))
+    size = lengths(corners - corners[:, [1, 2, 0]]).max(axis=1) / np.maximum(lengths(offset).min(axis=1), 1e-9)
+    lines = np.clip(0.5 * outline / np.maximum(size, 1e-300), 1.0, _LINES)  # there and back, one line counts twice
+    bent = _BENT * lines**2 * cut
+    returned, allowed = most * (fraction > 0), np.full(count, np.inf)
+    for each in np.zeros(1) if group is None else np.unique(group[edged]):
+        mine = np.flatnonzero(edged) if group is None else np.flatnonzero(edged & (group == each))
+        total = float(np.linalg.norm(returned if group is None else returned[group == each]))
+        allowed[mine] = _allowed(bent[mine], MISSED_PER_RTOL * rtol * max(total, level))
+    wanted = np.sqrt(bent / allowed)
     looked = edged & (wanted > np.sqrt(_BENT / _CORNERS))
     lattice = np.searchsorted(SPACINGS[:-1], wanted)
     while points_of(lattice[looked]).sum() > _MOST and lattice[looked].any():
         lattice = np.maximum(lattice - 1, 0)
-    missed = cut * np.where(looked, _BENT / np.array(SPACINGS)[lattice] ** 2, _CORNERS * mixed)
+    missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, _CORNERS * cut * edged))
 
     def look(chosen: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], Lit]]:
         batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
@@ -149,7 +169,7 @@ def sampled_fraction(
     pieces = np.concatenate([lit.pieces for _, lit in found])
     order = np.argsort(owner, kind="stable")
     sent += sum(lit.rays for _, lit in found)
-    return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), seen, sent)
+    return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), sent)
 
 
 def _see(
@@ -160,19 +180,21 @@ def _see(
     of: NDArray[np.intp],
     places: FloatArray,
 ) -> NDArray[np.bool_]:
-    return rays.sees(viewpoint, corners, facet, of, _inset(places), np.arange(len(of)))
+    return rays.sees(viewpoint, corners, facet, of, places, np.arange(len(of)))
 
 
 def corners_seen(
     rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray
 ) -> tuple[NDArray[np.bool_], int]:
-    """(facet, 3) whether corners are seen, by one ray to each place, and the number of rays."""
-    one = np.full(int(places.max(initial=-1)) + 1, -1, np.intp)
-    one[places.ravel()] = np.arange(places.size)
+    """(facet, 3) whether corners are seen, by one ray to each place, and the number of rays; where facets that meet
+    there show the viewpoint different sides, by one for each."""
+    side = 2 * places + (_volume(corners - viewpoint) < 0)[:, None]
+    one = np.full(int(side.max(initial=-1)) + 1, -1, np.intp)
+    one[side.ravel()] = np.arange(side.size)
     there = np.flatnonzero(one >= 0)
     light = np.zeros(len(one), np.bool_)
-    light[there] = rays.sees(viewpoint, corners, facet, one[there] // 3, _inset(np.eye(3)), one[there] % 3)
-    return light[places], len(there)
+    light[there] = rays.sees(viewpoint, corners, facet, one[there] // 3, inset(np.eye(3), _RIM), one[there] % 3)
+    return light[side], len(there)
 
 
 def _allowed(errors: FloatArray, total: float) -> float:
@@ -187,17 +209,23 @@ def _allowed(errors: FloatArray, total: float) -> float:
     return max(float(np.sqrt((total**2 - below[k]) / rest[k])), 1e-300)
 
 
-def _inset(places: FloatArray) -> FloatArray:
-    return np.asarray(places + _INSET * (_AIM - places))
+def _volume(corners: FloatArray) -> FloatArray:
+    """(facet,) six times the volume between each and the viewpoint, with the sign of the side that it shows."""
+    a, b, c = (corners[:, i] for i in range(3))
+    return np.asarray(np.einsum("fi,fi->f", a, np.cross(b - a, c - a)))
+
+
+def _solid_angle(corners: FloatArray) -> FloatArray:
+    """(facet,) twice the solid angle that each takes, nearly."""
+    near = np.maximum(lengths(corners).min(axis=1), 1e-9)
+    return np.asarray(np.abs(_volume(corners)) / near**3)
 
 
 def _returns(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
     """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
     angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
     phase. An integral over a whole facet falls with the square of that, one over a straight edge with itself."""
-    a, b, c = (np.ascontiguousarray(corners[:, i]) for i in range(3))
-    near, middle, far = (lengths(each) for each in (a, b, c))
-    spread = np.maximum(np.maximum(near, middle), far) - np.minimum(np.minimum(near, middle), far)
-    angle = np.abs(np.einsum("fi,fi->f", a, np.cross(b - a, c - a))) / np.maximum(near, 1e-9) ** 3
-    turn = wavenumber * spread
-    return np.asarray(angle / (1.0 + turn**2)), np.asarray(angle / (1.0 + turn))
+    distance = lengths(corners)
+    turn = wavenumber * (distance.max(axis=1) - distance.min(axis=1))
+    angle = _solid_angle(corners)
+    return angle / (1.0 + turn**2), angle / (1.0 + turn)

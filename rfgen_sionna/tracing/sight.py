@@ -13,6 +13,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.outlines import Outline, Passing, Places
 from rfgen_sionna.tracing.sampling import sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -40,10 +41,11 @@ class Sight:
     """Looks at moving surfaces from one place, as far as the range window."""
 
     def __init__(
-        self, surfaces: Surfaces, viewpoint: FloatArray, max_range: float, frequency: float, rtol: float
+        self, surfaces: Surfaces, band: BandTracer, viewpoint: FloatArray, max_range: float, rtol: float
     ) -> None:
         self._surfaces, self._viewpoint, self._max_range, self._rtol = surfaces, viewpoint, max_range, rtol
-        self._wavenumber = 2 * np.pi * frequency / SPEED_OF_LIGHT
+        self._wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
+        self._importance = band.importance
         self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
         self._latest: tuple[Sequence[FloatArray], Passing] | None = None
 
@@ -55,12 +57,22 @@ class Sight:
         fraction = np.zeros(len(facets))
         corners, number = facets.corners[facing], facets.number[facing]
         passing = self.passing(rays, vertices)
-        passed = Places(corners - self._viewpoint, number).holding(passing)
+        outline = Places(corners - self._viewpoint, number).holding(passing)
+        surface, count = facets.surface[facing], len(self._surfaces.moving)
+        weight = self._importance(facets.directions(self._viewpoint)[facing])
         found = sampled_fraction(
-            rays, self._viewpoint, corners, number, places[facing], self._wavenumber, self._rtol, passed
+            rays,
+            self._viewpoint,
+            corners,
+            number,
+            places[facing],
+            self._wavenumber,
+            self._rtol,
+            outline,
+            weight,
+            surface,
         )
         fraction[facing] = found.fraction
-        surface, count = facets.surface[facing], len(self._surfaces.moving)
         error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))
         missed = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
         sent = found.rays + len(passing.hit)
@@ -70,15 +82,13 @@ class Sight:
         """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there and in `rays`, and
         of what stands before it."""
         if self._latest is None or self._latest[0] is not vertices:
-            directions = self._past(vertices)
-            self._latest = vertices, Passing(directions, rays.first_facet(self._viewpoint, directions))
+            self._latest = vertices, self._past(rays, vertices)
         return self._latest[1]
 
-    def _past(self, vertices: Sequence[FloatArray]) -> FloatArray:
-        """(ray, 3) their directions."""
+    def _past(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
         offsets = [points - self._viewpoint for points in vertices]
         passing = [outline.passing(each) for outline, each in zip(self._outlines, offsets, strict=True)]
-        static, distance = self._static
+        static, span, distance = self._static
         before = np.zeros(len(static), np.bool_)
         for each in offsets:
             far = np.maximum(lengths(each), 1e-12)
@@ -86,17 +96,23 @@ class Sight:
             axis /= max(float(np.linalg.norm(axis)), 1e-12)
             opening = float((each @ axis / far).min())
             before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
-        return np.concatenate([static[before], *passing])
+        found = [(static[before], span[before]), *passing]
+        directions, spans = (np.concatenate(each) for each in zip(*found, strict=True))
+        hit = rays.first_facet(self._viewpoint, directions)
+        return Passing(directions, hit, spans, int(np.count_nonzero(before)))
 
     @cached_property
-    def _static(self) -> tuple[FloatArray, FloatArray]:
-        """Rays that pass the outlines of what stays: directions (ray, 3) as long as its distance (ray,) [m]."""
-        rays = static_outlines(self._surfaces, self._viewpoint)
-        return rays, lengths(rays)
+    def _static(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rays that pass the outlines of what stays: directions (ray, 3) as long as the way there (ray,) [m], and what
+        each stands for."""
+        rays, span = static_outlines(self._surfaces, self._viewpoint)
+        return rays, span, lengths(rays)
 
 
-def static_outlines(surfaces: Surfaces, viewpoint: FloatArray) -> FloatArray:
-    """(ray, 3) directions that just pass the outlines of what stays, as long as the way there [m]."""
+def static_outlines(surfaces: Surfaces, viewpoint: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
+    outline (ray,) [rad] that each stands for."""
     placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
     found = [Outline(surface.faces).passing(points - viewpoint) for surface, points in placed]
-    return np.concatenate([np.zeros((0, 3)), *found])
+    rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
+    return rays, span

@@ -123,7 +123,9 @@ class StaticTrace:
             self.places[index],
             returns.wavenumber,
             returns.rtol,
-            self._shown.holding(passing)[index],
+            self._shown.holding(passing.of_actors)[index],
+            returns.band.importance(facets.directions(self.viewpoint)),
+            None,
             self.lit[index],
             returns.level,
         )
@@ -223,8 +225,8 @@ def trace_static(
     fineness, rays_sent, before = np.ones(len(materials)), 0, np.inf
     passing = None
     if rays is not None:
-        past = static_outlines(surfaces, viewpoint)
-        passing, rays_sent = Passing(past, rays.first_facet(viewpoint, past)), len(past)
+        past, span = static_outlines(surfaces, viewpoint)
+        passing, rays_sent = Passing(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
         seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, fineness, max_range, passing)
         facets, rays_sent = seen.facets, rays_sent + seen.rays
@@ -263,7 +265,7 @@ def trace_static(
         facets,
         seen.fraction,
         seen.lit,
-        touching(facets.corners),
+        touching(facets.corners, facets.surface),
         viewpoint,
         rays_sent,
         float(np.hypot(found.total, SAFETY * seen.missed)),
@@ -329,15 +331,16 @@ def _seen_facets(
     if rays is None:
         nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
         return _Seen(facets, nothing, none, facets, nothing, 0.0, 0.0, 0)
-    places, wavenumber = touching(facets.corners), _wavenumber(band)
-    passed = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
-    found = sampled_fraction(rays, viewpoint, facets.corners, facets.number, places, wavenumber, rtol, passed)
+    places, wavenumber = touching(facets.corners, facets.surface), _wavenumber(band)
+    outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
+    weight = band.importance(facets.directions(viewpoint))
+    found = sampled_fraction(rays, viewpoint, facets.corners, facets.number, places, wavenumber, rtol, outline, weight)
     cut = np.zeros(len(facets), np.bool_)
     cut[found.owner] = True
     whole = np.flatnonzero((found.fraction > 0) & ~cut)
     seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
     # Corners of pieces lie on shadows' edges: whether they are seen is looked up, as it will be with actors.
-    lit, sent = corners_seen(rays, viewpoint, seen.corners, seen.number, touching(seen.corners))
+    lit, sent = corners_seen(rays, viewpoint, seen.corners, seen.number, touching(seen.corners, seen.surface))
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     hidden = np.flatnonzero(found.fraction < 1)
     return _Seen(

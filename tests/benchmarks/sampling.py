@@ -34,9 +34,9 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     places = sampling.touching(corners)[facing]
     corners, number = corners[facing], facing + surface.first_facet
     fields = _fields(made, facing, vertices, viewpoint)
-    past = Outline(surface.faces).passing(vertices[0] - viewpoint)
-    passing = Passing(past, rays.first_facet(viewpoint, past))
-    passed = Places(corners - viewpoint, number).holding(passing)
+    past, span = Outline(surface.faces).passing(vertices[0] - viewpoint)
+    passing = Passing(past, rays.first_facet(viewpoint, past), span)
+    outline = Places(corners - viewpoint, number).holding(passing)
     wavenumber = 2 * np.pi * subject.frequency / SPEED_OF_LIGHT
     truth = (fields * uniform_share(rays, viewpoint, corners, number, 16 if quick else 32)[0]).sum()
 
@@ -53,7 +53,7 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     for rtol in sorted({1e-1, 1e-2, 1e-3, default_rtol()}, reverse=True):
 
         def adaptive(rtol: float = rtol) -> tuple[Any, int]:
-            found = sampling.sampled_fraction(rays, viewpoint, corners, number, places, wavenumber, rtol, passed)
+            found = sampling.sampled_fraction(rays, viewpoint, corners, number, places, wavenumber, rtol, outline)
             return found.fraction, found.rays + len(past)
 
         found.append(measured("adaptive", adaptive, rtol=rtol))

@@ -82,19 +82,16 @@ def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 
     return through.mean(axis=1), through.size
 
 
-def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any, places: Any, wavenumber: float, *_: Any) -> Any:
+def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any, _places: Any, wavenumber: float, *_: Any) -> Any:
     """A lattice of four cells along the edge on every facet."""
     count = len(corners)
     lit = shadow_lines.lit_parts(
-        lambda of, place: rays.sees(viewpoint, corners, facet, of, sampling._inset(place), np.arange(len(of))),
+        lambda of, place: rays.sees(viewpoint, corners, facet, of, place, np.arange(len(of))),
         np.full(count, 2),
     )
     order = np.argsort(lit.owner, kind="stable")
     returned = sampling._returns(corners - viewpoint, wavenumber)[0] * (lit.fraction > 0)
-    seen, sent = sampling.corners_seen(rays, viewpoint, corners, facet, places)
-    return sampling.Sampled(
-        lit.fraction, lit.owner[order], lit.pieces[order], np.zeros(count), returned, seen, lit.rays + sent
-    )
+    return sampling.Sampled(lit.fraction, lit.owner[order], lit.pieces[order], np.zeros(count), returned, lit.rays)
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:

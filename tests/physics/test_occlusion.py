@@ -179,6 +179,35 @@ def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, r
     assert abs(found - truth) < max(0.5 * rtol, 2e-3)
 
 
+BOX = """<scene version="2.1.0">
+    <bsdf type="itu-radio-material" id="mat-metal-sheet">
+        <string name="type" value="metal"/><float name="thickness" value="0.1"/>
+    </bsdf>
+    <shape type="ply" id="box">
+        <string name="filename" value="box.ply"/><boolean name="face_normals" value="true"/>
+        <ref id="mat-metal-sheet" name="bsdf"/>
+    </shape>
+</scene>"""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_box_that_stays_returns_what_one_that_moves_does(tmp_path, seed):
+    """Of what stays no face is left out for looking away: rays alone must find that it is hidden, up to its rim."""
+    rng = np.random.default_rng(seed)
+    radar = Radar.load("awr1843", position=(0, 0, 0), look_at=(3, 0, 0), overrides={"pattern": {"kind": "sionna:iso"}})
+    mesh = trimesh.creation.box(rng.uniform(0.02, 0.06, 3))
+    mesh.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces[rng.permutation(12)], process=False)
+    place = (3, rng.uniform(-0.5, 0.5), 0)
+    moved = mesh.copy().apply_translation(place)
+    (tmp_path / "box.ply").write_bytes(trimesh.exchange.ply.export_ply(moved))
+    file = tmp_path / "box.xml"
+    file.write_text(BOX)
+    moving = channel(Simulator(None, radar, [Actor.from_mesh(mesh, material="pec", position=place)]).paths())
+    # metal is not quite a perfect conductor: 0.1 %
+    assert abs(channel(Simulator(str(file), radar).paths()) - moving) < 3.5e-3 * abs(moving)
+
+
 def test_wall_is_an_image_of_the_radar(radar, tmp_path):
     """A metal wall 0.8 m square at 4 m: the mirror's level lambda / (4 pi 2 d) within the ripple of its rim.
 

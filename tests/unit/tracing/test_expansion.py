@@ -113,6 +113,8 @@ def test_all_pieces_of_a_facet_return_what_it_does(shape):
     count = len(parts)
     owner = np.repeat(np.arange(len(facets)), count)
     pieces = facets.cut(owner, np.tile(parts, (len(facets), 1, 1)))
+    identity = np.stack([pieces.number, pieces.place], axis=1)
+    assert len(np.unique(identity, axis=0)) == len(pieces)  # rough ones have phases of their own
     each = run._band.values(pieces, run._materials, run._expansion, facets.centroids[owner])
     whole = run._band.values(facets, run._materials, run._expansion)
     summed = each.reshape(len(whole), len(facets), count).sum(axis=2)

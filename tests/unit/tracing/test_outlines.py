@@ -15,10 +15,11 @@ WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
 def test_rays_pass_a_ball_all_around_just_outside():
     """Of an icosphere: the points are off the line to the middle by the radius, less the sag of its faces."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2).apply_translation((2, 0.3, -0.2))
-    points = Outline(np.asarray(ball.faces)).passing(np.asarray(ball.vertices))
+    points, span = Outline(np.asarray(ball.faces)).passing(np.asarray(ball.vertices))
     towards = np.array([2, 0.3, -0.2]) / np.linalg.norm([2, 0.3, -0.2])
     direction = points / np.linalg.norm(points, axis=1)[:, None]
     angle = np.arccos(direction @ towards)
+    assert span.sum() == pytest.approx(2 * np.pi * np.sin(angle).mean(), rel=0.02)
     expected = np.arcsin(0.2 / np.linalg.norm([2, 0.3, -0.2]))
     assert angle == pytest.approx(expected, rel=0.02)
     scene = RayScene([], [(ball.vertices, ball.faces)], origin=np.zeros(3))
@@ -30,8 +31,9 @@ def test_rays_pass_a_ball_all_around_just_outside():
 
 def test_an_open_sheet_has_its_rim_for_an_outline():
     plate = trimesh.Trimesh([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]], [[0, 1, 2], [0, 2, 3]])
-    points = Outline(np.asarray(plate.faces)).passing(np.asarray(plate.vertices))
-    assert len(points) > 4 * 150  # five milliradians apart
+    points, span = Outline(np.asarray(plate.faces)).passing(np.asarray(plate.vertices))
+    assert len(points) == pytest.approx(span.sum() / 5e-3, abs=4)  # five milliradians apart
+    assert span.sum() == pytest.approx(2 * np.pi / 4 + 2 * np.arctan2(1, np.sqrt(2)), rel=0.01)
     outside = (points[:, 1:] < 0) | (points[:, 1:] > 1)
     assert outside.any(axis=1).all()
 
@@ -47,9 +49,9 @@ def test_the_piece_that_a_ray_falls_on_is_told_from_its_neighbours(halvings):
     places = Places(corners, np.full(len(corners), 7))
     middles = corners.mean(axis=1)
     for k, middle in enumerate(middles[::17] if halvings > 1 else middles):
-        held = places.holding(Passing(middle[None], np.array([7])))
+        held = places.holding(Passing(middle[None], np.array([7]), np.ones(1)))
         assert np.flatnonzero(held).tolist() == [17 * k if halvings > 1 else k]
-    assert not places.holding(Passing(middles[:4], np.array([-1, 3, 8, 6]))).any()
+    assert not places.holding(Passing(middles[:4], np.array([-1, 3, 8, 6]), np.ones(4))).any()
 
 
 @pytest.mark.parametrize("gap", [0.03, 0.06])
@@ -64,8 +66,9 @@ def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
     corners = plate.vertices[plate.faces]
     front = np.flatnonzero((corners[:, :, 0] < 3).all(axis=1))
     corners, places = corners[front], touching(corners[front])
-    past = np.concatenate([Outline(np.asarray(m.faces)).passing(np.asarray(m.vertices)) for m in slit])
-    passing = Passing(past, scene.first_facet(np.zeros(3), past))
+    found = [Outline(np.asarray(m.faces)).passing(np.asarray(m.vertices)) for m in slit]
+    past, span = (np.concatenate(each) for each in zip(*found, strict=True))
+    passing = Passing(past, scene.first_facet(np.zeros(3), past), span)
     view, area = np.zeros(3), 0.5 * np.linalg.norm(np.cross(*np.diff(corners, axis=1).swapaxes(0, 1)), axis=1)
 
     def lit(rays):
