@@ -2,7 +2,8 @@
 
 Guiding rays go to the corners of facets, one for all that share a corner, and just past the outlines of bodies. Facets
 whose corners fare differently, or that such a ray falls on, have a shadow's edge on them, which is found by more rays,
-the more may be missed: a facet that lies aslant, over many wavelengths, returns little, and a few will do.
+the more may be missed: a facet that lies aslant, over many wavelengths, returns little, and a few will do. Where the
+shadow of a grille is finer than the finest lattice its share is right, its pattern is not, and the estimate is too low.
 """
 
 from __future__ import annotations
