@@ -30,7 +30,7 @@ _PLAIN = frozenset(
     for word in group
 )
 """Words that say nothing about the action."""
-_SURE = 0.75
+_SURE = 0.82
 """Probability, of the action and what is left open with it, from which it is taken without a warning ..."""
 _SURE_CAPTURED = 0.85
 """... for captured actions, of which only a few wordings were learned ..."""
