@@ -85,6 +85,7 @@ def sampled_fraction(
     weight: FloatArray | None = None,
     group: NDArray[np.integer[Any]] | None = None,
     before: NDArray[np.bool_] | None = None,
+    now: NDArray[np.bool_] | None = None,
     level: float = 0.0,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
@@ -117,6 +118,8 @@ def sampled_fraction(
     before
         (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
         seen as a whole. None: there is no telling.
+    now
+        (facet, 3) which corners are seen, where :func:`corners_seen` has been asked; None: it is.
     level
         The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`.
     """
@@ -126,7 +129,7 @@ def sampled_fraction(
         return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
     offset = corners - viewpoint
     most, cut = (each if weight is None else weight * each for each in _returns(offset, wavenumber))
-    seen, sent = corners_seen(rays, viewpoint, corners, facet, places)
+    seen, sent = corners_seen(rays, viewpoint, corners, facet, places) if now is None else (now, 0)
     fraction = seen.mean(axis=1)
     mixed = seen.any(axis=1) & ~seen.all(axis=1)
     if before is not None:

@@ -57,12 +57,19 @@ class Returns:
     level: float
     """What all return without interfering, in units of :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
 
-    def of_pieces(self, facets: Facets, owner: NDArray[np.intp], pieces: FloatArray) -> ComplexArray:
-        """(order, tx, rx, facet) gains of the facets that are an `owner`, ascending, from the pieces that are seen."""
-        reference = facets.centroids[owner]
-        values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, reference)
-        _, first = np.unique(owner, return_index=True)
-        return self.band.combined(self.expansion, np.add.reduceat(values, first, axis=1)[..., None])[..., 0]
+    def of_pieces(self, facets: Facets, parts: Sequence[Dimmed]) -> list[ComplexArray]:
+        """(order, tx, rx, facet) gains of the facets that are an owner in each of `parts`, from the pieces that are
+        seen; all are integrated together."""
+        owner = np.concatenate([each.owner for each in parts])
+        pieces = np.concatenate([each.pieces for each in parts])
+        values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, facets.centroids[owner])
+        found, first = [], 0
+        for each in parts:
+            own = values[:, first : first + len(each.owner)]
+            starts = np.unique(each.owner, return_index=True)[1]
+            found.append(self.band.combined(self.expansion, np.add.reduceat(own, starts, axis=1)[..., None])[..., 0])
+            first += len(each.owner)
+        return found
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,10 @@ class StaticTrace:
         return spheres(self.facets, self.viewpoint)
 
     @cached_property
+    def _weight(self) -> FloatArray:
+        return self.returns.band.importance(self.facets.directions(self.viewpoint))
+
+    @cached_property
     def _shown(self) -> Places:
         return Places(self.facets.corners - self.viewpoint, self.facets.number)
 
@@ -114,23 +125,30 @@ class StaticTrace:
         that no actor touches keeps its share to the bit.
         """
         index = np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
-        facets, returns, left = self.facets.take(index), self.returns, np.ones(len(self.facets))
+        corners, number = self.facets.corners[index], self.facets.number[index]
+        now, sent = corners_seen(rays, self.viewpoint, corners, number, self.places[index])
+        outline = self._shown.holding(passing.of_actors)[index]
+        changed, passed = (now != self.lit[index]).any(axis=1), outline > 0
+        left = np.ones(len(self.facets))
+        left[index[changed & ~passed & ~now.any(axis=1)]] = 0.0
+        some = np.flatnonzero(passed | (changed & now.any(axis=1)))
+        chosen = index[some]
         found = sampled_fraction(
             rays,
             self.viewpoint,
-            facets.corners,
-            facets.number,
-            self.places[index],
-            returns.wavenumber,
-            returns.rtol,
-            self._shown.holding(passing.of_actors)[index],
-            returns.band.importance(facets.directions(self.viewpoint)),
-            None,
-            self.lit[index],
-            returns.level,
+            corners[some],
+            number[some],
+            self.places[chosen],
+            self.returns.wavenumber,
+            self.returns.rtol,
+            outline[some],
+            self._weight[chosen],
+            before=self.lit[chosen],
+            now=now[some],
+            level=self.returns.level,
         )
-        left[index] = found.fraction
-        return Dimmed(left, index[found.owner], found.pieces), found.rays
+        left[chosen] = found.fraction
+        return Dimmed(left, chosen[found.owner], found.pieces), sent + found.rays
 
     def shadow(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[RadarPaths, NDArray[np.intp]]:
         """What is missing of the static paths with what is left at each of the `knots` [s].
@@ -139,19 +157,18 @@ class StaticTrace:
         """
         left = np.stack([each.left for each in dimmed], axis=1)
         shadow, index = shaded_paths(self.paths, left, knots)
-        a = shadow.a.copy()
-        dispersion = None if shadow.dispersion is None else shadow.dispersion.copy()
-        for knot, each in enumerate(dimmed):
-            if not len(each.owner):
-                continue
-            owner = np.unique(each.owner)
-            gains, row = self.returns.of_pieces(self.facets, each.owner, each.pieces), np.searchsorted(index, owner)
+        a, dispersion = shadow.a, shadow.dispersion  # its own, to be written to
+        cut = [knot for knot, each in enumerate(dimmed) if len(each.owner)]
+        found = self.returns.of_pieces(self.facets, [dimmed[knot] for knot in cut]) if cut else []
+        for knot, gains in zip(cut, found, strict=True):
+            each, owner = dimmed[knot], np.unique(dimmed[knot].owner)
+            row = np.searchsorted(index, owner)
             if self.returns.rough is not None:
                 gains[0] += np.sqrt(each.left[owner]) * self.returns.rough[owner]  # of energy, half returns half
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:
                 dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
-        return replace(shadow, a=a, dispersion=dispersion), index
+        return shadow, index
 
 
 def shaded_paths(paths: RadarPaths, left: FloatArray, knots: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
@@ -210,8 +227,24 @@ def behind(
         index = np.flatnonzero(distance + radius > (offset @ axis).min())
         off_axis = np.arccos(np.clip(direction[index] @ axis, -1.0, 1.0))
         margin = np.arctan2(radius[index], distance[index]) + 1e-3
-        found[index[off_axis <= opening + margin]] = True
+        within = off_axis <= opening + margin
+        index, off_axis, margin = index[within], off_axis[within], margin[within]
+        # People are higher than wide: of the cone's cross section the rectangle around the actor.
+        wide = np.tan(np.minimum(off_axis + margin, 1.5)) - np.tan(np.minimum(off_axis, 1.5))
+        beside = np.zeros(len(index), dtype=np.bool_)
+        for side in across(axis):
+            span = (unit @ side) / (unit @ axis)
+            place = (direction[index] @ side) / np.maximum(direction[index] @ axis, 1e-3)
+            beside |= (place < span.min() - wide) | (place > span.max() + wide)
+        found[index[~beside | (off_axis + margin > 1.4)]] = True
     return found
+
+
+def across(axis: FloatArray) -> FloatArray:
+    """(2, 3) unit vectors across a unit vector, the first of them horizontal unless that is upright."""
+    level = np.array([-axis[1], axis[0], 0.0])
+    level = level / np.linalg.norm(level) if np.linalg.norm(level) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    return np.stack([level, np.cross(axis, level)])
 
 
 def trace_static(
