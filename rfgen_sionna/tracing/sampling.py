@@ -119,7 +119,7 @@ def sampled_fraction(
         (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
         seen as a whole. None: there is no telling.
     now
-        (facet, 3) which corners are seen, where :func:`corners_seen` has been asked; None: it is.
+        (facet, 3) which corners are seen, where :class:`Corners` has been asked; None: it is.
     level
         The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`.
     """
@@ -129,7 +129,7 @@ def sampled_fraction(
         return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
     offset = corners - viewpoint
     most, cut = (each if weight is None else weight * each for each in _returns(offset, wavenumber))
-    seen, sent = corners_seen(rays, viewpoint, corners, facet, places) if now is None else (now, 0)
+    seen, sent = Corners(viewpoint, corners, facet, places).seen(rays) if now is None else (now, 0)
     fraction = seen.mean(axis=1)
     mixed = seen.any(axis=1) & ~seen.all(axis=1)
     if before is not None:
@@ -187,18 +187,28 @@ def _see(
     return rays.sees(viewpoint, corners, facet, of, places, np.arange(len(of)))
 
 
-def corners_seen(
-    rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray
-) -> tuple[NDArray[np.bool_], int]:
-    """(facet, 3) whether corners are seen, by one ray to each place, and the number of rays; where facets that meet
-    there show the viewpoint different sides, by one for each."""
-    side = 2 * places + (_volume(corners - viewpoint) < 0)[:, None]
-    one = np.full(int(side.max(initial=-1)) + 1, -1, np.intp)
-    one[side.ravel()] = np.arange(side.size)
-    there = np.flatnonzero(one >= 0)
-    light = np.zeros(len(one), np.bool_)
-    light[there] = rays.sees(viewpoint, corners, facet, one[there] // 3, inset(np.eye(3), _RIM), one[there] % 3)
-    return light[side], len(there)
+class Corners:
+    """Guiding rays: one to each place where corners of facets meet, and where these show the viewpoint different sides,
+    one for each. The arguments are those of :func:`sampled_fraction`."""
+
+    def __init__(self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray) -> None:
+        self._viewpoint, self._corners, self._facet = viewpoint, corners, facet
+        self._side = 2 * places + (_volume(corners - viewpoint) < 0)[:, None]
+        # The corner that stands for all that meet in a place; the last one of them.
+        self._one = np.full(int(self._side.max(initial=-1)) + 1, -1, np.intp)
+        self._one[self._side.ravel()] = np.arange(self._side.size)
+
+    def seen(self, rays: RayScene, some: NDArray[np.intp] | None = None) -> tuple[NDArray[np.bool_], int]:
+        """(facet, 3) whether corners are seen, those of `some` facets, and the number of rays."""
+        side = self._side if some is None else self._side[some]
+        light = np.zeros(len(self._one), np.bool_)
+        light[side.ravel()] = True
+        there = np.flatnonzero(light)
+        owner, corner = np.divmod(self._one[there], 3)
+        places = inset(np.eye(3), _RIM)
+        every = np.arange(len(there))
+        light[there] = rays.sees(self._viewpoint, self._corners[owner], self._facet[owner], every, places, corner)
+        return light[side], len(there)
 
 
 def _allowed(errors: FloatArray, total: float) -> float:

@@ -19,7 +19,7 @@ from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.outlines import Passing, Places
-from rfgen_sionna.tracing.sampling import corners_seen, sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 from rfgen_sionna.tracing.sight import static_outlines
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import tessellate
@@ -84,6 +84,7 @@ class StaticTrace:
     """(facet,) visible share without actors, above 0."""
     lit: NDArray[np.bool_]
     """(facet, 3) which corners are seen without actors."""
+    corners: Corners
     places: IntArray
     """(facet, 3) of :func:`rfgen_sionna.tracing.sampling.touching`."""
     viewpoint: FloatArray
@@ -125,8 +126,7 @@ class StaticTrace:
         that no actor touches keeps its share to the bit.
         """
         index = np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
-        corners, number = self.facets.corners[index], self.facets.number[index]
-        now, sent = corners_seen(rays, self.viewpoint, corners, number, self.places[index])
+        now, sent = self.corners.seen(rays, index)
         outline = self._shown.holding(passing.of_actors)[index]
         changed, passed = (now != self.lit[index]).any(axis=1), outline > 0
         left = np.ones(len(self.facets))
@@ -136,8 +136,8 @@ class StaticTrace:
         found = sampled_fraction(
             rays,
             self.viewpoint,
-            corners[some],
-            number[some],
+            self.facets.corners[chosen],
+            self.facets.number[chosen],
             self.places[chosen],
             self.returns.wavenumber,
             self.returns.rtol,
@@ -298,7 +298,8 @@ def trace_static(
         facets,
         seen.fraction,
         seen.lit,
-        touching(facets.corners, facets.surface),
+        seen.corners,
+        seen.places,
         viewpoint,
         rays_sent,
         float(np.hypot(found.total, SAFETY * seen.missed)),
@@ -320,6 +321,9 @@ class _Seen(NamedTuple):
     """(facet,)"""
     lit: NDArray[np.bool_]
     """(facet, 3) corners that are seen."""
+    corners: Corners
+    places: IntArray
+    """(facet, 3)"""
     hidden: Facets
     hidden_fraction: FloatArray
     """(hidden,)"""
@@ -363,7 +367,9 @@ def _seen_facets(
     facets = facets.take(np.flatnonzero(facets.facing & near))
     if rays is None:
         nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
-        return _Seen(facets, nothing, none, facets, nothing, 0.0, 0.0, 0)
+        places = touching(facets.corners)
+        guides = Corners(viewpoint, facets.corners, facets.number, places)
+        return _Seen(facets, nothing, none, guides, places, facets, nothing, 0.0, 0.0, 0)
     places, wavenumber = touching(facets.corners, facets.surface), _wavenumber(band)
     outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
     weight = band.importance(facets.directions(viewpoint))
@@ -373,13 +379,17 @@ def _seen_facets(
     whole = np.flatnonzero((found.fraction > 0) & ~cut)
     seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
     # Corners of pieces lie on shadows' edges: whether they are seen is looked up, as it will be with actors.
-    lit, sent = corners_seen(rays, viewpoint, seen.corners, seen.number, touching(seen.corners, seen.surface))
+    places = touching(seen.corners, seen.surface)
+    guides = Corners(viewpoint, seen.corners, seen.number, places)
+    lit, sent = guides.seen(rays)
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     hidden = np.flatnonzero(found.fraction < 1)
     return _Seen(
         seen,
         np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
         lit,
+        guides,
+        places,
         facets.take(hidden),
         found.fraction[hidden],
         level,
