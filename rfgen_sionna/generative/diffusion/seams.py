@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from rfgen_sionna.generative.diffusion.features import PARTS, PLACES, TURN
+from rfgen_sionna.generative.diffusion.features import LOCAL, PARTS, PLACES, TURN, from_six
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.records import FloatArray
 
 EASE = 0.6
 """Time in which a pose goes over from what the given one leads to, to what the model has made [s]."""
 _PLACE, _PELVIS = (tuple(PARTS).index(part) for part in ("place", "pelvis"))
+_ROTATIONS = (TURN.start, *range(LOCAL.start, LOCAL.stop, 6))
+"""First columns of rotations, six each."""
 _VECTORS = (TURN, PLACES)
 """Columns that hold vectors (x, y, z), one after the other."""
 
@@ -35,7 +38,11 @@ def eased(rows: FloatArray, given: NDArray[np.bool_]) -> FloatArray:
         for start, stop in _free(given[:, part]):
             own = out[:, list(columns)]
             shift = _shift(own[start:stop], own[:start], own[stop:], whole=name == "place")
+            joints = [k for k in _ROTATIONS if k in columns]
+            turned = [_carried(out[:, k : k + 6], start, stop) for k in joints]
             out[start:stop, list(columns)] += shift
+            for k, rotations in zip(joints, turned, strict=True):
+                out[start:stop, k : k + 6] = rotations
     return out
 
 
@@ -84,6 +91,24 @@ def _shift(
         ramp = np.clip(away / reach, 0.0, 1.0)
         total += (0.5 + 0.5 * np.cos(np.pi * ramp))[:, None] * gap
     return total
+
+
+def _carried(six: FloatArray, start: int, stop: int) -> FloatArray:
+    """(frame, 6) free rotations from `start` to `stop` of one joint, turned into what the given ones beside them lead
+    to: about one axis at an even pace, where columns that are added to would flip over half way."""
+    own = Rotation.from_matrix(from_six(six))
+    free = out = own[start:stop]
+    count = stop - start
+    for beside, end, away in (
+        (own[:start][::-1], 0, np.arange(count)),
+        (own[stop:], count - 1, np.arange(count)[::-1]),
+    ):
+        if not len(beside):
+            continue
+        onward = beside[0] * beside[1].inv() * beside[0] if len(beside) > 1 else beside[0]
+        ramp = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (EASE * FRAME_RATE), 0.0, 1.0))
+        out = Rotation.from_rotvec(ramp[:, None] * (onward * free[end].inv()).as_rotvec()) * out
+    return np.asarray(out.as_matrix()[:, :, :2].transpose(0, 2, 1).reshape(count, 6))
 
 
 def _onward(given: FloatArray) -> FloatArray:
