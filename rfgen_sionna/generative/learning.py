@@ -6,9 +6,9 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import asdict, fields
+from dataclasses import Field, asdict, fields
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -19,6 +19,8 @@ Progress = Callable[[int, int, float], None]
 
 class Recipe(Protocol):
     """What decides the outcome of a run: a dataclass with more fields than these."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
     def steps(self) -> int: ...
@@ -122,7 +124,7 @@ class Run(Generic[Net]):
             "optimiser": self._optimiser.state_dict(),
             "step": done,
             "seconds": spent,
-            "recipe": asdict(self.recipe),  # type: ignore[call-overload]
+            "recipe": asdict(self.recipe),
         }
         write(self._checkpoint, state)
 

@@ -51,7 +51,7 @@ class Sampled(NamedTuple):
     returned: FloatArray
     """(facet,) what each may return, up to a factor that all share."""
     rays: int
-    """Rays sent."""
+    """Rays sent, apart from guiding ones."""
 
 
 def touching(corners: FloatArray, surface: NDArray[np.integer[Any]] | None = None) -> IntArray:
@@ -78,14 +78,13 @@ def sampled_fraction(
     viewpoint: FloatArray,
     corners: FloatArray,
     facet: IntArray,
-    places: IntArray,
+    seen: NDArray[np.bool_],
     wavenumber: float,
     rtol: float,
     outline: FloatArray | None = None,
     weight: FloatArray | None = None,
     group: NDArray[np.integer[Any]] | None = None,
     before: NDArray[np.bool_] | None = None,
-    now: NDArray[np.bool_] | None = None,
     level: float = 0.0,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
@@ -102,8 +101,8 @@ def sampled_fraction(
         (facet, 3, 3) [m].
     facet
         (facet,) number of the ray scene's face that each facet is a piece of; it does not hide itself.
-    places
-        (facet, 3) of :func:`touching`.
+    seen
+        (facet, 3) which corners are seen, by :class:`Corners`.
     wavenumber
         At the highest frequency [rad/m].
     rtol
@@ -118,8 +117,6 @@ def sampled_fraction(
     before
         (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
         seen as a whole. None: there is no telling.
-    now
-        (facet, 3) which corners are seen, where :class:`Corners` has been asked; None: it is.
     level
         The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`.
     """
@@ -129,7 +126,6 @@ def sampled_fraction(
         return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
     offset = corners - viewpoint
     most, cut = (each if weight is None else weight * each for each in _returns(offset, wavenumber))
-    seen, sent = Corners(viewpoint, corners, facet, places).seen(rays) if now is None else (now, 0)
     fraction = seen.mean(axis=1)
     mixed = seen.any(axis=1) & ~seen.all(axis=1)
     if before is not None:
@@ -172,7 +168,7 @@ def sampled_fraction(
     owner = np.concatenate([index[lit.owner] for index, lit in found])
     pieces = np.concatenate([lit.pieces for _, lit in found])
     order = np.argsort(owner, kind="stable")
-    sent += sum(lit.rays for _, lit in found)
+    sent = sum(lit.rays for _, lit in found)
     return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), sent)
 
 
@@ -189,7 +185,11 @@ def _see(
 
 class Corners:
     """Guiding rays: one to each place where corners of facets meet, and where these show the viewpoint different sides,
-    one for each. The arguments are those of :func:`sampled_fraction`."""
+    one for each.
+
+    `corners` (facet, 3, 3) [m] and `facet` (facet,) are those of :func:`sampled_fraction`, `places` (facet, 3) those of
+    :func:`touching`.
+    """
 
     def __init__(self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray) -> None:
         self._viewpoint, self._corners, self._facet = viewpoint, corners, facet

@@ -15,7 +15,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.outlines import Outline, Passing, Places
-from rfgen_sionna.tracing.sampling import sampled_fraction
+from rfgen_sionna.tracing.sampling import Corners, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 
@@ -60,12 +60,13 @@ class Sight:
         outline = Places(corners - self._viewpoint, number).holding(passing)
         surface, count = facets.surface[facing], len(self._surfaces.moving)
         weight = self._importance(facets.directions(self._viewpoint)[facing])
+        guided, guides = Corners(self._viewpoint, corners, number, places[facing]).seen(rays)
         found = sampled_fraction(
             rays,
             self._viewpoint,
             corners,
             number,
-            places[facing],
+            guided,
             self._wavenumber,
             self._rtol,
             outline,
@@ -75,7 +76,7 @@ class Sight:
         fraction[facing] = found.fraction
         error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))
         missed = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
-        sent = found.rays + len(passing.hit)
+        sent = guides + found.rays + len(passing.hit)
         return Seen(facets, fraction, facing[found.owner], found.pieces, missed, len(facing), sent)
 
     def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:

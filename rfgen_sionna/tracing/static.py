@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
@@ -85,8 +85,6 @@ class StaticTrace:
     lit: NDArray[np.bool_]
     """(facet, 3) which corners are seen without actors."""
     corners: Corners
-    places: IntArray
-    """(facet, 3) of :func:`rfgen_sionna.tracing.sampling.touching`."""
     viewpoint: FloatArray
     rays: int
     """Rays sent."""
@@ -138,13 +136,12 @@ class StaticTrace:
             self.viewpoint,
             self.facets.corners[chosen],
             self.facets.number[chosen],
-            self.places[chosen],
+            now[some],
             self.returns.wavenumber,
             self.returns.rtol,
             outline[some],
             self._weight[chosen],
             before=self.lit[chosen],
-            now=now[some],
             level=self.returns.level,
         )
         left[chosen] = found.fraction
@@ -299,7 +296,6 @@ def trace_static(
         seen.fraction,
         seen.lit,
         seen.corners,
-        seen.places,
         viewpoint,
         rays_sent,
         float(np.hypot(found.total, SAFETY * seen.missed)),
@@ -322,8 +318,6 @@ class _Seen(NamedTuple):
     lit: NDArray[np.bool_]
     """(facet, 3) corners that are seen."""
     corners: Corners
-    places: IntArray
-    """(facet, 3)"""
     hidden: Facets
     hidden_fraction: FloatArray
     """(hidden,)"""
@@ -367,21 +361,22 @@ def _seen_facets(
     facets = facets.take(np.flatnonzero(facets.facing & near))
     if rays is None:
         nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
-        places = touching(facets.corners)
-        guides = Corners(viewpoint, facets.corners, facets.number, places)
-        return _Seen(facets, nothing, none, guides, places, facets, nothing, 0.0, 0.0, 0)
-    places, wavenumber = touching(facets.corners, facets.surface), _wavenumber(band)
+        guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners))
+        return _Seen(facets, nothing, none, guides, facets, nothing, 0.0, 0.0, 0)
+    guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners, facets.surface))
+    guided, first = guides.seen(rays)
     outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
     weight = band.importance(facets.directions(viewpoint))
-    found = sampled_fraction(rays, viewpoint, facets.corners, facets.number, places, wavenumber, rtol, outline, weight)
+    found = sampled_fraction(
+        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight
+    )
     cut = np.zeros(len(facets), np.bool_)
     cut[found.owner] = True
     whole = np.flatnonzero((found.fraction > 0) & ~cut)
     seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
     # Corners of pieces lie on shadows' edges: whether they are seen is looked up, as it will be with actors.
-    places = touching(seen.corners, seen.surface)
-    guides = Corners(viewpoint, seen.corners, seen.number, places)
-    lit, sent = guides.seen(rays)
+    guides = Corners(viewpoint, seen.corners, seen.number, touching(seen.corners, seen.surface))
+    lit, second = guides.seen(rays)
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     hidden = np.flatnonzero(found.fraction < 1)
     return _Seen(
@@ -389,10 +384,9 @@ def _seen_facets(
         np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
         lit,
         guides,
-        places,
         facets.take(hidden),
         found.fraction[hidden],
         level,
         missed / level if level > 0 else 0.0,
-        found.rays + sent,
+        first + found.rays + second,
     )

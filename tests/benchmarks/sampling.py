@@ -53,8 +53,9 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     for rtol in sorted({1e-1, 1e-2, 1e-3, default_rtol()}, reverse=True):
 
         def adaptive(rtol: float = rtol) -> tuple[Any, int]:
-            found = sampling.sampled_fraction(rays, viewpoint, corners, number, places, wavenumber, rtol, outline)
-            return found.fraction, found.rays + len(past)
+            seen, guides = sampling.Corners(viewpoint, corners, number, places).seen(rays)
+            found = sampling.sampled_fraction(rays, viewpoint, corners, number, seen, wavenumber, rtol, outline)
+            return found.fraction, guides + found.rays + len(past)
 
         found.append(measured("adaptive", adaptive, rtol=rtol))
     return {"facets": len(corners), "rows": found, "compared": compare_rays(found, "adaptive", "uniform")}

@@ -82,7 +82,7 @@ def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 
     return through.mean(axis=1), through.size
 
 
-def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any, _places: Any, wavenumber: float, *_: Any) -> Any:
+def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any, _seen: Any, wavenumber: float, *_: Any) -> Any:
     """A lattice of four cells along the edge on every facet."""
     count = len(corners)
     lit = shadow_lines.lit_parts(

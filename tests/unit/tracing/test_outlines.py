@@ -7,7 +7,7 @@ import trimesh
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.outlines import CLEARANCE, Outline, Passing, Places
-from rfgen_sionna.tracing.sampling import sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 
 WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
 
@@ -65,7 +65,8 @@ def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
     scene = RayScene([], [(m.vertices, m.faces) for m in (plate, *slit)], origin=np.zeros(3))
     corners = plate.vertices[plate.faces]
     front = np.flatnonzero((corners[:, :, 0] < 3).all(axis=1))
-    corners, places = corners[front], touching(corners[front])
+    corners = corners[front]
+    guides = Corners(np.zeros(3), corners, front, touching(corners))
     found = [Outline(np.asarray(m.faces)).passing(np.asarray(m.vertices)) for m in slit]
     past, span = (np.concatenate(each) for each in zip(*found, strict=True))
     passing = Passing(past, scene.first_facet(np.zeros(3), past), span)
@@ -73,7 +74,7 @@ def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
 
     def lit(rays):
         passed = None if rays is None else Places(corners, front).holding(rays)
-        found = sampled_fraction(scene, view, corners, front, places, WAVENUMBER, 1e-3, passed)
+        found = sampled_fraction(scene, view, corners, front, guides.seen(scene)[0], WAVENUMBER, 1e-3, passed)
         return (found.fraction * area).sum() / area.sum()
 
     assert lit(None) == 0

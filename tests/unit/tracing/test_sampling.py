@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.sampling import sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 from rfgen_sionna.tracing.visibility import lattice
 
 VIEW = np.array([0.0, 0.0, 1.0])
@@ -20,6 +20,13 @@ def facets_of(*meshes):
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facing = np.flatnonzero(np.einsum("fi,fi->f", cross, VIEW - corners.mean(axis=1)) > 0)
     return scene, corners[facing], facing
+
+
+def sampled(scene, corners, number, rtol):
+    """What is found of facets, and all rays that it took."""
+    seen, guides = Corners(VIEW, corners, number, touching(corners)).seen(scene)
+    found = sampled_fraction(scene, VIEW, corners, number, seen, WAVENUMBER, rtol)
+    return found._replace(rays=found.rays + guides)
 
 
 def uniform(scene, corners, number, n):
@@ -51,11 +58,11 @@ def test_facets_touch_where_they_share_a_corner_and_nowhere_else():
 
 def test_nothing_in_the_way_takes_one_ray_a_corner():
     scene, corners, number = facets_of(trimesh.creation.box((0.01, 0.5, 0.5)).apply_translation((3, 0, 1)))
-    found = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    found = sampled(scene, corners, number, 1e-3)
     assert (found.fraction == 1).all()
     assert found.rays == len(np.unique(corners.reshape(-1, 3), axis=0))
     assert not len(found.owner)
-    assert sampled_fraction(scene, VIEW, corners[:0], number[:0], touching(corners[:0]), WAVENUMBER, 1e-3).rays == 0
+    assert sampled(scene, corners[:0], number[:0], 1e-3).rays == 0
 
 
 @pytest.mark.parametrize("y", np.linspace(-0.4, 0.4, 5))
@@ -66,7 +73,7 @@ def test_the_area_that_a_board_leaves_of_a_plate(y):
     scene, corners, number = facets_of(plate, board)
     of_plate = number < len(plate.faces)
     corners, number = corners[of_plate], number[of_plate]
-    found = sampled_fraction(scene, VIEW, corners, number, touching(corners), WAVENUMBER, 1e-3)
+    found = sampled(scene, corners, number, 1e-3)
     fraction = found.fraction
     # The pieces that are seen of a facet are its share.
     size = np.linalg.det(found.pieces)
@@ -89,8 +96,7 @@ def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
     evenly = returned(corners, truth)
     truth[partly] = uniform(scene, corners[partly], number[partly], 32)
     exact = returned(corners, truth)
-    places = touching(corners)
-    found = sampled_fraction(scene, VIEW, corners, number, places, WAVENUMBER, 1e-2)
+    found = sampled(scene, corners, number, 1e-2)
     fraction = found.fraction
     assert found.rays < 16 * len(corners) / 5
     assert abs(returned(corners, fraction) - exact) < abs(evenly - exact) + 1e-3 * abs(exact)
