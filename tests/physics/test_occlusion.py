@@ -176,6 +176,7 @@ def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, r
     wave = np.exp(-2j * np.pi / radar.wavelength * sum(distance)) / np.prod(distance, axis=0) ** 1.5
     seen = np.abs(place[1] / 2 - y) > 0.4
     truth = (wave * seen).sum() / wave.sum()
+    # Half of the tolerance is the shadow's; the quadrature's scalar fields differ from the wall's own by 0.1 %, twice.
     assert abs(found - truth) < max(0.5 * rtol, 2e-3)
 
 
@@ -204,8 +205,8 @@ def test_a_box_that_stays_returns_what_one_that_moves_does(tmp_path, seed):
     file = tmp_path / "box.xml"
     file.write_text(BOX)
     moving = channel(Simulator(None, radar, [Actor.from_mesh(mesh, material="pec", position=place)]).paths())
-    # metal is not quite a perfect conductor: 0.1 %
-    assert abs(channel(Simulator(str(file), radar).paths()) - moving) < 3.5e-3 * abs(moving)
+    # 0.1 % of tolerance each, and metal is not quite a perfect conductor: 0.1 %
+    assert abs(channel(Simulator(str(file), radar).paths()) - moving) < 3e-3 * abs(moving)
 
 
 def test_wall_is_an_image_of_the_radar(radar, tmp_path):
