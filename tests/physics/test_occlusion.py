@@ -10,6 +10,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing import static
 from rfgen_sionna.tracing.smooth import smoothing
 from tests.reference.physical_optics import patches, triangle_points
 
@@ -138,6 +139,35 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     # The ball passes the mirror point in the middle of the run: little of the wall is left then.
     assert min(changes) < 0.7
     assert traced.report.rays > 0
+
+
+def test_shadows_on_faint_facets_are_left_out(radar, tmp_path, monkeypatch):
+    """Two walls, one of them far off to the side and aslant: its shadow takes rays, and counts for nothing."""
+    aslant = """<shape type="rectangle" id="aslant">
+        <transform name="to_world">
+            <scale x="0.5" y="0.5"/><rotate y="1" angle="-90"/><rotate z="1" angle="50"/><translate x="4" y="2" z="1"/>
+        </transform>
+        <ref id="mat-metal-sheet" name="bsdf"/>
+    </shape>
+</scene>"""
+    file = tmp_path / "two.xml"
+    file.write_text(BACKDROP.replace("</scene>", aslant))
+    mesh = trimesh.creation.box((0.01, 2.0, 1.0))
+    board = Actor.from_mesh(mesh, material="pec", position=(2.0, 1.3, 1), name="board")
+    found = {}
+    for faint in (static.FAINT, 0.0):
+        monkeypatch.setattr(static, "FAINT", faint)
+        tracer = Simulator(str(file), radar, [board], rtol=1e-2).tracer
+        rays, (vertices,) = tracer.rays_at(0.0), tracer._vertices(0.0)
+        passing = tracer.follow().passing(rays, [vertices])
+        dimmed, sent = tracer.static.visible(rays, [vertices], passing)
+        paths, _ = tracer.static.shadow(np.array([0.0]), [dimmed])
+        found[faint] = sent, paths.num_paths, channel(paths), np.linalg.norm(tracer.static.paths.a[0, 0])
+    (sent, count, some, total), (all_sent, all_count, every, _) = found.values()
+    assert count < 0.95 * all_count
+    assert sent < all_sent
+    assert all_count > 0, "something is in the shadow"
+    assert abs(some - every) < 0.05 * 1e-2 * total
 
 
 SCREEN = """<shape type="rectangle" id="screen">
