@@ -108,11 +108,15 @@ class PirCodec:
         there = x[..., 2, :, :] > _THERE
         low, high = self.energy_db
         energy = np.where(there, 10 ** ((low + 0.5 * (x[..., 0, :, :] + 1) * (high - low)) / 10), 0.0)
-        distance = self.knee * np.expm1(0.5 * (x[..., 1, :, :] + 1) * self._octaves)
+        distance = self.distance(x[..., 1, :, :])
         arrival = np.where(there, 2 * distance / SPEED_OF_LIGHT, np.nan)
         fraction = np.clip((x[..., 2, :, :] - 1 / 3) * 1.5, -1.0, 1.0)
         velocity = np.where(there, np.sign(fraction) * fraction**2 * self.max_speed, 0.0)
         return energy, arrival, velocity
+
+    def distance(self, channel: FloatArray) -> FloatArray:
+        """Range [m] of values of the second channel."""
+        return np.asarray(self.knee * np.expm1(0.5 * (channel + 1) * self._octaves))
 
     @property
     def _octaves(self) -> float:

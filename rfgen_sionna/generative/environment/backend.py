@@ -12,10 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.imagining import FROM_DRAFT, Wish, imagine
-from rfgen_sionna.generative.environment.model import EnvironmentModel, make_scheduler, read_model
+from rfgen_sionna.generative.environment.forward import make_scheduler
+from rfgen_sionna.generative.environment.imagining import Wish, facts_of, imagine
+from rfgen_sionna.generative.environment.model import EnvironmentModel, read_model
+from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, noise_like
-from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -59,7 +60,7 @@ def load_backend(
     lora: str | Path | None,
     device: str | None,
     *,
-    from_draft: float | None = None,
+    sketched: bool | None = None,
     half: bool | None = None,
     compiled: bool = False,
 ) -> Backend:
@@ -67,13 +68,11 @@ def load_backend(
     if model is not None and not is_embedded(Path(model)):
         from rfgen_sionna.generative.environment.foreign import StableDiffusionBackend
 
-        if from_draft is not None:
-            raise ValueError(f"from_draft: {from_draft!r}; a Stable Diffusion base has no drafts, leave it out")
+        if sketched:
+            raise ValueError(f"sketched: {sketched!r}; a Stable Diffusion base reads no sketches, leave it out")
         return StableDiffusionBackend(str(model), lora, pick_device(device), half=half, compiled=compiled)
-    if from_draft is not None and not 0.0 < from_draft <= 1.0:
-        raise ValueError(f"from_draft: {from_draft!r}; above 0 and up to 1, from noise alone, is allowed")
     own = load_embedded(model, lora, device, half=half, compiled=compiled)
-    return EmbeddedBackend(own, FROM_DRAFT if from_draft is None else from_draft)
+    return EmbeddedBackend(own, sketched is None or sketched)
 
 
 def load_embedded(
@@ -127,17 +126,11 @@ def pick_device(device: str | None) -> str:
     return device
 
 
-def facts_of(view: View) -> ViewFacts:
-    """What a view tells the embedded model; the floor is z = 0."""
-    yaw, pitch, roll = view.orientation
-    return ViewFacts(view.fov_deg, view.position[2], pitch, yaw, roll)
-
-
 class EmbeddedBackend:
     """Draws with our own model."""
 
-    def __init__(self, model: EnvironmentModel, from_draft: float = FROM_DRAFT) -> None:
-        self.model, self.from_draft = model, from_draft
+    def __init__(self, model: EnvironmentModel, sketched: bool = True) -> None:
+        self.model, self.sketched = model, sketched
         self.scheduler = make_scheduler()
 
     def check_view(self, view: View) -> None:
@@ -180,16 +173,12 @@ class EmbeddedBackend:
             latents, keep = self.encode(known.pir), torch.from_numpy(known.patches)[None, None]
             guide = Guide(known=latents.repeat(len(prompts), 1, 1, 1), keep=keep)
         noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
-        begun = first or view
-        moved = view.position[0] - begun.position[0], view.position[1] - begun.position[1]
-        places = [self.model.text.places.index(self.model.text.place_of(prompt)[0]) for prompt in prompts]
-        wishes = [
-            Wish(place, facts_of(view), seed, facts_of(begun), moved) for place, seed in zip(places, seeds, strict=True)
-        ]
-        drawn = imagine(
-            self.model, self.scheduler, sampler, wishes, tokens, against, noise, guide,
-            from_draft=self.from_draft, progress=progress,
-        )  # fmt: skip
+        wishes = None
+        if self.sketched:
+            text, without = self.model.text, self.model.text.things_in(negative)
+            wanted = [Wanted(text.place_of(prompt)[0], text.things_in(prompt), without) for prompt in prompts]
+            wishes = [Wish(wish, view, seed, first) for wish, seed in zip(wanted, seeds, strict=True)]
+        drawn = imagine(self.model, self.scheduler, sampler, wishes, tokens, against, noise, guide, progress=progress)
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
         return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
 

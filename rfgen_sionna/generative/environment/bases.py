@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.backend import is_embedded
-from rfgen_sionna.generative.environment.model import make_scheduler, read_model
+from rfgen_sionna.generative.environment.forward import make_scheduler
+from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 

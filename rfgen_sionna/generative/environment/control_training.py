@@ -11,13 +11,9 @@ import torch
 from diffusers.models.attention_processor import AttnProcessor
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.model import (
-    CONTROL_FILE,
-    EnvironmentModel,
-    make_scheduler,
-    new_control,
-    write_control,
-)
+from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
+from rfgen_sionna.generative.environment.forward import make_scheduler, signal_and_noise
+from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, new_control, write_control
 from rfgen_sionna.generative.environment.training import draw_batch, half
 from rfgen_sionna.generative.learning import Progress, Run
 
@@ -84,8 +80,11 @@ def train_control(
         for part in (run.net, unet):
             part.set_attn_processor(AttnProcessor())
 
+    # What a complete image is expected to be is the incomplete one, give or take how they differ.
+    spread = (latents - given_latents).float().std(dim=(0, 1, 3, 4)).clamp(min=LEAST_SPREAD)
+
     def keep(step: int, hours: float) -> None:
-        facts = {**asdict(recipe), "steps": step, "hours": hours, "pairs": len(corpus)}
+        facts = {**asdict(recipe), "spread": spread.tolist(), "steps": step, "hours": hours, "pairs": len(corpus)}
         write_control(out / CONTROL_FILE, run.mean, facts)
 
     for step in run.steps(save_every, keep, progress):
@@ -105,6 +104,8 @@ def train_control(
             torch.Generator().manual_seed(recipe.seed * 1_000_033 + step),
         )
         tokens = batch.tokens.to(device)
+        scale = spread[:, None, None].to(device).expand(clean.shape)
+        told = {"expected": start.to(device), "spread": scale}
         with half(device):
             down, middle = run.net(
                 noisy,
@@ -117,10 +118,13 @@ def train_control(
                 noisy,
                 times,
                 encoder_hidden_states=tokens,
+                cross_attention_kwargs=told,
                 down_block_additional_residuals=down,
                 mid_block_additional_residual=middle,
             ).sample
-        run.learn(torch.nn.functional.mse_loss(guess.float(), target))
+        signal, noise = signal_and_noise(times)
+        weight = (signal * scale) ** 2 + noise**2  # so that what the networks themselves draw counts alike at all times
+        run.learn((weight * (guess.float() - target) ** 2).mean())
     return out / CONTROL_FILE
 
 

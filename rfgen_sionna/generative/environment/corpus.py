@@ -13,6 +13,7 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.captions import caption
 from rfgen_sionna.generative.environment.data import PLACES
+from rfgen_sionna.generative.environment.sketch import mirrored
 from rfgen_sionna.generative.environment.text import Sentence, ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 
@@ -40,6 +41,8 @@ class Corpus:
     views: list[ViewFacts]
     incomplete: NDArray[np.float16] | None = None
     """(view, 3, row, column) of pairs: what a hurried tracer would have seen."""
+    sketches: NDArray[np.float16] | None = None
+    """(view, CHANNELS, row, column) of :mod:`.sketch`; kinds are numbered as `things`."""
 
     def __len__(self) -> int:
         return len(self.views)
@@ -47,12 +50,23 @@ class Corpus:
     @cached_property
     def things(self) -> tuple[str, ...]:
         """Every kind of furniture in view anywhere, sorted."""
-        return tuple(sorted({thing for row in self.objects for thing in row}))
+        return _things(self.objects)
 
     def image(self, index: int, mirrored: bool) -> NDArray[np.float32]:
         """(3, row, column) of one view, or its mirror image."""
         x = self.images[index].astype(np.float32)
         return x[..., ::-1] if mirrored else x
+
+    def sketch(self, index: int, mirror: bool) -> NDArray[np.float32]:
+        """(CHANNELS, row, column) of one view, or of its mirror image.
+
+        Raises:
+            ValueError: the sketches were not read.
+        """
+        if self.sketches is None:
+            raise ValueError("data: the sketches were not read")
+        x = self.sketches[index].astype(np.float32)
+        return mirrored(x) if mirror else x
 
     def sentence(self, index: int, rng: np.random.Generator) -> str:
         """A wording for one view."""
@@ -96,15 +110,18 @@ class Corpus:
         return torch.stack(out)
 
 
-def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False) -> Corpus:
-    """All views of `data` as channels; energies, ranges and velocities beyond the convention are held at its ends.
+def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched: bool = False) -> Corpus:
+    """All views of `data` as channels, with their sketches if `sketched`.
+
+    Energies, ranges and velocities beyond the convention are held at its ends.
 
     Raises:
         ValueError: `data` is empty.
     """
     if not len(data):
         raise ValueError("data: no views are left; render some, or choose another split or place")
-    images, before = [], []
+    images, before, sketches = [], [], []
+    things = _things(data.objects)
     for start in range(0, len(data), 256):
         index = np.arange(start, min(start + 256, len(data)))
         images.append(
@@ -112,6 +129,8 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False) -> Corpu
                 data.energy(index), data.time_of_arrival(index), data.velocity(index), clip=True
             ).astype(np.float16)
         )
+        if sketched:
+            sketches.append(data.sketches(things, codec, index).astype(np.float16))
         if pairs:
             before.append(codec.encode_arrays(*data.incomplete(index), clip=True).astype(np.float16))
     views = [
@@ -126,4 +145,9 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False) -> Corpu
         list(data.captions),
         views,
         np.concatenate(before) if pairs else None,
+        np.concatenate(sketches) if sketched else None,
     )
+
+
+def _things(objects: list[list[str]]) -> tuple[str, ...]:
+    return tuple(sorted({thing for row in objects for thing in row}))

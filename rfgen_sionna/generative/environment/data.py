@@ -19,6 +19,10 @@ Images, (view, row, column):
   returns alone, default materials and some of the furniture missing; a person is the same in both. There `energy` and
   the other two are complete: all furniture, its own materials, and what smooth surfaces show a second time.
 
+- `sketch_range`, `sketch_shell` float16 [m], `sketch_cosine` float16 [1], `sketch_place` float16 (view, row, column,
+  axis), `sketch_kind` uint8 (255: nothing; else an index into its attribute `kinds`): the view of the layout built of
+  boxes, :mod:`rfgen_sionna.generative.environment.sketch`. People are not in it.
+
 Of each view, (view,): `place` (index into `places`), `caption`, `objects` and `absent` (JSON lists of kinds of
 furniture: in view, the largest first; usual there but not in this layout), `fov_deg` (view, 2) horizontal and vertical
 [deg], `height` [m], `pitch` [rad] (positive looks down), `yaw` [rad] (positive is to the left), `roll` [rad],
@@ -38,9 +42,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.generative.environment.sketch import encode, numbers
+from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.records import FloatArray, IntArray
 
-FORMAT, VERSION = "rfgen pir", 1
+FORMAT, VERSION = "rfgen pir", 2
 PLACES = (
     "living room",
     "bedroom",
@@ -61,6 +67,15 @@ SHARES = (0.8, 0.1, 0.1)
 
 IMAGES: dict[str, str] = {"energy": "1", "time_of_arrival": "s", "velocity": "m/s"}
 """Image fields and their units."""
+SKETCH: dict[str, tuple[str, str]] = {
+    "sketch_range": ("float16", "m"),
+    "sketch_shell": ("float16", "m"),
+    "sketch_cosine": ("float16", "1"),
+    "sketch_place": ("float16", "1"),
+    "sketch_kind": ("uint8", "index into kinds"),
+}
+"""Image fields of the sketches, their type and unit."""
+NO_KIND = 255
 CONDITIONS: dict[str, tuple[str, str]] = {
     "place": ("uint8", "index into places"),
     "caption": ("text", ""),
@@ -262,6 +277,19 @@ class PirData:
     def actor(self, index: Any = slice(None)) -> NDArray[np.uint8]:
         """(view, row, column) whether a person is in front."""
         return self.read("actor", index)
+
+    def sketches(self, known: Sequence[str], codec: PirCodec, index: Any = slice(None)) -> NDArray[np.float32]:
+        """(view, channel, row, column) sketches as a network is given them that knows some kinds of things."""
+        reach, shell, cosine, place = (self.read(name, index).astype(np.float64) for name in list(SKETCH)[:4])
+        kind = self.read("sketch_kind", index).astype(np.int64)
+        which = np.atleast_2d(self.where[index])[:, 0]
+        for number in np.unique(which):
+            with _opened(self.files[number]) as shard:
+                kinds = [str(name) for name in shard["sketch_kind"].attrs["kinds"]]
+            table = np.zeros(NO_KIND + 1, np.int64)
+            table[: len(kinds)] = numbers(kinds, known)
+            kind[which == number] = table[kind[which == number]]
+        return encode(reach, shell, cosine, place, kind, codec)
 
     def incomplete(self, index: Any = slice(None)) -> tuple[NDArray[np.float32], ...]:
         """Energy, time of arrival and velocity of the incomplete renders of "pairs"."""

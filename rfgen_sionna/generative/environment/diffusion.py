@@ -31,10 +31,11 @@ class EnvironmentDiffusion:
     device
         "cpu", "cuda", …; None takes CUDA where there is one.
     steps, guidance, sampler
-        Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps.
-    from_draft
-        How much of the schedule is run from a draft, an empty box of a room (:mod:`.drafts`): 1 draws from noise alone,
-        less keeps more of the box; None is 0.85. Other models than ours have no drafts.
+        Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps. Stable Diffusion wants more
+        guidance, 7 and up.
+    sketched
+        Whether to draw over the sketch of a furnished place of that kind (:mod:`.sketch`), the default with our models;
+        otherwise from words alone. A Stable Diffusion base reads no sketches.
     half
         Compute in half precision, which processors with bfloat16 matrix units do twice as fast; None: on CUDA alone.
     compile
@@ -51,9 +52,9 @@ class EnvironmentDiffusion:
         device: str | None = None,
         *,
         steps: int = 20,
-        guidance: float = 3.0,
+        guidance: float = 1.5,
         sampler: str = "ddim",
-        from_draft: float | None = None,
+        sketched: bool | None = None,
         half: bool | None = None,
         compile: bool = False,
     ) -> None:
@@ -61,7 +62,7 @@ class EnvironmentDiffusion:
         from rfgen_sionna.generative.environment.sampling import Sampler
 
         self.sampler = Sampler(sampler, steps, guidance)
-        self._backend: Backend = load_backend(model, lora, device, from_draft=from_draft, half=half, compiled=compile)
+        self._backend: Backend = load_backend(model, lora, device, sketched=sketched, half=half, compiled=compile)
         self._kept: dict[str, list[Pir]] = {}
 
     def generate(

@@ -20,7 +20,6 @@ from rfgen_sionna.generative.environment.corpus import Corpus, read_corpus
 from rfgen_sionna.generative.environment.data import PirData
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.evaluation import examine
-from rfgen_sionna.generative.environment.imagining import FROM_DRAFT
 from rfgen_sionna.generative.environment.judge import Judge, train_judge, untrained
 from rfgen_sionna.generative.environment.lora_evaluation import RATES, examine_lora
 from rfgen_sionna.generative.environment.lora_training import LoraRecipe
@@ -74,9 +73,9 @@ def main(
     strength: Annotated[float, typer.Option(help="Strength of path diffusion.")] = 1.0,
     steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
     guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
-    from_draft: Annotated[
-        float, typer.Option(help="How much of the schedule is run from a draft; 1 is from noise alone.")
-    ] = FROM_DRAFT,
+    sketched: Annotated[
+        bool, typer.Option("--sketched/--words-alone", help="Draw over sketches, or from words alone.")
+    ] = True,
     split: Annotated[str, typer.Option(help="test; or validation, to choose settings with.")] = "test",
     judge_steps: Annotated[int, typer.Option(help="Optimiser steps of the judge.")] = 2500,
     half: Annotated[bool, typer.Option(help="Draw in half precision.")] = False,
@@ -93,7 +92,7 @@ def main(
     sampler = Sampler("ddim", steps, guidance)
     report: dict[str, Any] = {
         "model": own.facts,
-        "sampler": {"steps": steps, "guidance": guidance, "from draft": from_draft},
+        "sampler": {"steps": steps, "guidance": guidance, "sketched": sketched},
         "split": split,
     }
 
@@ -116,7 +115,7 @@ def main(
 
             figures, images, which = examine(
                 own, test, held.layout, bank, judge, sampler=sampler, each=each, seed=seed,
-                from_draft=from_draft, note=note,
+                sketched=sketched, note=note,
             )  # fmt: skip
             report["surroundings"].append(figures)
             write()
@@ -124,7 +123,7 @@ def main(
                 sheet(test, which.first, images, own.codec, out / "environment-model.png")
         if view_count:
             task = bar.add_task("several views", total=1, note="")
-            rooms = EnvironmentDiffusion(model, steps=steps, guidance=guidance, from_draft=from_draft, half=half)
+            rooms = EnvironmentDiffusion(model, steps=steps, guidance=guidance, sketched=sketched, half=half)
             report["several views"] = examine_views(rooms, test, count=view_count, seed=0)
             bar.update(task, completed=1)
             write()

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.generative.diffusion.metrics import frechet
 from rfgen_sionna.generative.environment.corpus import Corpus
-from rfgen_sionna.generative.environment.imagining import FROM_DRAFT, Wish, imagine
+from rfgen_sionna.generative.environment.forward import make_scheduler
+from rfgen_sionna.generative.environment.imagining import Wish, imagine
 from rfgen_sionna.generative.environment.judge import Judge
 from rfgen_sionna.generative.environment.metrics import (
     Physical,
@@ -21,9 +22,12 @@ from rfgen_sionna.generative.environment.metrics import (
     range_distance,
     smooth_share,
 )
-from rfgen_sionna.generative.environment.model import EnvironmentModel, make_scheduler
+from rfgen_sionna.generative.environment.model import EnvironmentModel
+from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Sampler, noise_like
+from rfgen_sionna.generative.environment.views import NATIVE
 from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 
 Note = Callable[[int, int], None]
@@ -59,7 +63,7 @@ def drawn_like(
     sampler: Sampler,
     seed: int,
     note: Note | None = None,
-    from_draft: float = FROM_DRAFT,
+    sketched: bool = True,
 ) -> FloatArray:
     """(view, 3, row, column) images drawn for the captions and views of `index`."""
     out = []
@@ -67,15 +71,23 @@ def drawn_like(
     for start in range(0, len(index), _BATCH):
         some = index[start : start + _BATCH].tolist()
         views = [corpus.views[i] for i in some]
-        wishes = [Wish(int(corpus.places[i]), v, seed * 1_000_003 + i) for i, v in zip(some, views, strict=True)]
+        wishes = [_wish(model, corpus, i, seed) for i in some] if sketched else None
         tokens = model.text.embed([corpus.captions[i] for i in some], views)
         against = model.text.embed([""] * len(some), views)
         part = noise[start : start + len(some)]
-        drawn = imagine(model, make_scheduler(), sampler, wishes, tokens, against, part, from_draft=from_draft)
+        drawn = imagine(model, make_scheduler(), sampler, wishes, tokens, against, part)
         out.append(drawn.astype(np.float32))
         if note is not None:
             note(min(start + _BATCH, len(index)), len(index))
     return np.concatenate(out).astype(np.float64)
+
+
+def _wish(model: EnvironmentModel, corpus: Corpus, index: int, seed: int) -> Wish:
+    """A place of its own for the words and the direction of a view."""
+    facts = corpus.views[index]
+    view = View(NATIVE, facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, facts.roll))
+    things = model.text.things_in(corpus.captions[index])
+    return Wish(Wanted(corpus.names[corpus.places[index]], things), view, seed * 1_000_003 + index, anywhere=True)
 
 
 def compare(
@@ -106,7 +118,7 @@ def examine(
     sampler: Sampler,
     each: int,
     seed: int,
-    from_draft: float = FROM_DRAFT,
+    sketched: bool = True,
     note: Note | None = None,
 ) -> tuple[dict[str, Any], FloatArray, Halves]:
     """One seed's figures of the model, and the same of real views.
@@ -123,14 +135,14 @@ def examine(
         sampler: how to draw.
         each: views of each place in a half.
         seed: of the halves and the noise.
-        from_draft: how much of the schedule is run from drafts.
+        sketched: whether to draw over sketches.
         note: called with (drawn, to be drawn).
 
     Returns:
         the figures, the images, and which views they were drawn for.
     """
     split = halves(test, layouts, each, seed)
-    images = drawn_like(model, test, split.first, sampler, seed, note, from_draft)
+    images = drawn_like(model, test, split.first, sampler, seed, note, sketched)
     real_a, real_b = (test.images[part].astype(np.float64) for part in (split.first, split.second))
     first, second = ([test.views[i] for i in part] for part in (split.first, split.second))
     (seen, chances), (seen_a, chances_a) = (judge.look(x, first) for x in (images, real_a))

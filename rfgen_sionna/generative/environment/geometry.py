@@ -1,9 +1,10 @@
-"""What a view alone says of an image: where each pixel looks, and where a floor and walls would lie.
+"""What is known of an image before it is drawn: where each pixel looks, where a floor and walls would lie, a sketch.
 
-diffusers' U-Net with one more input. It reads the view from the token of numbers (`text.view_tokens`), so that
-diffusers' pipelines call it as any other; nothing about the place is told, only what follows from field of view, height
-and direction. Rooms stand square to the axes: on each of their surfaces the range is a distance over one component of
-the direction, which this gives the network for a few distances.
+diffusers' U-Net with two more inputs. It reads the view from the token of numbers (`text.view_tokens`), so that
+diffusers' pipelines call it as any other: what follows from field of view, height and direction. Rooms stand square to
+the axes: on each of their surfaces the range is a distance over one component of the direction, which this gives the
+network for a few distances. A sketch (:mod:`.sketch`) comes as `cross_attention_kwargs={"sketch": …}`, which
+diffusers' pipelines hand on.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from typing import Any
 
 import torch
 from diffusers import UNet2DConditionModel
+from diffusers.models.unets.unet_2d_condition import UNet2DConditionOutput
 from torch import Tensor, nn
 
+from rfgen_sionna.generative.environment.forward import signal_and_noise
+from rfgen_sionna.generative.environment.sketch import CHANNELS, NONE
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 
@@ -25,8 +29,14 @@ CEILING = 2.7
 """Height [m] of a ceiling whose range is given."""
 MAPS = 5 + 2 * len(WALLS)
 """Numbers of a pixel."""
+KINDS = 128
+"""Kinds of things in sketches that are told apart at most, nothing among them."""
 _NUMBERS = 8
 """Of a view, in its token."""
+_TRAITS = 16
+"""Numbers that stand for a kind."""
+_SKETCHERS = 128
+"""Channels between a sketch and the network."""
 _LEAST = 1e-3
 
 
@@ -97,8 +107,35 @@ class _SummingConv(nn.Conv2d):
         return out if self.added is None else out + self.added.to(out)
 
 
+class SketchReader(nn.Module):
+    """From a sketch (image, CHANNELS, row, column) to what a network's first features gain by it.
+
+    Each patch's pixels are told as they are, kinds as the mean of what stands for them; and the latents that are
+    expected, and how far they stray.
+    """
+
+    def __init__(self, width: int, latents: int) -> None:
+        super().__init__()
+        self.kind = nn.Embedding(KINDS, _TRAITS)
+        told = (CHANNELS - 1) * PATCH**2 + _TRAITS + 1 + 2 * latents
+        self.first = nn.Conv2d(told, _SKETCHERS, 3, padding=1)
+        self.last = nn.Conv2d(_SKETCHERS, width, 3, padding=1)
+        for parameter in self.last.parameters():  # no say before it has learnt one
+            nn.init.zeros_(parameter)
+
+    def forward(self, sketch: Tensor, mean: Tensor, spread: Tensor, given: Tensor) -> Tensor:
+        """(image, width, row / PATCH, column / PATCH); zero for images without a sketch."""
+        traits = self.kind(sketch[:, -1].long().clamp(0, KINDS - 1)).movedim(-1, 1)
+        pixels = nn.functional.pixel_unshuffle(sketch[:, :-1].to(self.last.weight), PATCH)
+        traits = nn.functional.avg_pool2d(traits, PATCH)
+        sky = nn.functional.avg_pool2d((sketch[:, :1] >= 1.0).to(traits), PATCH)
+        told = torch.cat([pixels, traits, sky, mean.to(pixels), spread.log().to(pixels)], dim=1)
+        out: Tensor = self.last(nn.functional.silu(self.first(told)))
+        return out * given
+
+
 class ViewUNet(UNet2DConditionModel):
-    """diffusers' U-Net, which sees a view's maps beside its latents; the first token of the words is the view."""
+    """diffusers' U-Net, which sees a view's maps and a sketch beside its latents; the first token is the view."""
 
     conv_in: nn.Conv2d
 
@@ -112,16 +149,63 @@ class ViewUNet(UNet2DConditionModel):
         self.view_in = nn.Conv2d(MAPS * PATCH**2, old.out_channels, 3, padding=1)
         for parameter in self.view_in.parameters():  # no say before it has learnt one
             nn.init.zeros_(parameter)
+        self.sketch_in = SketchReader(old.out_channels, old.in_channels)
+        self.register_buffer("spread", torch.ones(old.in_channels))
 
-    def forward(self, sample: Tensor, timestep: Any, encoder_hidden_states: Tensor, *args: Any, **kwargs: Any) -> Any:
-        """As the parent's."""
-        rows, columns = sample.shape[-2:]
+    spread: Tensor
+    """(latent,) standard deviations of latents, for images without a sketch."""
+
+    def forward(
+        self,
+        sample: Tensor,
+        timestep: Any,
+        encoder_hidden_states: Tensor,
+        *args: Any,
+        cross_attention_kwargs: dict[str, Any] | None = None,
+        **kwargs: Any,
+    ) -> Any:
+        """As the parent's; velocities come out.
+
+        In `cross_attention_kwargs`, for all of a multiple of as many samples: `expected` and `spread` (image, latent,
+        row, column), of :class:`~.expectation.Expected`, and with them `sketch` (image, CHANNELS, row, column); images
+        of it that have none are drawn from words alone.
+        """
+        rest = dict(cross_attention_kwargs or {})
+        sketch, expected, about = (rest.pop(name, None) for name in ("sketch", "expected", "spread"))
+        kwargs["cross_attention_kwargs"] = rest or None
+        count, (rows, columns) = len(sample), sample.shape[-2:]
+        noisy = sample.float()
+        mean, spread = torch.zeros_like(noisy), self.spread.float()[:, None, None].expand(noisy.shape)
         with torch.no_grad():
             maps = view_maps(encoder_hidden_states[:, 0], PATCH * rows, PATCH * columns)
             patches = nn.functional.pixel_unshuffle(maps, PATCH).to(self.view_in.weight)
+        added = self.view_in(patches)
+        here = torch.ones(1, 1, 1, 1, dtype=torch.bool, device=sample.device)
+        if sketch is not None:
+            here = (sketch[:, -1].amax(dim=(1, 2)) > NONE)[:, None, None, None].to(sample.device)
+        if expected is not None:
+            each = (count // len(expected), 1, 1, 1)
+            own = torch.where(here, about.to(noisy), spread[: len(expected)])
+            spread, mean = own.repeat(each), (expected.to(noisy) * here).repeat(each)
+            if sketch is not None:
+                shown = self.sketch_in(sketch.to(sample.device), mean[: len(sketch)], own, here.to(added))
+                added = added + shown.repeat(each)
+        # As Karras et al. (2022): what a normal distribution about the mean would make of the noisy latents is known,
+        # the network draws the rest, of unit variance whatever the noise.
+        steps = torch.as_tensor(timestep, device=sample.device).reshape(-1).expand(count)
+        signal, noise = signal_and_noise(steps)
+        total = signal**2 * spread**2 + noise**2
+        off = noisy - signal * mean
         conv = getattr(self.conv_in, "base_layer", self.conv_in)
-        conv.added = self.view_in(patches)
+        conv.added = added
         try:
-            return super().forward(sample, timestep, encoder_hidden_states, *args, **kwargs)
+            drawn = super().forward(
+                (off / total.sqrt()).to(sample.dtype), timestep, encoder_hidden_states, *args, **kwargs
+            )
         finally:
             conv.added = None
+        rest_of_it = spread * noise / total.sqrt()
+        is_tuple = isinstance(drawn, tuple)
+        clean = mean + signal * spread**2 / total * off + rest_of_it * (drawn[0] if is_tuple else drawn.sample).float()
+        velocity = ((signal * noisy - clean) / noise).to(sample.dtype)
+        return (velocity,) if is_tuple else UNet2DConditionOutput(sample=velocity)

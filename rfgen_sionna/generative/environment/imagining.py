@@ -1,4 +1,4 @@
-"""Images of surroundings from tokens: from a draft to a finished picture, as all that draws does it."""
+"""Images of surroundings from tokens: from a sketch to a finished picture, as all that draws does it."""
 
 from __future__ import annotations
 
@@ -8,64 +8,86 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.drafts import settled
-from rfgen_sionna.generative.environment.model import EnvironmentModel
+from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
+from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 
-FROM_DRAFT = 0.85
-"""How much of the schedule is run from a draft; 1 is from noise alone."""
+SPREAD = 0.5
+"""Of the noise over a sketch, against that of the sampler: what it leaves open is less than the network, as it is,
+makes of it."""
 
 
 @dataclass(frozen=True)
 class Wish:
     """One image that is wanted."""
 
-    place: int
-    """Index of the place."""
-    facts: ViewFacts
+    wanted: Wanted
+    view: View
     seed: int
-    first: ViewFacts | None = None
+    first: View | None = None
     """How the place was seen first, where this is another view of it."""
-    moved: tuple[float, float] = (0.0, 0.0)
-    """From there to here [m]."""
+    anywhere: bool = False
+    """Whether the radar may stand anywhere in the place, wherever the view says it is."""
+
+
+def facts_of(view: View) -> ViewFacts:
+    """What a view tells the embedded model; the floor is z = 0."""
+    yaw, pitch, roll = view.orientation
+    return ViewFacts(view.fov_deg, view.position[2], pitch, yaw, roll)
+
+
+def sketched(
+    model: EnvironmentModel,
+    guide: Guide,
+    sketches: NDArray[np.float32],
+    views: Sequence[ViewFacts],
+    bright: Sequence[FloatArray],
+) -> Guide:
+    """The guide with sketches (image, CHANNELS, row, column), whose kinds of things are as `bright` (kind,) as that.
+
+    Raises:
+        ModelFileError: the model reads none.
+    """
+    if model.expectation is None:
+        raise ModelFileError("model: it reads no sketches; train one with … environment.train")
+    expected = model.expectation.of(sketches, views, bright, model.vae, model.codec)
+    return replace(guide, sketch=torch.from_numpy(sketches), expected=expected)
 
 
 def imagine(
     model: EnvironmentModel,
     scheduler: Any,
     sampler: Sampler,
-    wishes: Sequence[Wish],
+    wishes: Sequence[Wish] | None,
     tokens: Tensor,
     against: Tensor,
     noise: Tensor,
     guide: Guide | None = None,
     *,
-    from_draft: float = FROM_DRAFT,
     progress: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """(image, 3, row, column) finished images; the arguments are those of :func:`draw`.
-
-    Where the model has drafts, drawing starts from one for each of `wishes` with `from_draft` of the schedule to go.
-    """
+    """(image, 3, row, column) finished images, each over the sketch of its wish, or from words alone where there are no
+    `wishes`; the other arguments are those of :func:`draw`."""
     guide = guide or Guide()
-    drafts = model.drafts
-    if drafts is None or from_draft >= 1.0:
-        drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
-        finished = model.polish(drawn)
-    else:
-        boxes = np.stack(
-            [drafts.draw(w.place, w.facts, model.codec, w.seed, first=w.first, moved=w.moved) for w in wishes]
-        )
-        with torch.no_grad():
-            start = model.vae.encode(torch.from_numpy(boxes).to(model.vae.device)).latent_dist.mode()
-        guide = replace(guide, start=start.float(), strength=from_draft)
-        drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
-        finished = model.polish(settled(drawn, boxes))
+    if wishes is not None and model.expectation is not None:
+        shown = []
+        for wish in wishes:
+            room = choose_room(wish.wanted, wish.first or wish.view, wish.seed, anywhere=wish.anywhere)
+            shown.append(room.seen(wish.view).channels(room.bricks, model.text.things, model.codec))
+        bright = [
+            model.expectation.drawn_offsets(model.text.places.index(wish.wanted.place), wish.seed) for wish in wishes
+        ]
+        sampler = replace(sampler, spread=SPREAD * sampler.spread)
+        guide = sketched(model, guide, np.stack(shown), [facts_of(wish.view) for wish in wishes], bright)
+    drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
+    finished = model.polish(drawn)
     if guide.keep is None:
         return finished
     known = np.kron(guide.keep.cpu().numpy(), np.ones((1, 1, PATCH, PATCH))) > 0

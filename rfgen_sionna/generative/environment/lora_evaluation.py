@@ -43,6 +43,8 @@ def examine_lora(
 ) -> dict[str, Any]:
     """Fréchet distances to held-out renders of a place: of the base, with each rate's LoRA, of other real renders.
 
+    Images are drawn from words alone: a sketch would tell the base what it has not seen.
+
     Args:
         base: a model that hasn't seen the place.
         views: the data set.
@@ -67,7 +69,7 @@ def examine_lora(
     noise_seed = seed + 1
 
     def distance(lora: Path | None) -> tuple[float, float]:
-        drawn = drawn_like(load_embedded(base, lora, "cpu", half=half), test, some, sampler, noise_seed)
+        drawn = drawn_like(load_embedded(base, lora, "cpu", half=half), test, some, sampler, noise_seed, sketched=False)
         features, chances = judge.look(drawn, [test.views[i] for i in some])
         return frechet(features, real), float(judge.right(chances, test.places[some]).mean())
 

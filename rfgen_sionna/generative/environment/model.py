@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
-from diffusers import ControlNetModel, DDIMScheduler, UNet2DConditionModel
+from diffusers import ControlNetModel, UNet2DConditionModel
 from safetensors import safe_open
 from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.drafts import Drafts
+from rfgen_sionna.generative.environment.expectation import Expectation
+from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import ViewUNet
 from rfgen_sionna.generative.environment.polish import Polish
 from rfgen_sionna.generative.environment.text import PlaceEncoder
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     )
     from torch import Tensor
 
-FORMAT = "rfgen-environment-1"
+FORMAT = "rfgen-environment-2"
 CONTROL_FORMAT = "rfgen-environment-control-1"
 BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
 LATENT_SIZE = 16
@@ -64,22 +65,6 @@ class Shape:
         )
 
 
-def make_scheduler() -> DDIMScheduler:
-    """The forward process and its sampler: v-prediction, scaled-linear betas, no signal at all in the last step."""
-    return DDIMScheduler(
-        num_train_timesteps=1000,
-        beta_start=0.00085,
-        beta_end=0.012,
-        beta_schedule="scaled_linear",
-        prediction_type="v_prediction",
-        rescale_betas_zero_snr=True,
-        timestep_spacing="trailing",
-        set_alpha_to_one=True,
-        clip_sample=False,
-        steps_offset=1,
-    )
-
-
 @dataclass(frozen=True)
 class EnvironmentModel:
     """A trained model."""
@@ -91,10 +76,10 @@ class EnvironmentModel:
     shape: Shape
     facts: dict[str, Any] = field(default_factory=dict)
     """Seed, steps, hours, data."""
-    polish: Polish = field(default_factory=lambda: Polish(12))
+    polish: Polish = field(default_factory=lambda: Polish(8))
     """What is done to drawn images."""
-    drafts: Drafts | None = None
-    """What drawing starts from; none: from noise."""
+    expectation: Expectation | None = None
+    """What sketches tell; a model without it draws from words alone."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
     """Of the ControlNet; `share` and `doubt` say how far its gains hold (:class:`Doubt` in doubt.py)."""
@@ -165,8 +150,8 @@ def write_model(path: Path, model: EnvironmentModel) -> None:
         "polish": asdict(model.polish),
     }
     exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
-    if model.drafts is not None:
-        exact |= {f"drafts.{k}": torch.from_numpy(v).float() for k, v in model.drafts.tables.items()}
+    if model.expectation is not None:
+        exact |= {f"expectation.{k}": torch.from_numpy(v).float() for k, v in model.expectation.tables.items()}
     _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
 
 
@@ -197,8 +182,6 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
     text = PlaceEncoder(header["places"], header["things"])
     for name, module in (("unet", unet), ("vae", vae), ("text", text)):
         found = {k[len(name) + 1 :]: v for k, v in tensors.items() if k.startswith(f"{name}.")}
-        if module is unet:  # models from before there were maps of views: untrained, those add nothing
-            found = {k: v for k, v in unet.state_dict().items() if k.startswith("view_in.")} | found
         module.load_state_dict(found)
         module.eval().requires_grad_(False)
     net: ControlNetModel | None = None
@@ -208,10 +191,10 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
         net, control_facts = read_control(where, unet)
     codec = PirCodec(**_tuples(header["codec"]))
     polish = Polish(**_tuples(header.get("polish", {})))
-    tables = {k.removeprefix("drafts."): v.numpy() for k, v in tensors.items() if k.startswith("drafts.")}
-    drafts = Drafts.of(tables) if tables else None
+    tables = {k.removeprefix("expectation."): v.numpy() for k, v in tensors.items() if k.startswith("expectation.")}
+    expected = Expectation.from_tables(tables) if tables else None
     return EnvironmentModel(
-        unet, vae, text, codec, shape, header["facts"], polish, drafts, control=net, control_facts=control_facts
+        unet, vae, text, codec, shape, header["facts"], polish, expected, control=net, control_facts=control_facts
     )
 
 

@@ -15,6 +15,7 @@ from scipy.ndimage import map_coordinates
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
 from rfgen_sionna.generative.environment.control_training import condition_of
 from rfgen_sionna.generative.environment.doubt import Doubt
+from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, resized
 from rfgen_sionna.pir.view import View
@@ -89,6 +90,8 @@ class PathDiffusion:
         self.backend = EmbeddedBackend(own)
         self.samples, self.most_gain_db = samples, most_gain_db
         self.doubt = Doubt.of(own.control_facts)
+        strays = own.control_facts.get("spread")
+        self.spread = None if strays is None else torch.tensor(strays)[:, None, None]
 
     def refine(self, mixed: Pir, prompt: str, *, negative: str = "", strength: float = 1.0, seed: int = 0) -> Pir:
         """One image completed; see :meth:`refine_sequence`."""
@@ -159,6 +162,7 @@ class PathDiffusion:
             sampler = replace(sampler, guidance=1.5)
         many = len(frames) * self.samples
         start = torch.cat([self.backend.encode(frame) for frame in frames])
+        begun = start.repeat_interleave(self.samples, 0)
         drawn = draw(
             model,
             self.backend.scheduler,
@@ -168,8 +172,9 @@ class PathDiffusion:
             noise_like(self.samples, model, seed).repeat(len(frames), 1, 1, 1),
             Guide(
                 condition_of(channels).repeat_interleave(self.samples, 0),
-                start.repeat_interleave(self.samples, 0),
+                begun,
                 strength,
+                expected=None if self.spread is None else Expected(begun, self.spread.expand(begun.shape)),
             ),
         )
         with torch.no_grad():

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.model import LATENT_SIZE, EnvironmentModel
 from rfgen_sionna.records import FloatArray
 
@@ -32,7 +33,7 @@ class Sampler:
     kind: str = "ddim"
     """"ddim", or the few-step samplers "dpm" (DPM-Solver++ of second order) and "euler"."""
     steps: int = 20
-    guidance: float = 3.0
+    guidance: float = 1.5
     """How far the prompt is followed beyond what it asks for; 1 halves the work and is the model's own spread."""
 
     spread: float = 1.0
@@ -76,6 +77,10 @@ class Guide:
     """(image, latent, row, column) latents of which those under `keep` stay."""
     keep: Tensor | None = None
     """(image, 1, row, column) whether a patch is known."""
+    expected: Expected | None = None
+    """What the images are expected to be before they are drawn."""
+    sketch: Tensor | None = None
+    """(image, CHANNELS, row, column) of :mod:`.sketch`, if that is why."""
 
 
 def noise_like(count: int, model: EnvironmentModel, seed: int) -> Tensor:
@@ -157,16 +162,22 @@ def _draw(
     control = None if guide.control is None else guide.control.to(device, dtype)
     if control is not None and guided:
         control = torch.cat([control, control])
+    more: dict[str, Any] = {}
+    if guide.expected is not None:
+        told = {"expected": guide.expected.mean, "spread": guide.expected.spread}
+        if guide.sketch is not None:
+            told["sketch"] = guide.sketch
+        more["cross_attention_kwargs"] = {name: x.to(device, torch.float32) for name, x in told.items()}
     for number, time in enumerate(times):
         if known is not None and keep is not None:
             x = torch.where(keep, walk.add_noise(known, noise, time[None].repeat(len(x))), x)
         fed = walk.scale_model_input(torch.cat([x, x]) if guided else x, time).to(dtype)
-        extra: dict[str, Any] = {}
+        extra = dict(more)
         if control is not None and model.control is not None:
             down, middle = model.control(
                 fed, time, encoder_hidden_states=text, controlnet_cond=control, return_dict=False
             )
-            extra = {"down_block_additional_residuals": down, "mid_block_additional_residual": middle}
+            extra |= {"down_block_additional_residuals": down, "mid_block_additional_residual": middle}
         guess = model.unet(fed, time, encoder_hidden_states=text, **extra).sample.float()
         if guided:
             away, wanted = guess.chunk(2)

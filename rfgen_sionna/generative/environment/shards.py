@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -11,9 +12,20 @@ from typing import Any, Literal
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.generative.environment.captions import absent, caption
-from rfgen_sionna.generative.environment.data import CONDITIONS, FORMAT, IMAGES, PLACES, VERSION, DataError, split_of
+from rfgen_sionna.generative.environment.data import (
+    CONDITIONS,
+    FORMAT,
+    IMAGES,
+    NO_KIND,
+    PLACES,
+    SKETCH,
+    VERSION,
+    DataError,
+    split_of,
+)
 from rfgen_sionna.generative.environment.shooting import (
     Ranges,
     Shot,
@@ -22,6 +34,8 @@ from rfgen_sionna.generative.environment.shooting import (
     fields_of_view,
     place_person,
 )
+from rfgen_sionna.generative.environment.sketch import Bricks
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.actor import Actor
@@ -103,8 +117,12 @@ def write_shard(folder: Path, settings: Settings, number: int, count: int) -> in
                 places=list(PLACES),
                 command=settings.command(),
             )
+            kinds = sorted({kind for view in views for kind in np.unique(view["sketch_kind"]).tolist()} - {""})
+            for view in views:
+                view["sketch_kind"] = _numbered(view["sketch_kind"], kinds)
             for name in views[0]:
                 _write(out, name, [view[name] for view in views])
+            out["sketch_kind"].attrs["kinds"] = kinds
         partial.replace(file)
     finally:
         partial.unlink(missing_ok=True)
@@ -118,12 +136,25 @@ def _write(out: h5py.File, name: str, values: list[Any]) -> None:
         item = out.create_dataset(name, data=data, dtype=h5py.string_dtype() if kind == "text" else None)
         labels = ["view", *{"fov_deg": ["axis"], "position": ["coordinate"]}.get(name, [])]
     else:
-        data, unit = np.stack(values), IMAGES.get(name.removesuffix("_incomplete"), "1")
+        unit = IMAGES.get(name.removesuffix("_incomplete"), "1")
+        data = np.stack(values)
+        if name in SKETCH:
+            kind, unit = SKETCH[name]
+            data = data.astype(kind)
         item = out.create_dataset(name, data=data, chunks=(1, *data.shape[1:]), compression="gzip", shuffle=True)
-        labels = ["view", "row", "column"]
+        labels = ["view", "row", "column", "axis"][: data.ndim]
     item.attrs["units"] = unit
     for axis, label in enumerate(labels):
         item.dims[axis].label = label
+
+
+def _numbered(kinds: NDArray[np.str_], known: Sequence[str]) -> NDArray[np.uint8]:
+    """Indices into `known`; NO_KIND for nothing."""
+    if len(known) >= NO_KIND:
+        raise DataError(f"{len(known)} kinds of things in a shard: less than {NO_KIND} are needed")
+    values, where = np.unique(kinds, return_inverse=True)
+    table = np.array([known.index(kind) if kind else NO_KIND for kind in values.tolist()], np.uint8)
+    return table[where].reshape(kinds.shape)
 
 
 def render_layout(settings: Settings, number: int, views: int) -> list[dict[str, Any]]:
@@ -134,6 +165,7 @@ def render_layout(settings: Settings, number: int, views: int) -> list[dict[str,
     scene = furnished(place, layout, radar.center_frequency)
     scene.frequency = radar.center_frequency  # what the materials' sources cover is told once, not for each layout
     stage, rng = Stage(scene, radar), np.random.default_rng([layout, 1])
+    bricks = Bricks.of(scene)
     coarse = Stage(scene.simplified(rng, MISSING), radar) if settings.kind == "pairs" else None
     found = []
     for view in range(views):
@@ -145,7 +177,8 @@ def render_layout(settings: Settings, number: int, views: int) -> list[dict[str,
             actor = _person(rng, spot)
             here, people = Stage(scene, radar, [actor]), 1
             there = Stage(coarse.scene, radar, [actor]) if coarse is not None else None
-        found.append(_fields(settings, here, there, shot, people, view_seed, np.random.default_rng([view_seed, 3])))
+        fields = _fields(settings, here, there, shot, people, view_seed, np.random.default_rng([view_seed, 3]))
+        found.append(fields | _sketched(bricks, shot, settings.resolution))
     return found
 
 
@@ -187,6 +220,18 @@ def _fields(
     if coarse is not None:
         fields.update(_images(coarse.render(shot, settings.resolution, 1, t), "_incomplete"))
     return fields
+
+
+def _sketched(bricks: Bricks, shot: Shot, resolution: tuple[int, int]) -> dict[str, Any]:
+    view = View(resolution, fields_of_view(shot.fov_deg, *resolution), shot.position, shot.orientation)
+    sketch = bricks.shown(view)
+    return {
+        "sketch_range": sketch.range,
+        "sketch_shell": sketch.shell,
+        "sketch_cosine": sketch.cosine,
+        "sketch_place": sketch.place,
+        "sketch_kind": np.array([*bricks.kinds, ""])[sketch.brick],
+    }
 
 
 def _images(pir: Pir, suffix: str) -> dict[str, Any]:

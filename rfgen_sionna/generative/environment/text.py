@@ -17,6 +17,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
 
 from rfgen_sionna.generative.diffusion.text import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
 from rfgen_sionna.generative.diffusion.text_training import roughened
+from rfgen_sionna.generative.environment.captions import named
 
 TOKENS = MAX_WORDS + 2
 """Tokens a prompt and its view take: the numbers, the sentence as a whole, its words."""
@@ -97,6 +98,16 @@ class PlaceEncoder(SentenceEncoder):
         chances = self.named(self(tokenise([text]).to(self.place.device)).pooled).softmax(dim=-1)[0]
         best = int(chances.argmax())
         return self.places[best], float(chances[best])
+
+    @torch.no_grad()
+    def things_in(self, text: str) -> tuple[str, ...]:
+        """The furniture that a sentence mentions."""
+        if not text.strip():
+            return ()
+        chances = self.mentioned(self(tokenise([text]).to(self.place.device)).pooled).sigmoid()[0]
+        return tuple(
+            named([thing for thing, chance in zip(self.things, chances.tolist(), strict=True) if chance > 0.5])
+        )
 
 
 @dataclass(frozen=True)

@@ -91,6 +91,9 @@ def main(
     latents: Annotated[int, typer.Option(help="Components kept of each patch of 4 x 4 pixels.")] = 32,
     device: Device = "cpu",
     threads: Annotated[int, typer.Option(help="Threads of the optimiser on the CPU.")] = 2,
+    compiled: Annotated[
+        bool, typer.Option("--compile/--no-compile", help="Compile the network: quicker, and needs a C++ compiler.")
+    ] = False,
 ) -> None:
     """Train the environment model, or go on with it."""
     import torch
@@ -100,7 +103,7 @@ def main(
     codec = PirCodec()
     with progress_bar() as bar:
         reading = bar.add_task("views", total=1, note="")
-        corpus = read_corpus(PirData.open(data).select(split="train"), codec)
+        corpus = read_corpus(PirData.open(data).select(split="train"), codec, sketched=True)
         bar.update(reading, completed=1, note=str(len(corpus)))
         vae = autoencoder(out, corpus, latents=latents, seed=seed)
         encoder = sentence_encoder(out, corpus, steps=text_steps, seed=seed, bar=bar)
@@ -113,6 +116,7 @@ def main(
             Recipe(steps=steps, items=items, rate=rate, seed=seed, average=average, later=later, later_from=later_from),
             codec=codec,
             device=device,
+            compiled=compiled,
             progress=lambda step, _, loss: bar.update(task, completed=step, note=f"loss {loss:.4f}"),
         )
     Console().print(f"model: {path}")

@@ -9,18 +9,16 @@ from pathlib import Path
 import numpy as np
 import torch
 from diffusers.models.attention_processor import AttnProcessor
+from numpy.typing import NDArray
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.corpus import Corpus
-from rfgen_sionna.generative.environment.drafts import Drafts
-from rfgen_sionna.generative.environment.model import (
-    BASE_FILE,
-    EnvironmentModel,
-    Shape,
-    make_scheduler,
-    write_model,
-)
+from rfgen_sionna.generative.environment.expectation import Expectation
+from rfgen_sionna.generative.environment.forward import make_scheduler, signal_and_noise
+from rfgen_sionna.generative.environment.geometry import KINDS
+from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, Shape, write_model
+from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.generative.learning import Progress, Run
 from rfgen_sionna.pir.codec import PirCodec
@@ -30,6 +28,8 @@ WITHOUT_FILE = "without-later.safetensors"
 _SILENT = 0.12
 """Share of the images shown without a sentence, so that guidance has something to guide away from."""
 
+_UNSKETCHED = 0.2
+"""Share of the images shown without a sketch: places are also drawn from words alone, and refined without one."""
 _HIGH_NOISE = 1.5
 """Times are drawn as 1 − u to this power: what stands where is decided under much noise, since patches that belong
 together tell of each other."""
@@ -90,19 +90,21 @@ def train(
     shape: Shape | None = None,
     codec: PirCodec | None = None,
     device: str = "cpu",
-    save_every: int = 50,
+    compiled: bool = False,
+    save_every: int = 200,
     progress: Progress | None = None,
 ) -> Path:
     """Train, or go on where `out` stopped, and write `environment.safetensors` there.
 
     Args:
-        corpus: the training set.
+        corpus: the training set, with sketches.
         vae, text: autoencoder and sentence encoder; they aren't changed.
         out: folder of checkpoint, log and result.
         recipe: what to do. A checkpoint of another recipe is refused, except for more or fewer steps.
         shape: sizes of the network.
         codec: the convention of the images, which the model will carry.
         device: where to train.
+        compiled: compile the network: a third quicker on a CPU, and needs a C++ compiler.
         save_every: steps between checkpoints.
         progress: called with (step, steps, running mean of the loss).
 
@@ -121,11 +123,15 @@ def train(
     if device == "cpu":
         run.net.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
     latents = corpus.latents(vae)
-    drafts = Drafts.fit(corpus, codec)
+    expectation = Expectation.fit(corpus, KINDS, vae, codec, recipe.seed)
+    expected = expected_latents(corpus, expectation, vae, codec)
+    for net in (run.net, run.mean):
+        net.spread.copy_(latents.float().std(dim=(0, 1, 3, 4)))
+    guess_of = torch.compile(run.net) if compiled else run.net
 
     def keep(step: int, hours: float) -> None:
         facts = {**asdict(recipe), "steps": step, "hours": hours, "views": len(corpus)}
-        model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, drafts=drafts)
+        model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, expectation=expectation)
         write_model(out / BASE_FILE, model)
         if recipe.later and step <= recipe.later_from:
             write_model(out / WITHOUT_FILE, model)
@@ -134,12 +140,49 @@ def train(
         rng = np.random.default_rng([recipe.seed, 17, step])
         hidden = recipe.later if step < recipe.later_from else ""
         batch = draw_batch(corpus, text, recipe.items, rng, without=hidden)
-        clean = latents[[int(m) for m in batch.mirrored], batch.index].float().to(device)
+        sides = [int(m) for m in batch.mirrored]
+        clean = latents[sides, batch.index].float().to(device)
         noisy, timesteps, target = diffuse(clean, torch.Generator().manual_seed(recipe.seed * 1_000_003 + step))
+        sketches = torch.from_numpy(sketches_of(corpus, batch, rng)).to(device)
+        mean, spread = (each[sides, batch.index].float().to(device) for each in expected)
+        told = {"sketch": sketches, "expected": mean, "spread": spread}
         with half(device):
-            guess = run.net(noisy, timesteps, batch.tokens.to(device)).sample
-        run.learn(torch.nn.functional.mse_loss(guess.float(), target))
+            guess = guess_of(noisy, timesteps, batch.tokens.to(device), cross_attention_kwargs=told).sample
+        signal, noise = signal_and_noise(timesteps)
+        here = (sketches[:, -1].amax(dim=(1, 2)) > NONE)[:, None, None, None]
+        scale = torch.where(here, spread, run.net.spread[:, None, None])
+        weight = (signal * scale) ** 2 + noise**2  # so that what the network itself draws counts alike at all times
+        run.learn((weight * (guess.float() - target) ** 2).mean())
     return out / BASE_FILE
+
+
+def expected_latents(
+    corpus: Corpus, expectation: Expectation, vae: PatchAutoencoder, codec: PirCodec
+) -> tuple[Tensor, Tensor]:
+    """Means and spreads, each (2, view, latent, row, column), that are expected of the sketches and of their mirror
+    images, with the brightness that each kind of thing has in each image; half precision."""
+    means, spreads = [], []
+    for mirror in (False, True):
+        for start in range(0, len(corpus), 256):
+            some = range(start, min(start + 256, len(corpus)))
+            sketches, views = np.stack([corpus.sketch(i, mirror) for i in some]), [corpus.view(i, mirror) for i in some]
+            images = [corpus.image(i, mirror) for i in some]
+            bright = [
+                expectation.offsets_of(image, sketch, view, codec)
+                for image, sketch, view in zip(images, sketches, views, strict=True)
+            ]
+            found = expectation.of(sketches, views, bright, vae, codec)
+            means.append(found.mean.half())
+            spreads.append(found.spread.half())
+    shape = (2, len(corpus), *means[0].shape[1:])
+    return torch.cat(means).reshape(shape), torch.cat(spreads).reshape(shape)
+
+
+def sketches_of(corpus: Corpus, batch: Batch, rng: np.random.Generator) -> NDArray[np.float32]:
+    """(item, CHANNELS, row, column), some of them left out."""
+    sketches = np.stack([corpus.sketch(i, m) for i, m in zip(batch.index, batch.mirrored, strict=True)])
+    sketches[rng.uniform(size=len(sketches)) < _UNSKETCHED, -1] = NONE
+    return sketches
 
 
 def diffuse(clean: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:

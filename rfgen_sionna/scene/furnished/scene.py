@@ -87,6 +87,15 @@ class FurnishedScene(RadarScene):
     def is_free_space(self) -> bool:
         return False
 
+    @property
+    def shell(self) -> tuple[tuple[str, FloatArray], ...]:
+        """Walls, floor, doors and windows: kind and points (vertex, 3) [m] of each part."""
+        return tuple(
+            (kind, np.asarray(part.points, np.float64))
+            for (kind, _, part), owner in zip(self._parts, self._owners, strict=True)
+            if owner < 0
+        )
+
     @cached_property
     def interior(self) -> Interior | None:
         plan = self.layout

@@ -12,6 +12,7 @@ import pytest
 
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.data import PLACES
+from rfgen_sionna.generative.environment.sketch import Bricks
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
@@ -43,11 +44,17 @@ def corpus() -> Corpus:
     """Sixteen views of two places that differ in depth, and of each an incomplete one that is 6 dB weaker."""
     codec = PirCodec()
     rng = np.random.default_rng(3)
-    images, weaker, views = [], [], []
+    images, weaker, views, sketches = [], [], [], []
     for k in range(16):
         facts = ViewFacts((60.0, 60.0), float(rng.uniform(0.8, 1.5)), float(rng.uniform(-0.1, 0.3)), 0.0)
         view = View((64, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, 0.0))
-        pir = a_wall(3.0 + 3.0 * (k % 2) + float(rng.uniform(0, 0.5)), view)
+        distance = 3.0 + 3.0 * (k % 2) + float(rng.uniform(0, 0.5))
+        pir = a_wall(distance, view)
+        bricks = Bricks(
+            np.array([[0.0, 0.0, 0.0], [distance, 0.0, 0.0]]), np.array([[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]),
+            np.zeros(2), ("floor", "far wall"), 2,
+        )  # fmt: skip
+        sketches.append(bricks.shown(view).channels(bricks, ("far wall",), codec))
         images.append(codec.encode(pir))
         weaker.append(codec.encode(a_wall(3.0, view, -136.0)))
         views.append(facts)
@@ -59,6 +66,7 @@ def corpus() -> Corpus:
         [f"a {PLACES[k % 2]}" for k in range(16)],
         views,
         np.array(weaker, np.float16),
+        np.array(sketches, np.float16),
     )
 
 

@@ -18,13 +18,13 @@ from rfgen_sionna.generative.environment.control_training import (
     train_control,
 )
 from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.model import (
     BASE_FILE,
     CONTROL_FILE,
     EnvironmentModel,
     ModelFileError,
     Shape,
-    make_scheduler,
     read_model,
 )
 from rfgen_sionna.generative.environment.sampling import DeviceMemoryError, Guide, Sampler, draw, noise_like
@@ -182,6 +182,7 @@ def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corp
     assert all(torch.equal(v, before[k]) for k, v in base.unet.state_dict().items())
     own = read_model(tmp_path / "base", path)
     assert own.control_facts["steps"] == 2
+    assert len(own.control_facts["spread"]) == model.shape.latents
     assert any(float(b.weight.abs().max()) > 0 for b in own.control.controlnet_down_blocks), "zero convolutions moved"
     shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
     other = _written(replace(model, shape=shape, unet=shape.unet()), tmp_path / "other")

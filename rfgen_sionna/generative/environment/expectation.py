@@ -1,0 +1,222 @@
+"""What an image is expected to be, given a sketch, and how far images stray from that.
+
+A wall is where its brick is and returns what walls do at that range and incidence; of a tree's brick a part is sky. For
+each kind of thing there is a plane through what training views were, the spread of how bright one of them is as a whole
+(its material), and the spread of each latent on what it covers. A network has to draw how an image differs from this:
+nothing on most of a wall, much where things end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from rfgen_sionna.generative.environment.sketch import NONE
+from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.records import FloatArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+    from rfgen_sionna.generative.environment.corpus import Corpus
+    from rfgen_sionna.generative.environment.text import ViewFacts
+
+TERMS = 8
+"""Of the plane: 1, ranges of brick and shell, cosine and its square, levels by range of both, whether there is a
+shell."""
+_VIEWS = 2500
+"""Training views that it is fitted to."""
+_RIDGE = 30.0
+"""Pixels' worth of doubt."""
+_ENOUGH = 20
+"""Pixels of a kind that tell how bright it is."""
+_PURE = 0.99
+"""Share of a patch from which it counts as of one kind."""
+_LEAST_RANGE = 0.3
+"""Range under which levels don't grow any more [m]."""
+LEAST_SPREAD = 0.03
+"""Of a latent."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Of some images, as latents."""
+
+    mean: Tensor
+    """(image, latent, row, column)"""
+    spread: Tensor
+    """(image, latent, row, column) standard deviations."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What training views were. The first kind is another, or nothing; the others count as in sketches."""
+
+    planes: FloatArray
+    """(kind, TERMS, 3) to the channels of energy, range and validity."""
+    brighter: FloatArray
+    """(2, place, kind) mean and spread, over a place's views, of how much brighter all of a kind is than the plane
+    says, in the channel of energy."""
+    material: FloatArray
+    """(kind,) number of what it is made of: walls of one place are alike."""
+    within: FloatArray
+    """(kind, latent) variance of latents where a patch shows one kind."""
+    between: FloatArray
+    """(kind, latent) variance where it shows several."""
+
+    @classmethod
+    def fit(cls, corpus: Corpus, kinds: int, vae: PatchAutoencoder, codec: PirCodec, seed: int = 0) -> Expectation:
+        """Least squares over training views, for as many `kinds`, of which the corpus's things are the first; kinds
+        that were hardly seen come out as the mean over all."""
+        if corpus.sketches is None:
+            raise ValueError("data: the sketches were not read")
+        some = np.random.default_rng([seed, 47]).permutation(len(corpus))[:_VIEWS].tolist()
+        squares, products = np.zeros((kinds, TERMS, TERMS)), np.zeros((kinds, TERMS, 3))
+        for i in some:
+            sketch = corpus.sketches[i].astype(np.float64)
+            told = _terms(sketch, corpus.views[i], codec).reshape(-1, TERMS)
+            channels = corpus.images[i].astype(np.float64).reshape(3, -1).T
+            kind = sketch[-1].ravel().astype(np.intp)
+            for k in np.unique(kind):
+                mine = told[kind == k]
+                squares[k] += mine.T @ mine
+                products[k] += mine.T @ channels[kind == k]
+        everything = squares.sum(axis=0)
+        whole = np.linalg.solve(everything + 1e-3 * np.eye(TERMS), products.sum(axis=0))
+        doubt = _RIDGE * everything / max(everything[0, 0], 1.0) + 1e-6 * np.eye(TERMS)
+        fitted = zip(squares + doubt, products + doubt @ whole, strict=True)
+        planes = np.stack([np.linalg.solve(square, product) for square, product in fitted])
+        latents, places = vae.config.latent_channels, len(corpus.names)
+        wall = [number for number, name in enumerate(corpus.things, start=1) if name.endswith(" wall")]
+        material = np.arange(kinds, dtype=np.float64)
+        material[wall] = min(wall, default=0)
+        none = np.zeros((kinds, latents))
+        flat = cls(planes, np.zeros((2, places, kinds)), material, none, none)
+        moments = np.zeros((3, places, kinds))
+        sums, counts = np.zeros((2, kinds, latents)), np.zeros((2, kinds))
+        for i in some:
+            sketch, image = corpus.sketches[i].astype(np.float32), corpus.images[i].astype(np.float32)
+            bright = flat.offsets_of(image, sketch, corpus.views[i], codec)
+            moments[:, corpus.places[i]] += [bright != 0, bright, bright**2]
+            apart = torch.from_numpy(image - flat.image(sketch, corpus.views[i], codec, bright))[None]
+            with torch.no_grad():
+                size = (vae.encode(apart).latent_dist.mode() - vae.encode(0 * apart).latent_dist.mode())[0].square()
+            shares = _shares(sketch[-1], kinds)
+            mixed = shares.max(axis=0) < _PURE
+            for which, where in enumerate((~mixed, mixed)):
+                sums[which] += shares[:, where] @ size.numpy()[:, where].T
+                counts[which] += shares[:, where].sum(axis=1)
+        mean = sums.sum(axis=1, keepdims=True) / np.maximum(counts.sum(axis=1)[:, None, None], 1.0)
+        within, between = (sums + 2.0 * mean) / (counts[..., None] + 2.0)
+        return cls(planes, _moments(moments), material, within, between)
+
+    def image(
+        self, sketch: NDArray[np.floating], facts: ViewFacts, codec: PirCodec, bright: FloatArray
+    ) -> NDArray[np.float32]:
+        """(3, row, column) channels for a sketch (CHANNELS, row, column), with each kind brighter by `bright` (kind,),
+        in the channel of energy."""
+        kind = sketch[-1].astype(np.intp)
+        channels = np.einsum("rct,rctk->krc", _terms(sketch.astype(np.float64), facts, codec), self.planes[kind])
+        channels[0] += bright[kind]
+        return channels.clip(-1.0, 1.0).astype(np.float32)
+
+    def offsets_of(
+        self, image: NDArray[np.floating], sketch: NDArray[np.floating], facts: ViewFacts, codec: PirCodec
+    ) -> FloatArray:
+        """(kind,) how much brighter each kind is in an image than was to be expected; 0 of such as hardly show."""
+        return self._offsets(image, sketch, self.image(sketch, facts, codec, np.zeros(len(self.planes))))
+
+    def _offsets(
+        self, image: NDArray[np.floating], sketch: NDArray[np.floating], plain: NDArray[np.floating]
+    ) -> FloatArray:
+        kind, there = sketch[-1].astype(np.intp).ravel(), (image[2] > -2 / 3).ravel()
+        count = np.bincount(kind[there], minlength=len(self.planes))
+        total = np.bincount(kind[there], (image[0] - plain[0]).ravel()[there], minlength=len(self.planes))
+        return np.where(count >= _ENOUGH, total / np.maximum(count, 1), 0.0)
+
+    def drawn_offsets(self, place: int, seed: int) -> FloatArray:
+        """(kind,) how bright each kind is in a place, as far as what it is made of decides."""
+        rng = np.random.default_rng([seed, 109])
+        mean, spread = self.brighter[:, place]
+        drawn = np.clip(rng.standard_normal(len(mean)), -2.5, 2.5)[self.material.astype(np.intp)]
+        return np.asarray(mean + spread * drawn)
+
+    def of(
+        self,
+        sketches: NDArray[np.floating],
+        views: Sequence[ViewFacts],
+        bright: Sequence[FloatArray],
+        vae: PatchAutoencoder,
+        codec: PirCodec,
+    ) -> Expected:
+        """For sketches (image, CHANNELS, row, column) with brightnesses (kind,) each; they must all be there."""
+        if any((sketch[-1] == NONE).all() for sketch in sketches):
+            raise ValueError("sketches: one of the images has none")
+        told = zip(sketches, views, bright, strict=True)
+        images = np.stack([self.image(sketch, facts, codec, own) for sketch, facts, own in told])
+        variances = []
+        for sketch in sketches:
+            shares = _shares(sketch[-1], len(self.within))
+            mixed = shares.max(axis=0) < _PURE
+            variances.append(np.where(mixed, *(np.tensordot(x, shares, (0, 0)) for x in (self.between, self.within))))
+        device = vae.device
+        with torch.no_grad():
+            mean: Tensor = vae.encode(torch.from_numpy(images).to(device)).latent_dist.mode()
+        spread = np.maximum(np.sqrt(np.stack(variances)), LEAST_SPREAD).astype(np.float32)
+        return Expected(mean.float(), torch.from_numpy(spread).to(device))
+
+    @property
+    def tables(self) -> dict[str, FloatArray]:
+        """Everything, for a file."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    @classmethod
+    def from_tables(cls, tables: Mapping[str, FloatArray]) -> Expectation:
+        """From what a file holds."""
+        return cls(**{each.name: np.asarray(tables[each.name], np.float64) for each in fields(cls)})
+
+
+def _moments(sums: FloatArray) -> FloatArray:
+    """(2, place, kind) mean and spread from (3, place, kind) counts, sums and sums of squares; where a place has hardly
+    any of a kind those over all places have their part."""
+    whole = sums.sum(axis=1, keepdims=True)
+    many = np.maximum(whole[0], 1.0)
+    sums = sums + 3.0 * np.stack([np.ones_like(whole[0]), whole[1] / many, whole[2] / many])
+    mean = sums[1] / sums[0]
+    return np.stack([mean, np.sqrt(np.maximum(sums[2] / sums[0] - mean**2, 0.0))])
+
+
+def _shares(kind: NDArray[np.floating], kinds: int) -> FloatArray:
+    """(kind, row / PATCH, column / PATCH) share of each patch."""
+    rows, columns = kind.shape[0] // PATCH, kind.shape[1] // PATCH
+    patches = kind.astype(np.intp).reshape(rows, PATCH, columns, PATCH).swapaxes(1, 2).reshape(rows * columns, PATCH**2)
+    index = np.arange(rows * columns)[:, None] * kinds + patches
+    counts = np.bincount(index.ravel(), minlength=rows * columns * kinds).reshape(rows, columns, kinds)
+    return np.moveaxis(counts / PATCH**2, -1, 0)
+
+
+def _terms(sketch: FloatArray, facts: ViewFacts, codec: PirCodec) -> FloatArray:
+    """(row, column, TERMS)"""
+    rows, columns = sketch.shape[1:]
+    half = np.tan(np.radians(facts.fov_deg) / 2)
+    y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
+    z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
+    angle = 4 * half[0] * half[1] / (rows * columns) * (1 + y[None, :] ** 2 + z[:, None] ** 2) ** -1.5
+    low, high = codec.energy_db
+
+    def level(channel: FloatArray) -> FloatArray:
+        """Of a surface of 1 per steradian at 1 m, relative to the middle of the convention."""
+        reach = np.maximum(codec.distance(channel), _LEAST_RANGE)
+        return np.asarray(2.0 / (high - low) * (10 * np.log10(angle) - 20 * np.log10(reach)))
+
+    brick, shell, cosine = sketch[:3]
+    there = (shell < 1.0).astype(np.float64)
+    return np.stack(
+        [np.ones_like(brick), brick, shell, cosine, cosine**2, level(brick), level(shell) * there, there], axis=-1
+    )

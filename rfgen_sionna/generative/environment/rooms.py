@@ -1,0 +1,141 @@
+"""Which furnished place an image shows: one that has what the words name, with the radar where it may stand.
+
+Layouts come from seeds that no data set uses (:data:`FIRST_SEED`), so none of a training or test split is among them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from rfgen_sionna.generative.environment.shooting import NEAREST, SPACE
+from rfgen_sionna.generative.environment.sketch import Bricks, Sketch
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished.scene import FurnishedScene
+
+FIRST_SEED = 1 << 40
+"""Of the layouts that are imagined."""
+LAYOUTS = 6
+"""How many are looked at for the things that the words name."""
+SPOTS = 24
+"""Spots for the radar that are tried in each."""
+_COARSE = (16, 16)
+_MARGIN = 0.25
+"""Free space around a radar [m]."""
+_AIM = np.radians(12.0)
+"""How nearly somebody points a radar at what there is to see; as the data sets do."""
+_ANYHOW = 0.25
+"""Share of the views that look nowhere in particular."""
+_IN_FRONT, _STRAIGHT, _NEAR = 0.25, 0.25, 0.3
+"""Share of the views that are as in a run, and how far at most they turn [rad] and stand from the origin [m]."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What words ask of a place."""
+
+    place: str
+    things: tuple[str, ...] = ()
+    """That should be in view."""
+    without: tuple[str, ...] = ()
+    """That should not."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A place of bricks."""
+
+    bricks: Bricks
+    offset: tuple[float, float]
+    """Where in it the origin of the caller's world lies [m]."""
+
+    def seen(self, view: View) -> Sketch:
+        """What a view in the caller's world shows."""
+        return self.bricks.shown(_moved(view, self.offset))
+
+
+@lru_cache(maxsize=256)
+def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False) -> Room:
+    """The place that shows most of what is wanted, of a few.
+
+    Args:
+        wanted: what is wanted.
+        view: how it is seen first, in the caller's world, whose floor is z = 0.
+        seed: of the layouts.
+        anywhere: let the radar stand anywhere in the place; otherwise the caller's origin is the place's, before which
+            (1.2 … 4.3 m along x) there is room for somebody, as long as the radar may stand there.
+    """
+    rng = np.random.default_rng([seed, 107])
+    best: tuple[float, Room] | None = None
+    enough = float(len(wanted.things))
+    for number in range(LAYOUTS):
+        scene = furnished(wanted.place, FIRST_SEED + LAYOUTS * seed + number)
+        bricks = Bricks.of(scene)
+        offset = (0.0, 0.0)
+        if anywhere or not _may_stand(scene, view):
+            found = _spot(scene, view, rng)
+            if found is None:
+                continue
+            offset = found[0] - view.position[0], found[1] - view.position[1]
+        room = Room(bricks, offset)
+        sketch = room.seen(replace(view, resolution=_COARSE))
+        kinds = sketch.kinds(bricks)
+        score = sum(thing in kinds for thing in wanted.things) - 2.0 * sum(thing in kinds for thing in wanted.without)
+        reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
+        if reach.min() < NEAREST or np.median(reach) < SPACE:
+            score -= 10.0
+        if not anywhere and offset != (0.0, 0.0):
+            score -= 5.0
+        if best is None or score > best[0]:
+            best = score, room
+        if score >= enough:
+            break
+    if best is None:  # nowhere to stand in any of them: the last one, in its middle
+        best = 0.0, Room(bricks, (-view.position[0], -view.position[1]))
+    return best[1]
+
+
+def _may_stand(scene: FurnishedScene, view: View) -> bool:
+    x, y, z = view.position
+    return scene.layout.is_free(x, y, z, _MARGIN)
+
+
+def _spot(scene: FurnishedScene, view: View, rng: np.random.Generator) -> tuple[float, float] | None:
+    """A free spot in a place from where somebody would look this way: most often towards furniture, near or far."""
+    layout = scene.layout
+    # As in a run, given that they look straight ahead; the others look anywhere.
+    straight = _IN_FRONT / (2 * _STRAIGHT) * (abs(view.orientation[0]) < _STRAIGHT)
+    if rng.uniform() < straight / (straight + (1 - _IN_FRONT) / (2 * np.pi)):
+        x, y = (float(rng.uniform(-_NEAR, _NEAR)) for _ in range(2))
+        if layout.is_free(x, y, view.position[2], _MARGIN):
+            return x, y
+    items = [(item.x, item.y) for item in layout.items if item.ground.bottom < 1.5]
+    targets = np.array(items or [(0.5 * sum(layout.stand[0]), 0.5 * sum(layout.stand[1]))])
+    spots, weights = [], []
+    for _ in range(SPOTS):
+        x, y = (float(rng.uniform(a + 0.3, b - 0.3)) for a, b in layout.stand)
+        if not layout.is_free(x, y, view.position[2], _MARGIN):
+            continue
+        away = targets - (x, y)
+        near = 1.0 / (2.0 + np.hypot(*away.T)) ** 2
+        spots.append((x, y))
+        weights.append(_ANYHOW / (2 * np.pi) + float(near @ _aimed(away, view.orientation[0]) / near.sum()))
+    if not spots:
+        return None
+    chances = np.array(weights)
+    return spots[int(rng.choice(len(spots), p=chances / chances.sum()))]
+
+
+def _aimed(away: FloatArray, yaw: float) -> FloatArray:
+    """Density of a yaw for somebody who points at each of `away` (target, 2)."""
+    off = (yaw - np.arctan2(away[:, 1], away[:, 0]) + np.pi) % (2 * np.pi) - np.pi
+    return np.asarray(np.exp(-0.5 * (off / _AIM) ** 2) / (_AIM * np.sqrt(2 * np.pi)))
+
+
+def _moved(view: View, offset: tuple[float, float]) -> View:
+    x, y, z = view.position
+    return replace(view, position=(x + offset[0], y + offset[1], z))

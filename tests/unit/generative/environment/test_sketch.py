@@ -1,0 +1,240 @@
+"""Sketches show a furnished place as boxes, where its render has the things themselves; rooms show what is wanted."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.data import PLACES, PirData
+from rfgen_sionna.generative.environment.expectation import Expectation, Expected
+from rfgen_sionna.generative.environment.forward import make_scheduler
+from rfgen_sionna.generative.environment.geometry import KINDS
+from rfgen_sionna.generative.environment.imagining import Wish, imagine, sketched
+from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
+from rfgen_sionna.generative.environment.render import render
+from rfgen_sionna.generative.environment.rooms import FIRST_SEED, Wanted, choose_room
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
+from rfgen_sionna.generative.environment.shards import Settings
+from rfgen_sionna.generative.environment.shooting import Shot, Stage, choose_shot, fields_of_view
+from rfgen_sionna.generative.environment.sketch import CHANNELS, Bricks, mirrored, no_sketch
+from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna.scene.furnished import furnished
+
+CODEC = PirCodec()
+AHEAD = View((32, 32), (70.0, 70.0), (0.0, 0.0, 1.0), (0.0, 0.1, 0.0))
+
+
+def brick(centre: tuple[float, ...], half: tuple[float, ...], yaw: float = 0.0) -> Bricks:
+    return Bricks(np.array([centre]), np.array([half]), np.array([yaw]), ("box",), 0)
+
+
+def test_a_box_is_where_geometry_puts_it() -> None:
+    """A cube of edge 1 m whose front is 2.5 m ahead: range over cosine is its distance, its edges lie at 0.5 / 2.5."""
+    view = View((64, 64), (40.0, 40.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    seen = brick((3.0, 0.0, 1.0), (0.5, 0.5, 0.5)).shown(view)
+    there = seen.brick >= 0
+    np.testing.assert_allclose((seen.range * seen.cosine)[there], 2.5, rtol=1e-9)
+    expected = (0.5 / 2.5 / np.tan(np.radians(20.0))) ** 2
+    assert there.mean() == pytest.approx(expected, abs=0.03)
+    np.testing.assert_allclose(seen.place[there][:, 0], -1.0, atol=1e-9)
+    assert seen.place[32, 32, 1:] == pytest.approx([0.0, 0.0], abs=0.05)
+    # turned by 45 degrees an edge is ahead, and both of its sides lie at an angle
+    turned = brick((3.0, 0.0, 1.0), (0.5, 0.5, 0.5), np.pi / 4).shown(view)
+    assert turned.range[32, 31:33] == pytest.approx([3.0 - np.sqrt(0.5)] * 2, abs=0.02)
+    assert turned.cosine[32, 32] == pytest.approx(np.sqrt(0.5), abs=0.02)
+
+
+def test_nothing_is_seen_from_within_or_behind() -> None:
+    inside = brick((0.0, 0.0, 1.0), (1.0, 1.0, 1.0)).shown(AHEAD)
+    behind = brick((-3.0, 0.0, 1.0), (1.0, 1.0, 1.0)).shown(AHEAD)
+    for sketch in (inside, behind):
+        assert (sketch.brick == -1).all()
+        assert np.isnan(sketch.range).all()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_sketch_is_the_place_that_is_rendered(place: str) -> None:
+    """No box is behind what stands in it, and floor and walls, which are boxes themselves, agree."""
+    radar = Radar.load("awr1843")
+    scene = furnished(place, 11)
+    stage = Stage(scene, radar)
+    shot: Shot = choose_shot(stage, np.random.default_rng(2), Settings().ranges)
+    bricks = Bricks.of(scene)
+    view = View((32, 32), fields_of_view(shot.fov_deg, 32, 32), shot.position, shot.orientation)
+    sketch = bricks.shown(view)
+    objects, distance = stage.first_hits(shot, 32, 32)
+    real = np.where(objects >= 0, distance, np.inf).reshape(32, 32)
+    boxes = np.where(np.isfinite(sketch.range), sketch.range, np.inf)
+    with np.errstate(invalid="ignore"):
+        # Hills of a meadow stand before its plane; doors and windows lie in their walls, of which theirs stand out.
+        assert (boxes > 1.02 * real + 0.15).mean() < (0.1 if place == "open field" else 0.01)
+        opening = np.array([kind in ("door", "window", "garage door") for kind in (*bricks.kinds, "")])
+        shell = (sketch.brick >= 0) & (sketch.brick < bricks.shell) & ~opening[sketch.brick]
+        agree = np.abs(boxes - real)[shell & np.isfinite(real)] < 0.02 * real[shell & np.isfinite(real)] + 0.15
+    assert agree.mean() > 0.9
+
+
+def test_a_data_set_has_the_sketch_of_each_view(tmp_path) -> None:
+    render(tmp_path, Settings(resolution=(16, 16), views=1, seed=3), 10)
+    data = PirData.open(tmp_path)
+    known = ("floor", "ground", "far wall")
+    got = data.sketches(known, CODEC)
+    assert got.shape == (10, CHANNELS, 16, 16)
+    for k in range(10):
+        bricks = Bricks.of(furnished(PLACES[data.places[k]], int(data.layout[k])))
+        view = View(
+            (16, 16), tuple(data.fov_deg[k]), tuple(data.position[k]), (float(data.yaw[k]), float(data.pitch[k]), 0.0)
+        )
+        np.testing.assert_allclose(got[k], bricks.shown(view).channels(bricks, known, CODEC), atol=2e-3)
+    assert set(np.unique(got[:, -1])) <= {0.0, 1.0, 2.0, 3.0}
+    np.testing.assert_array_equal(got[[4, 1]], data.sketches(known, CODEC, [4, 1]))
+
+
+def test_the_mirror_image_of_a_sketch_is_that_of_the_mirrored_place() -> None:
+    view = replace(AHEAD, orientation=(0.2, 0.1, 0.0))
+    one = Bricks(np.array([[3.0, 0.6, 0.8]]), np.array([[0.4, 0.7, 0.5]]), np.array([0.3]), ("box",), 0)
+    other = replace(one, centre=one.centre * (1, -1, 1), yaw=np.pi - one.yaw)  # its front is mirrored, and its left
+    flipped = other.shown(replace(view, orientation=(-0.2, 0.1, 0.0))).channels(other, ("box",), CODEC)
+    own = mirrored(one.shown(view).channels(one, ("box",), CODEC))
+    np.testing.assert_allclose(own, flipped, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def reader(model: EnvironmentModel, corpus: Corpus) -> EnvironmentModel:
+    """A model that expects what the corpus of walls has taught it, and whose network says nothing."""
+    unet = deepcopy(model.unet)
+    for parameter in unet.conv_out.parameters():
+        torch.nn.init.zeros_(parameter)
+    unet.spread.fill_(1.3)
+    return replace(model, unet=unet, expectation=Expectation.fit(corpus, KINDS, model.vae, CODEC))
+
+
+def a_wall(distance: float, facts: ViewFacts) -> tuple[np.ndarray, np.ndarray]:
+    """(1, CHANNELS, row, column) sketch of a wall and a floor, and the ranges (row, column) [m]."""
+    bricks = Bricks(
+        np.array([[0.0, 0.0, 0.0], [distance, 0.0, 0.0]]), np.array([[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]),
+        np.zeros(2), ("floor", "far wall"), 2,
+    )  # fmt: skip
+    view = View((64, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, 0.0))
+    sketch = bricks.shown(view)
+    return sketch.channels(bricks, ("far wall",), CODEC)[None], sketch.range
+
+
+def test_what_is_expected_of_a_wall_is_a_wall(reader: EnvironmentModel) -> None:
+    """At other distances than those it learnt from: range, and level over range. Where nothing else stands, little
+    strays from that."""
+    assert reader.expectation is not None
+    facts = ViewFacts((60.0, 60.0), 1.1, 0.1, 0.0)
+    sketch, reach = a_wall(4.7, facts)
+    plain = np.zeros(KINDS)
+    got = reader.expectation.image(sketch[0], facts, CODEC, plain)
+    energy, arrival, _ = CODEC.decode_arrays(got, clip=True)
+    np.testing.assert_allclose(0.5 * SPEED_OF_LIGHT * arrival, reach, rtol=0.05)
+    np.testing.assert_allclose(10 * np.log10(energy), -130 - 20 * np.log10(reach / 3.0), atol=1.5)
+    found = reader.expectation.of(sketch, [facts], [plain], reader.vae, CODEC)
+    assert found.mean.shape == found.spread.shape == (1, 32, 16, 16)
+    assert float(found.spread.median()) < 0.3
+    with pytest.raises(ValueError, match="has none"):
+        reader.expectation.of(no_sketch(1, 64, 64), [facts], [plain], reader.vae, CODEC)
+
+
+def test_how_bright_a_thing_is_comes_from_the_place_and_the_seed(reader: EnvironmentModel, corpus: Corpus) -> None:
+    assert reader.expectation is not None
+    learnt = replace(reader.expectation, brighter=np.stack([np.full((10, KINDS), 0.1), np.full((10, KINDS), 0.05)]))
+    drawn = np.array([learnt.drawn_offsets(0, seed) for seed in range(400)])
+    np.testing.assert_allclose(drawn.mean(axis=0), 0.1, atol=0.015)
+    np.testing.assert_allclose(drawn.std(axis=0), 0.05, rtol=0.15)
+    np.testing.assert_array_equal(drawn[3], learnt.drawn_offsets(0, 3))
+    facts, (sketch, _) = corpus.views[0], a_wall(4.0, corpus.views[0])
+    bright = np.zeros(KINDS)
+    bright[1] = 0.2
+    image = learnt.image(sketch[0], facts, CODEC, bright)
+    found = learnt.offsets_of(image, sketch[0], facts, CODEC)
+    assert found[1] == pytest.approx(0.2, abs=0.02)
+    assert np.abs(np.delete(found, 1)).max() < 0.02
+
+
+def test_a_network_that_says_nothing_draws_a_normal_distribution_about_what_is_expected(
+    reader: EnvironmentModel, corpus: Corpus
+) -> None:
+    """Closed form: of noise e comes m + s e with a sketch, and s e without one, whatever the words and the guidance."""
+    facts = [corpus.views[0]]
+    tokens, against = reader.text.embed(["a bedroom"], facts), reader.text.embed([""], facts)
+    noise = noise_like(1, reader, 1)
+    guide = sketched(reader, Guide(), a_wall(4.0, facts[0])[0], facts, [np.zeros(KINDS)])
+    assert guide.expected is not None
+    incomplete = Expected(
+        guide.expected.mean, torch.full_like(noise, 0.4)
+    )  # as path diffusion has it: without a sketch
+    for told, mean, spread in (
+        (guide, guide.expected.mean, guide.expected.spread),
+        (Guide(expected=incomplete), incomplete.mean, 0.4),
+        (Guide(), 0.0, 1.3),
+    ):
+        drawn = draw(reader, make_scheduler(), Sampler("ddim", 250, 2.0), tokens, against, noise, told)
+        expected = reader.vae.decode(mean + spread * noise).sample.clamp(-1, 1).numpy()
+        assert np.abs(drawn - expected).mean() < 0.02 * np.abs(expected).mean() + 0.01
+
+
+def test_a_sketch_needs_a_model_that_reads_them(model: EnvironmentModel, corpus: Corpus) -> None:
+    facts = corpus.views[:1]
+    with pytest.raises(ModelFileError, match="reads no sketches"):
+        sketched(model, Guide(), a_wall(4.0, facts[0])[0], facts, [np.zeros(KINDS)])
+
+
+def test_rooms_are_no_layouts_of_a_data_set_and_leave_space_for_somebody() -> None:
+    assert FIRST_SEED > 1000 * LAYOUTS_OF_A_SET
+    view = replace(AHEAD, resolution=(64, 64), orientation=(0.0, 0.0, 0.0))
+    for place in ("living room", "office", "garage"):
+        room = choose_room(Wanted(place), view, 5)
+        assert room.offset == (0.0, 0.0)
+        middle = room.seen(view).range[31:33, 31:33]
+        assert (middle > 4.0).all(), "somebody stands at 1.2 to 4.3 m"
+    one, again, other = (choose_room.__wrapped__(Wanted("office"), view, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.bricks.centre, again.bricks.centre)
+    assert one.bricks.centre.shape != other.bricks.centre.shape or not np.allclose(
+        one.bricks.centre, other.bricks.centre
+    )
+
+
+def test_rooms_show_what_words_name_and_not_what_they_exclude() -> None:
+    view = replace(AHEAD, resolution=(64, 64))
+    shown, bare, without = 0, 0, 0
+    for seed in range(12):
+        for wanted in (Wanted("living room", ("television",)), Wanted("living room")):
+            room = choose_room(wanted, view, seed, anywhere=True)
+            seen = "television" in room.seen(view).kinds(room.bricks)
+            shown, bare = (shown + seen, bare) if wanted.things else (shown, bare + seen)
+        room = choose_room(Wanted("living room", (), ("television",)), view, seed, anywhere=True)
+        without += "television" in room.seen(view).kinds(room.bricks)
+    assert shown > bare + 2
+    assert without < max(bare, 1)
+
+
+def test_other_views_of_a_room_see_the_same_room(model: EnvironmentModel) -> None:
+    """A step aside, the same point of a wall lies where it lay."""
+    first = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    room = choose_room(Wanted("lab"), first, 3)
+    second = replace(first, position=(0.0, 0.3, 1.0), orientation=(0.1, 0.0, 0.0))
+    a, b = room.seen(first), room.seen(second)
+    points = np.array(first.position) + a.range[..., None] * first.directions
+    where = second.pixels(points - np.array(second.position))
+    there = (where >= 0) & np.isfinite(a.range)
+    expected = np.linalg.norm(points[there] - np.array(second.position), axis=-1)
+    got = b.range.ravel()[where[there]]
+    assert np.median(np.abs(got - expected)) < 0.05
+    facts = ViewFacts(first.fov_deg, 1.0, 0.0, 0.0)
+    tokens, against = model.text.embed(["a lab"], [facts]), model.text.embed([""], [facts])
+    wish = Wish(Wanted("lab"), second, 3, first)
+    image = imagine(model, make_scheduler(), Sampler("ddim", 1, 1.0), [wish], tokens, against, noise_like(1, model, 1))
+    assert image.shape == (1, 3, 64, 64)
