@@ -159,6 +159,8 @@ def generate(
     source = motion_source(motion)
     said, asked = _read(prompt, negative, environment, seed, distance, surroundings, source)
     kind = check_kind(surroundings, asked, negative=negative_environment, refine=refine)
+    for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
+        _LOG.warning(sentence)
     resolution, fov = _view(pir_resolution, fov_deg, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
@@ -290,7 +292,7 @@ def _read(
         if said.surroundings not in (None, name):
             raise PromptError(f"environment: {environment!r}, but the prompt says {said.surroundings}: leave one out")
         said = replace(said, surroundings=name, origins={**said.origins, "surroundings": argument("environment")})
-    for sentence in (*said.warnings, *(surroundings.warnings if surroundings else ())):
+    for sentence in said.warnings:
         _LOG.warning(sentence)
     return said, surroundings
 

@@ -76,10 +76,15 @@ class EnvironmentPrompt:
         """Whether the text is nothing but the name of a scene of a file, as `load_scene` takes it."""
         return self.has_file and self.text.strip() == self.scene
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for each phrase without effect."""
-        return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in self.unused)
+    def warnings(self, *, imagined: bool = False) -> tuple[str, ...]:
+        """One sentence for each phrase without effect; where the place is `imagined`, furniture has one."""
+        lost = self.unused
+        if imagined:
+            from rfgen_sionna.generative.environment.captions import USUAL  # not imported with other surroundings
+
+            furniture = {thing for things in USUAL.values() for thing in things}
+            lost = tuple(phrase for phrase in lost if not any(thing in phrase for thing in furniture))
+        return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in lost)
 
 
 def parse_environment(text: str | None) -> EnvironmentPrompt | None:

@@ -49,6 +49,13 @@ def test_a_place_in_words_is_imagined_and_a_scene_by_its_name_is_that_scene() ->
     assert not words.is_name
 
 
+def test_furniture_counts_where_a_place_is_imagined() -> None:
+    asked = parse_environment("a living room with a sofa and a unicorn")
+    assert asked is not None
+    assert [sentence.split("'")[1] for sentence in asked.warnings()] == ["sofa", "unicorn"]
+    assert [sentence.split("'")[1] for sentence in asked.warnings(imagined=True)] == ["unicorn"]
+
+
 @pytest.mark.usefixtures("no_diffusers")
 def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: pytest.LogCaptureFixture) -> None:
     assert kind("a living room") == "scene"
