@@ -644,7 +644,7 @@ def test_unknown_surroundings_are_refused_and_unknown_furniture_is_said() -> Non
         parse_environment(3)
     cosy = parse_environment("a cosy living room with a piano")
     assert cosy.unused == ("cosy", "piano")
-    assert "piano" in cosy.warnings[1]
+    assert "piano" in cosy.warnings()[1]
 
 
 def test_prompts_can_name_every_scene_there_is() -> None:
