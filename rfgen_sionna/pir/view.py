@@ -48,6 +48,16 @@ class View:
         """(row, column, 3) unit vectors through the pixels' middles, world frame."""
         return self.subpixels(1)
 
+    @property
+    def solid_angles(self) -> FloatArray:
+        """(row, column) of the pixels [sr]: of a small rectangle square to the boresight, at the pixel's middle."""
+        rows, columns = self.resolution
+        half = self._half
+        y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
+        z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
+        stretch = (1 + y[None, :] ** 2 + z[:, None] ** 2) ** -1.5
+        return np.asarray(4 * half[0] * half[1] / self.size * stretch)
+
     def subpixels(self, split: int) -> FloatArray:
         """(row * split, column * split, 3) unit vectors through the middles of pixels that are split evenly."""
         rows, columns = (split * count for count in self.resolution)

@@ -12,7 +12,7 @@ from diffusers.models.attention_processor import AttnProcessor
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
-from rfgen_sionna.generative.environment.forward import make_scheduler, signal_and_noise
+from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
 from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, new_control, write_control
 from rfgen_sionna.generative.environment.training import draw_batch, half
 from rfgen_sionna.generative.learning import Progress, Run
@@ -122,9 +122,7 @@ def train_control(
                 down_block_additional_residuals=down,
                 mid_block_additional_residual=middle,
             ).sample
-        signal, noise = signal_and_noise(times)
-        weight = (signal * scale) ** 2 + noise**2  # so that what the networks themselves draw counts alike at all times
-        run.learn((weight * (guess.float() - target) ** 2).mean())
+        run.learn(even_loss(guess, target, times, scale))
     return out / CONTROL_FILE
 
 

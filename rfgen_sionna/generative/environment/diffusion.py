@@ -17,6 +17,9 @@ from rfgen_sionna.records import Pir
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.backend import Backend
 
+_FOREIGN_GUIDANCE = 7.5
+"""What Stable Diffusion is usually drawn with."""
+
 
 class EnvironmentDiffusion:
     """Surroundings imagined from words, as a PIR in physical units.
@@ -31,8 +34,8 @@ class EnvironmentDiffusion:
     device
         "cpu", "cuda", …; None takes CUDA where there is one.
     steps, guidance, sampler
-        Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps. Stable Diffusion wants more
-        guidance, 7 and up.
+        Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps. Guidance None is 1.5, and 7.5
+        with a Stable Diffusion base.
     sketched
         Whether to draw over the sketch of a furnished place of that kind (:mod:`.sketch`), the default with our models;
         otherwise from words alone. A Stable Diffusion base reads no sketches.
@@ -52,15 +55,17 @@ class EnvironmentDiffusion:
         device: str | None = None,
         *,
         steps: int = 20,
-        guidance: float = 1.5,
+        guidance: float | None = None,
         sampler: str = "ddim",
         sketched: bool | None = None,
         half: bool | None = None,
         compile: bool = False,
     ) -> None:
-        from rfgen_sionna.generative.environment.backend import load_backend
+        from rfgen_sionna.generative.environment.backend import is_embedded, load_backend
         from rfgen_sionna.generative.environment.sampling import Sampler
 
+        if guidance is None:
+            guidance = Sampler.guidance if model is None or is_embedded(Path(model)) else _FOREIGN_GUIDANCE
         self.sampler = Sampler(sampler, steps, guidance)
         self._backend: Backend = load_backend(model, lora, device, sketched=sketched, half=half, compiled=compile)
         self._kept: dict[str, list[Pir]] = {}

@@ -20,6 +20,7 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
@@ -130,11 +131,7 @@ class Expectation:
         self, image: NDArray[np.floating], sketch: NDArray[np.floating], facts: ViewFacts, codec: PirCodec
     ) -> FloatArray:
         """(kind,) how much brighter each kind is in an image than was to be expected; 0 of such as hardly show."""
-        return self._offsets(image, sketch, self.image(sketch, facts, codec, np.zeros(len(self.planes))))
-
-    def _offsets(
-        self, image: NDArray[np.floating], sketch: NDArray[np.floating], plain: NDArray[np.floating]
-    ) -> FloatArray:
+        plain = self.image(sketch, facts, codec, np.zeros(len(self.planes)))
         kind, there = sketch[-1].astype(np.intp).ravel(), (image[2] > -2 / 3).ravel()
         count = np.bincount(kind[there], minlength=len(self.planes))
         total = np.bincount(kind[there], (image[0] - plain[0]).ravel()[there], minlength=len(self.planes))
@@ -155,7 +152,11 @@ class Expectation:
         vae: PatchAutoencoder,
         codec: PirCodec,
     ) -> Expected:
-        """For sketches (image, CHANNELS, row, column) with brightnesses (kind,) each; they must all be there."""
+        """For sketches (image, CHANNELS, row, column) with brightnesses (kind,) each.
+
+        Raises:
+            ValueError: one of the images has no sketch.
+        """
         if any((sketch[-1] == NONE).all() for sketch in sketches):
             raise ValueError("sketches: one of the images has none")
         told = zip(sketches, views, bright, strict=True)
@@ -202,12 +203,9 @@ def _shares(kind: NDArray[np.floating], kinds: int) -> FloatArray:
 
 
 def _terms(sketch: FloatArray, facts: ViewFacts, codec: PirCodec) -> FloatArray:
-    """(row, column, TERMS)"""
+    """(row, column, TERMS) what planes are laid through, of a sketch (CHANNELS, row, column)."""
     rows, columns = sketch.shape[1:]
-    half = np.tan(np.radians(facts.fov_deg) / 2)
-    y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
-    z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
-    angle = 4 * half[0] * half[1] / (rows * columns) * (1 + y[None, :] ** 2 + z[:, None] ** 2) ** -1.5
+    angle = View((rows, columns), facts.fov_deg, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).solid_angles
     low, high = codec.energy_db
 
     def level(channel: FloatArray) -> FloatArray:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 FORMAT = "rfgen-environment-2"
-CONTROL_FORMAT = "rfgen-environment-control-1"
+CONTROL_FORMAT = "rfgen-environment-control-2"
 BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
 LATENT_SIZE = 16
 

@@ -15,7 +15,7 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.expectation import Expectation
-from rfgen_sionna.generative.environment.forward import make_scheduler, signal_and_noise
+from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
 from rfgen_sionna.generative.environment.geometry import KINDS
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, Shape, write_model
 from rfgen_sionna.generative.environment.sketch import NONE
@@ -148,11 +148,9 @@ def train(
         told = {"sketch": sketches, "expected": mean, "spread": spread}
         with half(device):
             guess = guess_of(noisy, timesteps, batch.tokens.to(device), cross_attention_kwargs=told).sample
-        signal, noise = signal_and_noise(timesteps)
         here = (sketches[:, -1].amax(dim=(1, 2)) > NONE)[:, None, None, None]
         scale = torch.where(here, spread, run.net.spread[:, None, None])
-        weight = (signal * scale) ** 2 + noise**2  # so that what the network itself draws counts alike at all times
-        run.learn((weight * (guess.float() - target) ** 2).mean())
+        run.learn(even_loss(guess, target, timesteps, scale))
     return out / BASE_FILE
 
 

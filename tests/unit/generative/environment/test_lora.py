@@ -137,6 +137,14 @@ def test_an_embedded_lora_does_not_fit_stable_diffusion(lora: Path, stable_diffu
         EnvironmentDiffusion(stable_diffusion, lora)
 
 
+def test_stable_diffusion_reads_no_sketches_and_wants_more_guidance(stable_diffusion: Path, model_folder: Path) -> None:
+    with pytest.raises(ValueError, match="sketched: True"):
+        EnvironmentDiffusion(stable_diffusion, sketched=True)
+    assert EnvironmentDiffusion(stable_diffusion).sampler.guidance == 7.5
+    assert EnvironmentDiffusion(model_folder).sampler.guidance == 1.5
+    assert EnvironmentDiffusion(model_folder, guidance=4.0).sampler.guidance == 4.0
+
+
 def test_the_base_has_no_text_encoder_to_adapt(corpus: Corpus, model_folder: Path, tmp_path: Path) -> None:
     recipe = LoraRecipe(frames=4, steps=1, items=1, text_encoder=True)
     with pytest.raises(ValueError, match="text_encoder"):

@@ -84,7 +84,7 @@ def test_splits_and_halves_share_no_room(corpus: Corpus) -> None:
 
 
 def test_the_judge_tells_places_apart_and_an_examination_reports(corpus: Corpus, model, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    judge = train_judge(corpus.images, corpus.places, corpus.views, steps=40, items=16)
+    judge = train_judge(corpus.images, corpus.places, corpus.views, steps=80, items=32)
     chances = judge.look(corpus.images, corpus.views)[1]
     assert judge.right(chances, corpus.places).mean() > 0.9
     pairs = np.arange(16) // 4  # two views of each place in each layout

@@ -77,6 +77,15 @@ def test_height_and_pitch_move_the_floor(rooms: EnvironmentDiffusion) -> None:
         assert floor(height, pitch) == pytest.approx(height / np.sin(pitch + np.radians(37.0)), rel=0.05)
 
 
+def test_a_sketch_keeps_space_for_somebody_which_words_alone_do_not_know_of(rooms: EnvironmentDiffusion) -> None:
+    """In front of the radar nothing stands before 4.3 m; walls are where the same place's sketch has them."""
+    alone = EnvironmentDiffusion(steps=8, sampler="dpm", sketched=False)
+    for seed in range(3):
+        over = distance(rooms.generate("an office", seed=seed))[30:34, 30:34]
+        assert np.nanmedian(over) > 4.0
+        assert not np.allclose(over, distance(alone.generate("an office", seed=seed))[30:34, 30:34], rtol=1e-3)
+
+
 def test_refinement_keeps_delays(rooms: EnvironmentDiffusion) -> None:
     mixed = rooms.generate("a living room", seed=1)
     refined = PathDiffusion(steps=2, samples=1).refine(mixed, "a living room", seed=1)
