@@ -74,6 +74,9 @@ class RayScene:
         from rfgen_sionna.scene.backend import ensure_backend  # here, so that `python -m …backend` runs it once
 
         ensure_backend()
+        import drjit as dr
+        import mitsuba as mi
+
         meshes = [*static, *moving]
         for i, (vertices, faces) in enumerate(meshes):
             _check_points(vertices, f"vertices of object {i}")
@@ -88,6 +91,7 @@ class RayScene:
         self._static = Layer(static, self.origin, moving=False) if static else None
         self._moving = Layer(moving, self.origin, moving=True) if moving else None
         self._num_static = int(self.facet_offsets[len(static)])
+        self._first = [dr.opaque(mi.UInt32, offset) for offset in (0, self._num_static)]
 
     @property
     def num_facets(self) -> int:
@@ -231,12 +235,12 @@ class RayScene:
         facet = dr.full(mi.UInt32, _NO_PRIMITIVE, count)
         distance = dr.full(mi.Float, dr.inf, count)
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
-        for layer, offset in ((self._static, 0), (self._moving, self._num_static)):
+        for layer, first in zip((self._static, self._moving), self._first, strict=True):
             if layer is None:
                 continue
             found = layer.scene.ray_intersect_preliminary(ray, coherent=False)
             nearer = found.is_valid() & (found.t < distance)
-            facet = dr.select(nearer, found.prim_index + dr.opaque(mi.UInt32, offset), facet)
+            facet = dr.select(nearer, found.prim_index + first, facet)
             distance = dr.select(nearer, found.t, distance)
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
         return facet, distance, weights
@@ -269,6 +273,11 @@ class RayScene:
         flat = double(np.ascontiguousarray(corners - viewpoint).reshape(-1))
         table = double(np.ascontiguousarray(weights, np.float64).reshape(-1))
         own = whole(np.ascontiguousarray(facets, np.uint32))
+        # One array for all numbers that may change: each of its own would be one more launch.
+        shift = viewpoint - self.origin
+        given = double(np.array([*shift, np.abs(shift).max()]))
+        x, y, z, largest = (dr.gather(double, given, whole(i)) for i in range(4))
+        origin = mi.Point3f(mi.Float(x), mi.Float(y), mi.Float(z))
         seen = np.empty(len(of), np.bool_)
         for start in range(0, len(of), _CHUNK):
             part = slice(start, start + _CHUNK)
@@ -280,12 +289,10 @@ class RayScene:
             offset = [sum(share[i] * each[i] for i in range(3)) for each in corner]
             reach = dr.sqrt(sum(each * each for each in offset))
             direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
-            shift = viewpoint - self.origin
-            origin = mi.Point3f(*(dr.opaque(mi.Float, float(each), len(lane)) for each in shift))
             facet, distance, _ = self._nearest(mi.Ray3f(origin, direction), len(lane))
-            size = reach * 0.0 + dr.opaque(double, float(np.abs(shift).max()))
-            for k in range(3):
-                size = dr.maximum(size, dr.abs(offset[k] + dr.opaque(double, float(shift[k]))))
+            size = largest
+            for there, here in zip(offset, (x, y, z), strict=True):
+                size = dr.maximum(size, dr.abs(there + here))
             limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
             hidden = (facet != _NO_PRIMITIVE) & (double(distance) < limit) & (facet != dr.gather(whole, own, piece))
             seen[part] = ~hidden.numpy()

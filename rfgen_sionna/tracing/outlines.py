@@ -25,6 +25,8 @@ _MANY = 32
 """Pieces of a face that are all tried for the one that a ray falls on."""
 _NEAREST = (8, 64)
 """Those of more that are tried, at first and where none of them is it."""
+_AWAY = 4.0
+"""Between the pieces of one face and those of the next in the tree of directions, where 2 is as far as any two are."""
 
 
 class Passing(NamedTuple):
@@ -106,7 +108,6 @@ class Places:
     def __init__(self, corners: FloatArray, number: IntArray) -> None:
         self._corners, self._number = corners, number
         self._order = np.argsort(number, kind="stable")
-        self._trees: dict[int, KDTree] = {}
 
     def holding(self, passing: Passing) -> FloatArray:
         """(facet,) length of outline [rad] that falls on each, as rays' points tell. Of faces in very many pieces those
@@ -118,35 +119,50 @@ class Places:
         ray = np.repeat(few, count[few])
         start = np.cumsum(count[few]) - count[few]
         self._add(total, passing, ray, self._order[np.arange(len(ray)) + np.repeat(first[few] - start, count[few])])
-        many = np.flatnonzero(count > _MANY)
-        for face in np.unique(hit[many]):
-            left = many[hit[many] == face]
-            members = self._order[first[left[0]] : first[left[0]] + count[left[0]]]
-            tree = self._tree(int(face), members)
-            for nearest in _NEAREST:
-                tried = min(nearest, len(members))
-                near = tree.query(unit(passing.directions[left]), tried)[1].reshape(-1)
-                found = self._add(total, passing, np.repeat(left, tried), members[near])
-                left = np.setdiff1d(left, found)
-                if not len(left):
-                    break
+        left = np.flatnonzero(count > _MANY)
+        for nearest in _NEAREST:
+            if not len(left):
+                break
+            near = self._around(passing.directions[left], hit[left], nearest)
+            found = self._add(total, passing, np.repeat(left, near.shape[1])[near.ravel() >= 0], near[near >= 0])
+            left = np.setdiff1d(left, found)
         return total
 
     def _add(
         self, total: FloatArray, passing: Passing, ray: NDArray[np.intp], facet: NDArray[np.intp]
     ) -> NDArray[np.intp]:
         """Adds the rays that fall on the facets they are tried with, and returns them."""
-        a, b, c = np.moveaxis(self._corners[facet], 1, 0)
-        ahead = passing.directions[ray]
-        sides = [np.einsum("ri,ri->r", ahead, np.cross(*pair)) for pair in ((a, b), (b, c), (c, a))]
+        corners = [self._corners[facet, i].T for i in range(3)]
+        ahead = passing.directions[ray].T
+        sides = np.stack([_volume(ahead, corners[i], corners[(i + 1) % 3]) for i in range(3)])
         on = (np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)
         np.add.at(total, facet[on], passing.span[ray[on]])
         return ray[on]
 
-    def _tree(self, face: int, members: NDArray[np.intp]) -> KDTree:
-        if face not in self._trees:
-            self._trees[face] = KDTree(unit(middles(self._corners[members])))
-        return self._trees[face]
+    def _around(self, directions: FloatArray, face: NDArray[np.int64], nearest: int) -> NDArray[np.intp]:
+        """(ray, nearest) pieces of the face that each ray hits, those around where it does; -1 where it has fewer."""
+        tree, members, rank = self._tree
+        place = np.column_stack([unit(directions), _AWAY * rank[face]])
+        near = np.atleast_2d(tree.query(place, min(nearest, len(members)))[1])
+        there = members[near]
+        return np.where(self._number[there] == face[:, None], there, -1)
+
+    @cached_property
+    def _tree(self) -> tuple[KDTree, NDArray[np.intp], NDArray[np.intp]]:
+        """Pieces of faces in very many of them, by direction and, far apart, by face; which pieces these are, and the
+        rank of each face."""
+        count = np.bincount(self._number)
+        rank = np.cumsum(count > _MANY, dtype=np.intp)
+        members = np.flatnonzero(count[self._number] > _MANY)
+        places = np.column_stack([unit(middles(self._corners[members])), _AWAY * rank[self._number[members]]])
+        return KDTree(places), members, rank
+
+
+def _volume(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(ray,) six times the volume of the tetrahedra that vectors (3, ray) span."""
+    return np.asarray(
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
 
 
 def unit(vectors: FloatArray) -> FloatArray:

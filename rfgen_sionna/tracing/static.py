@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,10 +16,12 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
+from rfgen_sionna.tracing.cones import Spheres, behind, spheres
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.outlines import Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
+from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.sight import static_outlines
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.tessellate import tessellate
@@ -112,7 +114,7 @@ class StaticTrace:
         return np.sort(order[~faint])
 
     @cached_property
-    def _spheres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _spheres(self) -> Spheres:
         return spheres(self.facets.take(self._counting), self.viewpoint)
 
     @cached_property
@@ -158,101 +160,22 @@ class StaticTrace:
         left[chosen] = found.fraction
         return Dimmed(left, chosen[found.owner], found.pieces), sent + found.rays
 
-    def shadow(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[RadarPaths, NDArray[np.intp]]:
-        """What is missing of the static paths with what is left at each of the `knots` [s].
-
-        Returns the paths, weighted with what is left less the unobstructed, and which static path each belongs to.
-        """
+    def shadows(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[Shadow, Shadow]:
+        """What is missing of static paths with what is left at each of the `knots` [s]: as it changes, and as it is."""
         left = np.stack([each.left for each in dimmed], axis=1)
-        shadow, index = shaded_paths(self.paths, left, knots)
-        a, dispersion = shadow.a, shadow.dispersion  # its own, to be written to
+        changing, steady = cast(self.paths, left, knots, np.concatenate([each.owner for each in dimmed]))
+        a, dispersion = changing.paths.a, changing.paths.dispersion  # its own, to be written to
         cut = [knot for knot, each in enumerate(dimmed) if len(each.owner)]
         found = self.returns.of_pieces(self.facets, [dimmed[knot] for knot in cut]) if cut else []
         for knot, gains in zip(cut, found, strict=True):
             each, owner = dimmed[knot], np.unique(dimmed[knot].owner)
-            row = np.searchsorted(index, owner)
+            row = np.searchsorted(changing.index, owner)
             if self.returns.rough is not None:
                 gains[0] += np.sqrt(each.left[owner]) * self.returns.rough[owner]  # of energy, half returns half
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:
                 dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
-        return shadow, index
-
-
-def shaded_paths(paths: RadarPaths, left: FloatArray, knots: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
-    """What is missing of static `paths`, of a single knot, when `left` (path, time) is left of each at the knots [s].
-
-    Returns the paths, weighted with what is left less 1, and which static path each belongs to.
-    """
-    index = np.flatnonzero((left != 1.0).any(axis=1))
-    weight, chosen, count = left[index] - 1.0, paths.select(index), len(knots)
-
-    def over_time(values: FloatArray, axis: int) -> FloatArray:
-        return np.broadcast_to(values, (*values.shape[:axis], count, *values.shape[axis + 1 :]))
-
-    return (
-        replace(
-            chosen,
-            a=chosen.a * weight,
-            dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
-            tau=over_time(chosen.tau, 3),
-            tau_rate=over_time(chosen.tau_rate, 3),
-            times=knots,
-            direction=over_time(chosen.direction, 1),
-            arrival=over_time(chosen.arrival, 1),
-        ),
-        index,
-    )
-
-
-def spheres(facets: Facets, viewpoint: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Direction, distance and radius [m] of a sphere around each facet, from the viewpoint."""
-    centroids = facets.centroids
-    distance = lengths(centroids - viewpoint)
-    radius = lengths(facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
-    return facets.directions(viewpoint), distance, radius
-
-
-def behind(
-    around: tuple[FloatArray, FloatArray, FloatArray], viewpoint: FloatArray, actors: Sequence[FloatArray]
-) -> NDArray[np.bool_]:
-    """(facet,) facets, `around` them `spheres`, that reach into the cone around an actor, and not before it."""
-    direction, distance, radius = around
-    found = np.zeros(len(distance), dtype=np.bool_)
-    for points in actors:
-        offset = points - viewpoint
-        reach = lengths(offset)
-        unit = offset / np.maximum(reach, 1e-12)[:, None]
-        axis = unit.mean(axis=0)
-        length = float(np.linalg.norm(axis))
-        if length < 0.1:  # the actor surrounds the radar
-            return np.ones(len(distance), dtype=np.bool_)
-        axis /= length
-        opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
-        if opening > 0.45 * np.pi:  # a cone this wide need not hold the triangles between its directions
-            return np.ones(len(distance), dtype=np.bool_)
-        # A triangle comes nearer than its corners, but not than the plane across the axis through the nearest one.
-        index = np.flatnonzero(distance + radius > (offset @ axis).min())
-        off_axis = np.arccos(np.clip(direction[index] @ axis, -1.0, 1.0))
-        margin = np.arctan2(radius[index], distance[index]) + 1e-3
-        within = off_axis <= opening + margin
-        index, off_axis, margin = index[within], off_axis[within], margin[within]
-        # People are higher than wide: of the cone's cross section the rectangle around the actor.
-        wide = np.tan(np.minimum(off_axis + margin, 1.5)) - np.tan(np.minimum(off_axis, 1.5))
-        beside = np.zeros(len(index), dtype=np.bool_)
-        for side in across(axis):
-            span = (unit @ side) / (unit @ axis)
-            place = (direction[index] @ side) / np.maximum(direction[index] @ axis, 1e-3)
-            beside |= (place < span.min() - wide) | (place > span.max() + wide)
-        found[index[~beside | (off_axis + margin > 1.4)]] = True
-    return found
-
-
-def across(axis: FloatArray) -> FloatArray:
-    """(2, 3) unit vectors across a unit vector, the first of them horizontal unless that is upright."""
-    level = np.array([-axis[1], axis[0], 0.0])
-    level = level / np.linalg.norm(level) if np.linalg.norm(level) > 1e-6 else np.array([1.0, 0.0, 0.0])
-    return np.stack([level, np.cross(axis, level)])
+        return changing, steady
 
 
 def trace_static(

@@ -26,7 +26,8 @@ from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingB
 from rfgen_sionna.tracing.mirrors import WIDTH
 from rfgen_sionna.tracing.obliquity import strongest_reflection
 from rfgen_sionna.tracing.plates import Plate, find_flats
-from rfgen_sionna.tracing.static import StaticTrace, shaded_paths
+from rfgen_sionna.tracing.shadows import Shadow, cast
+from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 PLATE = 1.0
@@ -74,9 +75,9 @@ class StaticBounces:
         found = 1.0 - lost / np.maximum(whole, 1e-300)
         return np.clip(found, 0.0, None), sent
 
-    def shadow(self, knots: FloatArray, fraction: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
-        """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadow`, for (path, time) of :meth:`visible`."""
-        return shaded_paths(self.paths, fraction, knots)
+    def shadows(self, knots: FloatArray, fraction: FloatArray) -> tuple[Shadow, Shadow]:
+        """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadows`, for (path, time) of :meth:`visible`."""
+        return cast(self.paths, fraction, knots)
 
 
 def trace_static_bounces(

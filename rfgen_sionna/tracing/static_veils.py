@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.cones import behind, spheres
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.static import StaticTrace, behind, shaded_paths, spheres
+from rfgen_sionna.tracing.shadows import Shadow, cast
+from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.veils import Veils
 
@@ -63,9 +65,9 @@ class StaticVeils:
         left[chosen] = share[back.reshape(-1)[: len(chosen)]] / self.share[chosen]
         return left, now.rays
 
-    def shadow(self, knots: FloatArray, left: FloatArray) -> tuple[RadarPaths, NDArray[np.intp]]:
-        """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadow`, for (path, time) of :meth:`visible`."""
-        return shaded_paths(self.paths, left, knots)
+    def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
+        """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadows`, for (path, time) of :meth:`visible`."""
+        return cast(self.paths, left, knots)
 
 
 def trace_static_veils(

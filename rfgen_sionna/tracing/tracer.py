@@ -23,6 +23,7 @@ from rfgen_sionna.tracing.knots import choose_knots, gain_knots
 from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
+from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
@@ -65,20 +66,28 @@ class TraceReport:
 
 @dataclass(frozen=True)
 class Traced:
-    """Paths over a stretch of time. The channel is the sum of the three parts, which don't share knots."""
+    """Paths over a stretch of time. The channel is the sum of all parts, which don't share knots."""
 
     static: RadarPaths
     """The static scene as if there were no actors: one knot, traced once."""
-    shadow: RadarPaths
-    """What the actors hide of it: its paths, weighted with the visible share less the unobstructed one."""
-    shaded: NDArray[np.intp]
-    """(path,) index of the static path that each path of `shadow` takes from."""
+    cast: Callable[[], tuple[Shadow, ...]]
+    """Works `shadows` out."""
     moving: RadarPaths
     """The actors."""
     report: TraceReport
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, come
     from. It holds until the next stretch is traced."""
+
+    @cached_property
+    def shadows(self) -> tuple[Shadow, ...]:
+        """What the actors hide of the static scene; worked out when it is first asked for, on whatever thread."""
+        with one_blas_thread():
+            return self.cast()
+
+    def changing(self) -> tuple[RadarPaths, ...]:
+        """All but the static scene."""
+        return self.moving, *(each.paths for each in self.shadows)
 
 
 class Tracer:
@@ -248,12 +257,13 @@ class Tracer:
             moving.consider(self._vertices, (t,))
         traced = self._traced(np.array([t]), np.array([t]), moving)
         static = traced.static
-        if len(traced.shaded):
+        if traced.shadows:
             a = static.a.copy()
-            a[:, :, traced.shaded] += traced.shadow.a
             dispersion = None if static.dispersion is None else static.dispersion.copy()
-            if dispersion is not None and traced.shadow.dispersion is not None:
-                dispersion[:, :, :, traced.shaded] += traced.shadow.dispersion
+            for shadow in traced.shadows:
+                a[:, :, shadow.index] += shadow.paths.a
+                if dispersion is not None and shadow.paths.dispersion is not None:
+                    dispersion[:, :, :, shadow.index] += shadow.paths.dispersion
             static = replace(static, a=a, dispersion=dispersion).select(np.any(a != 0, axis=(0, 1, 3)))
         paths = RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
         if self.radar.trajectory is None:
@@ -303,13 +313,17 @@ class Tracer:
         for t in instants.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)
-        shadow, shaded = static.shadow(instants, [shares.get(t, static.bright) for t in instants.tolist()])
-        first = static.paths.num_paths
-        for each, by_time in zip(beyond, left, strict=True):
-            if by_time:
-                more, index = each.shadow(instants, np.stack([by_time[t] for t in instants.tolist()], axis=1))
-                shadow, shaded = RadarPaths.concatenate([shadow, more]), np.concatenate([shaded, first + index])
-            first += each.paths.num_paths
+
+        def shadows() -> tuple[Shadow, ...]:
+            found = list(static.shadows(instants, [shares.get(t, static.bright) for t in instants.tolist()]))
+            first = static.paths.num_paths
+            for each, by_time in zip(beyond, left, strict=True):
+                if by_time:
+                    more = each.shadows(instants, np.stack([by_time[t] for t in instants.tolist()], axis=1))
+                    found += [shadow.of(first) for shadow in more]
+                first += each.paths.num_paths
+            return tuple(shadow for shadow in found if shadow.paths.num_paths)
+
         report = TraceReport(
             facets=len(static.facets) + moving.facets,
             rays=sum(sent) + moving.rays,
@@ -317,7 +331,7 @@ class Tracer:
             knots=len(knots),
             error=max(static.error + sum(each.error for each in beyond), moving.error),
         )
-        return Traced(self._still, shadow, shaded, moving.paths, report, moving.places)
+        return Traced(self._still, shadows, moving.paths, report, moving.places)
 
     def rays_at(self, t: float) -> RayScene:
         """Static and moving meshes as they are at `t` [s], until it is asked for another time."""

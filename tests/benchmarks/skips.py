@@ -156,8 +156,8 @@ class _Run:
     def answer(self, traced: tracer.Traced, index: int) -> tuple[ComplexArray, ComplexArray]:
         start, eps = index * self.radar.waveform.frame_period, 0.1 * self._rtol
         still = synthesize(self.radar, traced.static, 0.0, eps=eps, device="cpu")
-        if traced.shadow.num_paths:
-            still = still + synthesize(self.radar, traced.shadow, start, eps=eps, device="cpu")
+        for shadow in traced.shadows:
+            still = still + synthesize(self.radar, shadow.paths, start, eps=eps, device="cpu")
         return still, synthesize(self.radar, traced.moving, start, eps=eps, device="cpu")
 
 
