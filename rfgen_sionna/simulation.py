@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -314,29 +315,43 @@ class Simulator:
     def _echoes(
         self, times: NDArray[np.float64], gains: NDArray[np.complex128] | None, device: str
     ) -> Iterator[tuple[NDArray[np.complex128], TraceReport, tuple[RadarPaths, ...]]]:
-        """(chirp, tx, rx, sample) of each frame before the receiver, what they cost, and paths that images need."""
+        """(chirp, tx, rx, sample) of each frame before the receiver, what they cost, and paths that images need.
+
+        While the samples of a frame are made the next one is traced. Between two frames nothing goes on.
+        """
         eps = max(0.3 * self.rtol, 1e-9)
+
+        def echo(parts: Callable[[], Sequence[RadarPaths]], start: float) -> NDArray[np.complex128]:
+            total = np.zeros(self.radar.frame_shape, dtype=np.complex128)
+            for part in parts():
+                total += synthesize(self.radar, part, start, eps=eps, tx_gains=gains, device=device)
+            return total
+
+        stretches, still = self._stretches(times), None
+        following = next(stretches, None)
+        with ThreadPoolExecutor(1, "rfgen-samples") as synthesiser:
+            if following is not None and following.static:
+                self._warn_silent()
+                # Nothing in it changes: one synthesis serves every frame.
+                still = synthesiser.submit(echo, partial(tuple, following.static), 0.0)
+            while following is not None:
+                now, samples = following, synthesiser.submit(echo, following.parts, following.begin)
+                following = next(stretches, None)
+                total = samples.result() if still is None else samples.result() + still.result()
+                yield total, now.report, now.kept
+
+    def _stretches(self, times: NDArray[np.float64]) -> Iterator[_Stretch]:
+        """What is traced for each frame."""
         moving, length = self.tracer.follow(), self.radar.waveform.frame_length
-
-        def echo(paths: RadarPaths, start: float) -> NDArray[np.complex128]:
-            return synthesize(self.radar, paths, start, eps=eps, tx_gains=gains, device=device)
-
         if self._fusion is not None:
             refinement = self._fusion.refinement(float(times[0]), float(times[-1]) + length)
             for begin in times.tolist():
                 fused = self._fusion.trace(begin, begin + length, moving, refinement)
-                yield np.sum([echo(part, begin) for part in fused.parts], axis=0), fused.report, fused.parts
+                yield _Stretch(begin, (), partial(tuple, fused.parts), fused.report, fused.parts)
             return
-        for index, begin in enumerate(times.tolist()):
+        for begin in times.tolist():
             traced = self.tracer.trace(begin, begin + length, moving)
-            if index == 0:
-                self._warn_silent()
-                # Nothing in it changes: one synthesis serves every frame.
-                still = echo(traced.static, 0.0)
-            samples = still + echo(traced.moving, begin)
-            if traced.shadow.num_paths:
-                samples += echo(traced.shadow, begin)
-            yield samples, traced.report, ()
+            yield _Stretch(begin, (traced.static,), traced.changing, traced.report, ())
 
     def hidden(self, actor: Actor, start: float, stop: float) -> bool:
         """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""
@@ -378,6 +393,20 @@ class Simulator:
             else f"nothing of it within the range window ({limit:.2f} m) is seen, {name!r} at {reach:.2f} m is nearest"
         )
         warnings.warn(f"the radar receives nothing of scene '{self.scene.name}': {why}", stacklevel=3)
+
+
+class _Stretch(NamedTuple):
+    """What is traced for a frame."""
+
+    begin: float
+    """[s]"""
+    static: tuple[RadarPaths, ...]
+    """What every frame has."""
+    parts: Callable[[], Sequence[RadarPaths]]
+    """Works all else out."""
+    report: TraceReport
+    kept: tuple[RadarPaths, ...]
+    """Paths that images need."""
 
 
 def _end(actor: Actor) -> float:

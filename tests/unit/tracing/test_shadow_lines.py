@@ -26,7 +26,8 @@ def test_a_straight_edge_leaves_what_geometry_says(sizes, odd, lit, level):
     # Crossings are found to a thirty-second of a cell's edge; the shadow crosses fewer than 4 n of them.
     assert found.fraction[0] == pytest.approx(corner if lit else 1 - corner, abs=0.07 / SPACINGS[level])
     size = np.linalg.det(found.pieces)
-    assert (size > 0).all()
+    # Rays aim a two-thousandth of the facet beside the lattice: a sliver on a cell's edge may turn over by as much.
+    assert (size > -5e-4 / SPACINGS[level]).all()
     assert size.sum() == pytest.approx(found.fraction[0])
 
 
