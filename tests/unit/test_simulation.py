@@ -311,6 +311,9 @@ def test_samples_do_not_depend_on_what_was_asked_before():
     simulator.pir(0.03, resolution=(8, 8))
     np.testing.assert_array_equal(simulator.adc(0.1).data, once.data)
     np.testing.assert_array_equal(rfgen.Simulator(None, radar, [ball, board]).adc(0.1).data, once.data)
+    for frame in simulator.frames(0.1):
+        simulator.paths(0.03)
+        np.testing.assert_array_equal(frame.samples.astype(np.complex64), once.data[frame.index])
 
 
 def test_the_seed_makes_the_noise(moving: Any, radar: Any) -> None:
