@@ -20,6 +20,8 @@ CONTACT_SPEED = 0.5
 GRAVITY = 9.81
 BLEND = 0.12
 """Time over which a foot passes from moving freely to being held [s]."""
+RIDE = 0.03
+"""Time over which the pelvis follows planted feet to the floor [s]."""
 
 
 def sole_points(rig: Rig, joints: FloatArray, positions: FloatArray, side: str) -> FloatArray:
@@ -95,6 +97,14 @@ def stand_on_floor(
         lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
         shift[:, 2] += lift
         _move_foot(rig, joints, positions, side, shift)
+    if planted.any():
+        # a leg may be too short to reach: the pelvis rides where the lower of the planted feet is on the floor
+        low = np.stack([_lowest_vertex(rig, joints, translation, side) for side in SIDES], axis=-1)
+        rise = np.where(planted, low, np.inf).min(axis=1)
+        at = np.flatnonzero(np.isfinite(rise))
+        rise = np.interp(np.arange(len(rise)), at, rise[at])
+        translation[:, 2] -= gaussian_filter1d(rise, RIDE * frame_rate, mode="nearest")
+    for side in SIDES:
         # what the three points did not see: the rest of the sole
         under = np.maximum(-_lowest_vertex(rig, joints, translation, side) - 0.002, 0.0)
         if under.max() > 0.0:
