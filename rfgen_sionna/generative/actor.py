@@ -184,7 +184,7 @@ class Actor(scene_actor.Actor):
             frame_rate: frames per second of a folder of meshes [Hz], needed there; or at which an animation is sampled
                 [Hz], 30 unless given; not for motions.
             up: up axis of the `.npz` clip's world, "z" (AMASS) or "y".
-            index: which motion of a file with several (MDM's `results.npy`).
+            index: which motion of a file with several (MDM's `results.npy`, animations of a GLB file).
             position, orientation, material, name, radar: as in :meth:`from_prompt`, without a prompt.
 
         Raises:
@@ -200,13 +200,15 @@ class Actor(scene_actor.Actor):
             if body is not None:
                 raise ValueError("body: an animated mesh is its own body; leave it out")
             rate = 30.0 if frame_rate is None else frame_rate
-            sequence, clip = load_animation(motion, frame_rate=rate), None
+            sequence, clip = load_animation(motion, frame_rate=rate, animation=index), None
         elif not isinstance(motion, Motion) and Path(motion).suffix.lower() not in MOTION_SUFFIXES:
             if not Path(motion).exists():
                 raise FileNotFoundError(f"no motion file or folder of meshes {motion}")
             if Path(motion).is_file() and Path(motion).suffix.lower() not in MESH_SUFFIXES:
                 allowed = ", ".join((*MOTION_SUFFIXES, *MESH_SUFFIXES))
                 raise ClipError(f"{Path(motion).name}: ending {Path(motion).suffix!r}; allowed are {allowed}")
+            if index:
+                raise ValueError(f"index: {index!r} of the mesh sequence {motion}, which is one motion; allowed is 0")
             if frame_rate is None:
                 raise ValueError(f"frame_rate: needed for the mesh sequence {motion}, in Hz")
             if body is not None:
@@ -215,6 +217,8 @@ class Actor(scene_actor.Actor):
         else:
             if frame_rate is not None:
                 raise ValueError("frame_rate: a motion has its own; leave it out")
+            if index and isinstance(motion, Motion):
+                raise ValueError(f"index: {index!r} of a Motion, which is one; allowed is 0")
             clip = (
                 motion
                 if isinstance(motion, Motion)

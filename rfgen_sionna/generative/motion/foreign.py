@@ -49,7 +49,11 @@ def load_any_motion(path: str | PathLike[str], *, up: str = "z", index: int = 0,
         ClipError: the file cannot be used.
     """
     path = Path(path)
+    if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
+        raise ClipError(f"{path.name}: index {index!r}; a whole number is needed")
     kind = path.suffix.lower()
+    if kind in (".npz", ".bvh"):
+        _check_single(path.name, index)
     if kind == ".npz":
         return load_motion(path, up=up, action=action)
     if not path.is_file():
@@ -100,7 +104,6 @@ def from_y_up(positions: FloatArray, frame_rate: float, action: str = "", prompt
 
 def _load_npy(path: Path, index: int, action: str) -> Motion:
     data = _read_npy(path)
-    prompt = ""
     if isinstance(data, dict):
         if "motion" not in data:
             raise ClipError(f"{path.name}: no 'motion' in it, only {', '.join(map(repr, data))}; MDM's results have it")
@@ -111,8 +114,13 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
             raise ClipError(f"{path.name}: index {index}; it holds {len(motions)} motions, from 0")
         frames = int(data["lengths"][index]) if "lengths" in data else motions.shape[-1]
         positions = np.moveaxis(motions[index], -1, 0)[:frames]
-        prompt = str(data["text"][index]) if "text" in data else ""
-    elif data.ndim == 2 and data.shape[1] == 263:
+        texts = data.get("text", ())
+        prompt = str(texts[index]) if index < len(texts) else ""
+        return _of_positions(path.name, positions, action, prompt)
+    _check_single(path.name, index)
+    if not isinstance(data, np.ndarray) or data.dtype.kind not in "fiu":
+        raise ClipError(f"{path.name}: holds {getattr(data, 'dtype', type(data).__name__)}; allowed are numbers")
+    if data.ndim == 2 and data.shape[1] == 263:
         positions = positions_of_humanml(data)
     elif data.ndim == 3 and data.shape[1:] == (NUM_BODY_JOINTS, 3):
         positions = data
@@ -121,10 +129,19 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
             f"{path.name}: shape {data.shape}; allowed are HumanML3D's (frames, 263), positions (frames, 22, 3), or"
             " MDM's results"
         )
+    return _of_positions(path.name, positions, action)
+
+
+def _of_positions(name: str, positions: FloatArray, action: str, prompt: str = "") -> Motion:
     if not len(positions) or not np.isfinite(positions).all():
-        raise ClipError(f"{path.name}: no frames, or values that are not finite")
-    _check_bones(path.name, np.asarray(positions, np.float64))
+        raise ClipError(f"{name}: no frames, or values that are not finite")
+    _check_bones(name, np.asarray(positions, np.float64))
     return from_y_up(positions, HUMANML_RATE, action, prompt)
+
+
+def _check_single(name: str, index: int) -> None:
+    if index:
+        raise ClipError(f"{name}: index {index!r}; it holds one motion, 0")
 
 
 def _check_bones(name: str, positions: FloatArray) -> None:
