@@ -289,7 +289,7 @@ class RayScene:
             offset = [sum(share[i] * each[i] for i in range(3)) for each in corner]
             reach = dr.sqrt(sum(each * each for each in offset))
             direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
-            ray = mi.Ray3f(origin, direction)
+            ray: Any = mi.Ray3f(origin, direction)
             ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
             facet, distance, _ = self._nearest(ray, len(lane))
             size = largest

@@ -56,6 +56,12 @@ def negative(rng: np.random.Generator, actions: tuple[str, ...]) -> str:
     return inflect(clause, "ing") if rng.uniform() < 0.5 else _sentence(rng, clause)
 
 
+def doing(action: str, hand: str = "") -> str:
+    """The plainest clause of an action, as what is done beside something else: "raising the left arm"."""
+    clause = re.sub(r"\[\?[^]]*\]", "", CLAUSES[action][0])
+    return re.sub(r" +", " ", inflect(clause.replace("{hand}", hand), "ing")).strip()
+
+
 def inflect(clause: str, form: str) -> str:
     """The clause with its verbs in `form`: "s" (raises), "ing" (raising) or "" (raise)."""
 

@@ -30,6 +30,8 @@ _RELEASE = 0.07
 """Half the time that a planted foot takes to be set anew [s]."""
 _EASE = 0.15
 """Time over which the feet are let go before legs that stay as they are [s]."""
+_REACH = 0.3
+"""Height over the floor beyond which no foot is planted [m]."""
 _FURTHEST = 0.12
 """The most that a planted foot is moved [m]; a plant that drifts further is taken in pieces."""
 
@@ -51,9 +53,11 @@ def lock_feet(
     root = motion.translation.copy()
     places = forward_kinematics(world, root, motion.offsets, motion.parents)
     low = np.stack([_clearance(places, world, skeleton, side) for side in SIDES], axis=-1)
-    if ride and motion.contacts is not None and motion.contacts.any():
+    # feet of somebody who stands on his hands are not planted, whatever is said of them
+    contacts = None if motion.contacts is None else motion.contacts & (low < _REACH)
+    if ride and contacts is not None and contacts.any():
         # the pelvis rides where the lower of the planted feet is on the floor
-        planted = np.where(motion.contacts, low, np.inf).min(axis=-1)
+        planted = np.where(contacts, low, np.inf).min(axis=-1)
         at = np.flatnonzero(np.isfinite(planted))
         rise = np.interp(np.arange(len(planted)), at, planted[at])
         rise = gaussian_filter1d(rise, _RIDE * motion.frame_rate, mode="nearest")
@@ -64,13 +68,13 @@ def lock_feet(
         hip, knee, ankle, toe = (JOINT[f"{side}_{j}"] for j in ("hip", "knee", "ankle", "foot"))
         shift = np.zeros((len(places), 3))
         least = np.zeros(len(places))
-        if motion.contacts is not None:
+        if contacts is not None:
             heel = places[:, ankle] + world[:, ankle] @ skeleton.heel[i]
             rolling = places[:, toe, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
-            held, offset = _hold(places[:, toe], heel, rolling, motion.contacts[:, i], motion.frame_rate)
+            held, offset = _hold(places[:, toe], heel, rolling, contacts[:, i], motion.frame_rate)
             offset[held, 2] = -low[held, i]
             shift = _between(held, offset)
-            least = _swing_height(~motion.contacts[:, i], motion.frame_rate)
+            least = _swing_height(~contacts[:, i], motion.frame_rate)
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
         target = places[:, ankle] + hold[:, None] * shift
         _, thigh, shank = two_bone(

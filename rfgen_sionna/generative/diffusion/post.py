@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
 from rfgen_sionna.generative.diffusion.features import HandBasis, decode
 from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet
 from rfgen_sionna.generative.diffusion.hands_up import hands_up
+from rfgen_sionna.generative.diffusion.over_floor import over_floor
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.within_limits import within_limits
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
@@ -29,6 +31,7 @@ def finish(
     *,
     free: bool = True,
     legs: NDArray[np.bool_] | None = None,
+    bend: Callable[[Motion], Motion] | None = None,
 ) -> Motion:
     """The motion of (frame, NUM_FEATURES) rows at 20 Hz on a skeleton.
 
@@ -41,6 +44,7 @@ def finish(
             for.
         legs: (frame,) rows in which the legs were given and stay as they are, planted or not; None: in none. Only where
             the rest isn't free.
+        bend: what takes the walk to another way, once its feet carry it.
     """
     skeleton = skeleton or MEAN_ADULT
     motion = within_limits(resampled(decode(features, hands, FRAME_RATE), rate))
@@ -50,9 +54,11 @@ def finish(
     translation[:, 2] += height
     motion = replace(motion, translation=translation, offsets=skeleton.offsets)
     if not free:
+        motion = motion if bend is None else bend(motion)
         return lock_feet(motion, skeleton, ride=False, kept=None if legs is None else _at_rate(legs, motion))
-    planted = lock_feet(carried_by_feet(clear_arms(motion, skeleton), skeleton), skeleton)
-    return within_limits(hands_up(planted, skeleton))
+    carried = carried_by_feet(clear_arms(motion, skeleton), skeleton)
+    planted = lock_feet(carried if bend is None else bend(carried), skeleton)
+    return within_limits(hands_up(over_floor(planted), skeleton))
 
 
 def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rfgen_sionna.generative.diffusion.captions import doing
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
-from rfgen_sionna.generative.diffusion.control import Keep, follow, hold, on_grid
+from rfgen_sionna.generative.diffusion.control import Keep, hold, on_grid
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
+from rfgen_sionna.generative.diffusion.paths import LONGER, along, pace, way
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
@@ -30,6 +32,9 @@ from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 MAX_DURATION = 120.0
+WALKS = ("walk", "walk_straight")
+"""Actions whose arms may do something else, and that may be bent along a path."""
+HANDS = ("left", "right")
 REFINED = 0.9
 """Noise level from which drafts are made anew, unless another is asked for."""
 
@@ -57,11 +62,15 @@ class DiffusionSource:
             raise ValueError(f"manner: {self.manner!r}; allowed are {', '.join(SOURCES)}")
         if self.refine is not None and not 0.0 < self.refine <= 1.0:
             raise ValueError(f"refine: {self.refine!r}; allowed is more than 0 and at most 1, or None")
+        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0.0):
+            raise ValueError(f"frame_rate: {self.frame_rate!r} Hz; allowed is a finite number above 0")
+        if self.weights is not None and not Path(self.weights).is_file():
+            raise FileNotFoundError(f"weights: no model file {self.weights}; None takes the one that ships")
 
     @property
     def model(self) -> MotionModel:
         """The trained model."""
-        return _load(self.weights or SHIPPED)
+        return _load(Path(self.weights or SHIPPED))
 
     @property
     def arms(self) -> tuple[str, ...]:
@@ -86,9 +95,10 @@ class DiffusionSource:
         known = self.model.text.actions
         if action not in known:
             raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
+        if hand not in (None, *HANDS):
+            raise ValueError(f"hand: {hand!r}; allowed are {', '.join(HANDS)} and None")
         prompt = canonical(action, hand or working_hand(action, "", seed))
-        made = self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed)
-        return replace(made, action=action)
+        return self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed, action=action)
 
     def read(self, prompt: str) -> Understanding:
         """What the model makes of a prompt.
@@ -125,12 +135,14 @@ class DiffusionSource:
             speed: factor on the usual pace of a repeated action.
             rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
             keep: given poses or parts of the body, in the result's own place and time.
-            path: (point, 2) places on the floor [m] that the person passes at constant speed.
+            path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
+                to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
             action: what the words are known to mean, one of the model's actions; None leaves that to the model.
             arms: what the arms then do while the legs walk, or empty.
 
         Raises:
-            ValueError: a value is out of range, an action is unknown, or `keep` or `path` go on for longer than 8 s.
+            ValueError: a value is out of range, an action is unknown, `keep` goes on for longer than 8 s, `arms` are
+                for another action than walking, or a `path` for what is no walk, or with a `speed` or a kept place.
         """
         return self.generate_many(
             [prompt],
@@ -171,35 +183,45 @@ class DiffusionSource:
             if value is not None and value not in allowed:
                 raise ValueError(f"{name}: {value!r} is unknown to the motion model; allowed are {', '.join(allowed)}")
         seeds = list(range(len(prompts))) if seeds is None else list(seeds)
-        if len(seeds) != len(prompts):
-            raise ValueError(f"seeds: {len(seeds)} given for {len(prompts)} prompts; allowed is one each")
+        if len(seeds) != len(prompts) or not prompts:
+            raise ValueError(f"seeds: {len(seeds)} given for {len(prompts)} prompts; allowed is one for each")
+        for seed in seeds:
+            _check_seed(seed)
         frames = int(np.ceil(duration * FRAME_RATE - 1e-9)) + 1
         keeps = [keep] if isinstance(keep, Keep) else list(keep)
-        if (keeps or path is not None) and frames > LONGEST + 1:
-            raise ValueError(f"duration: {duration:g} s with keep or path; allowed are {LONGEST / FRAME_RATE:g} s")
+        if keeps and frames > LONGEST + 1:
+            raise ValueError(f"duration: {duration:g} s with keep; allowed are {LONGEST / FRAME_RATE:g} s")
+        if arms and action not in WALKS:
+            raise ValueError(f"arms: {arms!r} with the action {action!r}; allowed with {' and '.join(WALKS)}")
+        bend: Callable[[Motion], Motion] | None = None
+        if path is not None:
+            points = way(path, duration)
+            if speed != 1.0:
+                raise ValueError(f"speed: {speed!r} with a path, whose length and duration tell it; allowed is 1")
+            if kept := {"place", "pelvis"} & {part for each in keeps for part in each.parts}:
+                raise ValueError(f"keep: {', '.join(sorted(kept))} with a path, which says where they are")
+            speed = pace(points, duration)
+            bend = partial(along, points=points, duration=duration, timed=not keeps)
+            frames = frames if keeps else int(np.ceil(LONGER * duration * FRAME_RATE)) + 1
         with threads_for(len(prompts)):
-            free = not keeps and path is None
+            free = not keeps
             legs = None
             wishes = [
                 self._wish(
-                    self.read(prompt) if action is None else meant(self.read(prompt), action, arms),
+                    self._meaning(prompt, action, arms, path is not None),
                     seed,
                     negative,
                     frames,
                     speed,
                     rhythm,
                     drafted=free and rhythm and self.refine is not None,
+                    drawn=free,
                 )
                 for prompt, seed in zip(prompts, seeds, strict=True)
             ]
             if not free:
                 size = min(max(frames, SHORTEST), LONGEST)
-                known, given = hold(keeps, self.model.hands, size) if keeps else follow(path, size, duration)  # type: ignore[arg-type]
-                if keeps and path is not None:
-                    along, where = follow(path, size, duration)
-                    open_ = given[:, list(PARTS).index("place")] == 0.0
-                    known[open_, :2] = along[open_, :2]
-                    given[open_] = np.maximum(given[open_], where[open_])
+                known, given = hold(keeps, self.model.hands, size)
                 wishes = [replace(w, known=known, given=given) for w in wishes]
                 legs = np.zeros(frames, bool)
                 legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
@@ -207,7 +229,7 @@ class DiffusionSource:
             made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
             for wish, prompt, features in zip(wishes, prompts, made, strict=True):
                 rows = settled(features) if free else features
-                motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs)
+                motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, bend=bend)
                 out.append(replace(motion, prompt=prompt, seed=wish.seed, action=wish.action))
             return out
 
@@ -221,7 +243,8 @@ class DiffusionSource:
         negative: str = "",
         skeleton: Skeleton | None = None,
     ) -> Motion:
-        """A draft noised part of the way and made anew: action, rhythm, path and orientation stay, the rest varies.
+        """A draft noised part of the way and made anew: action, rhythm, orientation and, within a few decimetres, path
+        stay, the rest varies.
 
         Args:
             draft: any motion with the body's joints, at most 8 s.
@@ -234,6 +257,7 @@ class DiffusionSource:
         Raises:
             ValueError: a draft that is too long or too short, or a strength out of range.
         """
+        _check_seed(seed)
         rows = on_grid(draft, self.model.hands)
         if not SHORTEST <= len(rows) <= LONGEST + 1:
             low, high = SHORTEST / FRAME_RATE, LONGEST / FRAME_RATE
@@ -241,7 +265,8 @@ class DiffusionSource:
         n = min(len(rows), LONGEST)
         start = recentred(rows)
         with threads_for(1):
-            wish = replace(self._wish(self.read(prompt), seed, negative, n, 1.0, False, drafted=False), draft=start[:n])
+            wish = self._wish(self.read(prompt), seed, negative, n, 1.0, False, drafted=False, drawn=False)
+            wish = replace(wish, draft=start[:n])
             wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
             made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
         made = put_back(made, rows)
@@ -252,22 +277,49 @@ class DiffusionSource:
             action=draft.action or self.read(prompt).action,
         )
 
+    def _meaning(self, prompt: str, action: str | None, arms: str, bent: bool) -> Understanding:
+        """The reading of a prompt, of which the action may be known, or that it is bent along a path."""
+        said = self.read(prompt)
+        if action is not None:
+            said = meant(said, action, arms)
+        if not bent:
+            return said
+        if said.action not in WALKS:
+            raise ValueError(f"path: {prompt!r} means '{said.action}'; allowed is a walk")
+        return meant(said, "walk_straight", said.arms)
+
     def _wish(
-        self, said: Understanding, seed: int, negative: str, frames: int, speed: float, rhythm: bool, *, drafted: bool
+        self,
+        said: Understanding,
+        seed: int,
+        negative: str,
+        frames: int,
+        speed: float,
+        rhythm: bool,
+        *,
+        drafted: bool,
+        drawn: bool,
     ) -> Wish:
         for sentence in said.warnings:
             _LOG.warning(sentence)
         # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
         plain = said.action in CLAUSES and (said.rephrase or not said.known)
-        words = canonical(said.action, said.hand) if plain else said.prompt
+        words = _plainly(said) if plain else said.prompt
         action = said.action
-        # what words leave open is drawn; a draft shows one action and can't be left open itself
-        drawable = said.alternatives if drafted and said.known else []
-        left = self._left_open(said, negative) if negative.strip() else drawable
+        # what words leave open is drawn, so that the label says what is shown
+        drawable = said.alternatives if drawn and said.known else []
+        left = drawable
+        if negative.strip():
+            left = self._left_open(said, negative)
+            denied = self.read(negative)
+            for sentence in denied.warnings:
+                _LOG.warning(sentence.replace("prompt:", "negative:", 1))
+            if not left and denied.action == action:
+                _LOG.warning("negative: %r is what %r asks for, and has no effect", negative, said.prompt)
         if len(left) > 1 or (negative.strip() and left):
             shares = np.array([share for _, share in left])
-            drawn = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
-            action = left[drawn][0]
+            chosen = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
+            action = left[chosen][0]
             words = canonical(action, said.hand)
         beat = None
         if rhythm and action in self.model.beats:
@@ -277,7 +329,7 @@ class DiffusionSource:
         wish = Wish(words, seed, negative, beat, action=action, source=manner)
         if not drafted or manner != "kinematic":
             return wish
-        both = said.arms and action == said.action and action in ("walk", "walk_straight")
+        both = said.arms and action == said.action and action in WALKS
         size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + SPARE
         rows = draft_of(
             (action, said.arms) if both else (action,),
@@ -298,9 +350,20 @@ class DiffusionSource:
         return left if 0 < len(left) < len(options) else []
 
 
+def _check_seed(seed: int) -> None:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed: {seed!r}; a whole number of at least 0 is needed")
+
+
 def meant(said: Understanding, action: str, arms: str) -> Understanding:
-    """A reading of words whose meaning is known: nothing is left open."""
-    return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=False)
+    """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
+    other = (said.action, said.arms) != (action, arms)
+    return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
+
+
+def _plainly(said: Understanding) -> str:
+    plain = canonical(said.action, said.hand)
+    return f"{plain} while {doing(said.arms, said.hand)}" if said.arms and said.action in WALKS else plain
 
 
 SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"

@@ -122,7 +122,7 @@ def test_skeletons_scale_the_path(source: DiffusionSource) -> None:
         ({"speed": 3.0}, "speed"),
         ({"path": [[0.0, 0.0]]}, "path"),
         ({"path": [[0.0, 0.0], [90.0, 0.0]], "duration": 6.0}, "path"),
-        ({"path": [[0.0, 0.0], [1.0, 0.0]], "duration": 20.0}, "duration"),
+        ({"path": [[0.0, 0.0], [1.0, 0.0]], "duration": 20.0}, "path"),
     ],
 )
 def test_bad_input_is_named(source: DiffusionSource, change: dict, named: str) -> None:

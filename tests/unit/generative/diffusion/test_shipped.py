@@ -21,7 +21,8 @@ from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
-from rfgen_sionna.generative.motion.skeleton import JOINT
+from rfgen_sionna.generative.motion.rotations import to_matrices
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
 from rfgen_sionna.records import FloatArray, Motion
 
 
@@ -105,11 +106,77 @@ def test_the_beat_sets_the_pace(source: DiffusionSource) -> None:
     assert rate(1.2) / rate(0.8) == pytest.approx(1.5, rel=0.12)
 
 
-def test_a_given_path_is_walked(source: DiffusionSource) -> None:
-    motion = source.generate("a person walks straight ahead", duration=5.0, seed=1, path=[(0.0, 0.0), (4.0, 0.0)])
-    end = motion.translation[-1]
-    assert end[0] == pytest.approx(4.0, abs=0.6)
-    assert abs(end[1]) < 0.5
+@pytest.mark.parametrize(
+    ("path", "duration"),
+    [
+        ([(0, 0), (3, 0), (3, 2)], 6.0),
+        ([(0, 0), (-3, 0)], 4.0),
+        ([(1, 1), (3, 1), (3, 3), (1, 3)], 6.0),
+        ([(0, 0), (5, 5), (5, 0)], 11.0),
+    ],
+)
+@pytest.mark.parametrize("prompt", ["a person walks straight ahead", "a woman walks while raising the left arm"])
+def test_a_path_is_walked_facing_ahead(
+    source: DiffusionSource, path: list[tuple[float, float]], duration: float, prompt: str
+) -> None:
+    motion = source.generate(prompt, duration=duration, seed=1, path=path)
+    assert motion.duration == pytest.approx(duration, abs=0.02)
+    place = motion.translation[:, :2]
+    passed = [float(np.linalg.norm(place - point, axis=1).min()) for point in np.array(path, float)]
+    assert max(passed[0], passed[-1]) < 0.02
+    assert max(passed) < 0.3, "corners are rounded"
+    world = global_rotations(to_matrices(motion.rotations), motion.parents)
+    speed = np.gradient(place, axis=0) @ [1, 1j]
+    off = np.degrees(np.abs(np.angle(world[:, 0, :2, 0] @ [1, 1j] * speed.conj())))
+    assert np.median(off) < 15.0
+    assert np.quantile(off, 0.95) < 40.0
+    toes = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)[
+        :, [JOINT["left_foot"], JOINT["right_foot"]]
+    ]
+    low = toes[..., 2] < toes[..., 2].min() + 0.01
+    slide = np.linalg.norm(np.diff(toes[..., :2], axis=0), axis=-1)[low[1:] & low[:-1]].mean() * motion.frame_rate
+    assert slide < 0.1
+
+
+def test_what_goes_along_no_path(source: DiffusionSource) -> None:
+    line = [(0, 0), (3, 0)]
+    walk = KinematicSource(20.0)("walk", 4.0, 1)
+    for said, prompt, wanted in [
+        (r"path: .*'t_pose'", "a person holds a T pose", {"path": line}),
+        (r"path: 0.00 m in 4 s", "a person walks", {"path": [(0, 0), (0, 0)]}),
+        (r"path: shape", "a person walks", {"path": [(0, 0)]}),
+        (r"speed: 1.5 with a path", "a person walks", {"path": line, "speed": 1.5}),
+        (r"keep: place with a path", "a person walks", {"path": line, "keep": Keep(walk, ("place",))}),
+        (r"arms: 'push' with the action 'jump'", "a person jumps", {"action": "jump", "arms": "push"}),
+        (r"seed: -1", "a person walks", {"seed": -1}),
+    ]:
+        with pytest.raises(ValueError, match=said):
+            source.generate(prompt, duration=4.0, **wanted)
+
+
+def test_nobody_is_under_the_floor(source: DiffusionSource) -> None:
+    """Nor where the captured motion stands on its hands: feet in the air are not planted."""
+    for prompt in ("a person does a cartwheel", "a person falls"):
+        for motion in source.generate_many([prompt] * 3, duration=4.0):
+            world = global_rotations(to_matrices(motion.rotations), motion.parents)
+            places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+            assert places[:, :NUM_BODY_JOINTS, 2].min() > 0.0
+            assert motion.translation[:, 2].max() < 1.5
+
+
+def test_what_words_leave_open_is_labelled_as_it_is_shown_from_noise() -> None:
+    source = DiffusionSource(refine=None)
+    for motion in source.generate_many(["a person raises one arm"] * 6, duration=3.0):
+        places = joint_positions(on_grid(motion, source.model.hands))
+        left, right = (places[:, JOINT[f"{side}_wrist"], 2].max() for side in ("left", "right"))
+        assert motion.action == ("left_arm_raised" if left > right else "right_arm_raised")
+
+
+def test_arms_that_are_named_move(source: DiffusionSource) -> None:
+    for origin in (source, DiffusionSource(refine=None)):
+        motion = origin.generate("a person walks", action="walk", arms="left_arm_raised", seed=1, duration=4.0)
+        places = joint_positions(on_grid(motion, source.model.hands))
+        assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
 
 
 def joint_gap(source: DiffusionSource, made: Motion, given: Motion, joints: Sequence[str]) -> FloatArray:
