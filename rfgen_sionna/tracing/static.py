@@ -30,8 +30,6 @@ MAX_ROUNDS = 4
 """How often the facets are made finer before the tolerance is given up with a warning."""
 MAX_EFFORT = 10_000_000
 """Triangles to integrate at each node, beyond which the tolerance is given up as well."""
-FAINT = 0.05
-"""Facets that together return less than this share of the tolerance keep what they return when an actor hides them."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -105,17 +103,8 @@ class StaticTrace:
     returns: Returns
 
     @cached_property
-    def _counting(self) -> NDArray[np.intp]:
-        """Facets whose shadows count: what all others return is under `FAINT` times the tolerance, against what all
-        return without interfering."""
-        energy = (np.abs(self.paths.a[..., 0]) ** 2).sum(axis=(0, 1))
-        order = np.argsort(energy, kind="stable")
-        faint = np.cumsum(energy[order]) <= (FAINT * self.returns.rtol) ** 2 * energy.sum()
-        return np.sort(order[~faint])
-
-    @cached_property
     def _spheres(self) -> Spheres:
-        return spheres(self.facets.take(self._counting), self.viewpoint)
+        return spheres(self.facets, self.viewpoint)
 
     @cached_property
     def _weight(self) -> FloatArray:
@@ -134,9 +123,9 @@ class StaticTrace:
         """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
 
         `actors` are the (vertex, 3) positions [m] of each actor, `passing` rays that just pass their outlines. A facet
-        that no actor touches keeps its share to the bit, and so do faint ones.
+        that no actor touches keeps its share to the bit.
         """
-        index = self._counting[behind(self._spheres, self.viewpoint, actors)]
+        index = np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
         now, sent = self.corners.seen(rays, index)
         outline = self._shown.holding(passing.of_actors)[index]
         changed, passed = (now != self.lit[index]).any(axis=1), outline > 0

@@ -101,7 +101,6 @@ def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
 _COLLECT = tracer.collect_surfaces
 _EVERYWHERE = (gains.BandTracer, "importance", lambda self, direction: np.ones(direction.shape[:-1]))
 _BEHIND = (static, "behind", _everything)
-_FAINT = static, "FAINT", 0.0
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
 _RAYS = tuple((module, "sampled_fraction", _all_rays) for module in (sight, static))
@@ -111,16 +110,15 @@ _VEILS = (veils.Veils, "possible", lambda self, only=None: True)
 SKIPS = (
     Skip("static parts are traced once", _patched()),
     Skip("static facets are tested anew only behind actors", _patched(_BEHIND)),
-    Skip("shadows on faint facets", _patched(_FAINT)),
     Skip("facets that look away", _patched(_FACING)),
     Skip("coarse facets outside the antenna pattern", _patched(_EVERYWHERE), anew=True),
     Skip("more visibility rays only where neighbours differ", _patched(*_RAYS), anew=True),
     Skip("one obliquity for a short baseline", _patched(_PAIRS)),
     Skip("no transmission where nothing is penetrable", _patched(_VEILS), room=False, transmission=True),
-    Skip("all of these", _patched(_BEHIND, _FAINT, _FACING, _EVERYWHERE, _PAIRS, *_RAYS, _VEILS), anew=True),
+    Skip("all of these", _patched(_BEHIND, _FACING, _EVERYWHERE, _PAIRS, *_RAYS, _VEILS), anew=True),
 )
 ONCE = SKIPS[0].name
-QUICK = (SKIPS[1], SKIPS[3], SKIPS[7])
+QUICK = (SKIPS[1], SKIPS[2], SKIPS[6])
 
 
 @cache

@@ -10,7 +10,6 @@ from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import static
 from rfgen_sionna.tracing.smooth import smoothing
 from tests.reference.physical_optics import patches, triangle_points
 
@@ -142,35 +141,6 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     # The ball passes the mirror point in the middle of the run: little of the wall is left then.
     assert min(changes) < 0.7
     assert traced.report.rays > 0
-
-
-def test_shadows_on_faint_facets_are_left_out(radar, tmp_path, monkeypatch):
-    """Two walls, one of them far off to the side and aslant: its shadow takes rays, and counts for nothing."""
-    aslant = """<shape type="rectangle" id="aslant">
-        <transform name="to_world">
-            <scale x="0.5" y="0.5"/><rotate y="1" angle="-90"/><rotate z="1" angle="50"/><translate x="4" y="2" z="1"/>
-        </transform>
-        <ref id="mat-metal-sheet" name="bsdf"/>
-    </shape>
-</scene>"""
-    file = tmp_path / "two.xml"
-    file.write_text(BACKDROP.replace("</scene>", aslant))
-    mesh = trimesh.creation.box((0.01, 2.0, 1.0))
-    board = Actor.from_mesh(mesh, material="pec", position=(2.0, 1.3, 1), name="board")
-    found, share, rtol = {}, static.FAINT, 1e-2
-    for faint in (share, 0.0):
-        monkeypatch.setattr(static, "FAINT", faint)
-        tracer = Simulator(str(file), radar, [board], rtol=rtol).tracer
-        rays, (vertices,) = tracer.rays_at(0.0), tracer._vertices(0.0)
-        passing = tracer.follow().passing(rays, [vertices])
-        dimmed, sent = tracer.static.visible(rays, [vertices], passing)
-        parts = [each.paths for each in tracer.static.shadows(np.array([0.0]), [dimmed])]
-        count, taken = sum(each.num_paths for each in parts), sum(channel(each) for each in parts)
-        found[faint] = sent, count, taken, np.linalg.norm(tracer.static.paths.a[0, 0])
-    (sent, count, some, total), (all_sent, all_count, every, _) = found.values()
-    assert count < 0.95 * all_count
-    assert sent < all_sent
-    assert abs(some - every) < share * rtol * total
 
 
 SCREEN = """<shape type="rectangle" id="screen">
