@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.echoes import echoes, stretches
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.fused import Fusion, Refiner
 from rfgen_sionna.pir.fusion import image, together
@@ -36,7 +36,7 @@ from rfgen_sionna.scene.places import (
     with_unique_names,
 )
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.signal import Receiver, receive, synthesize
+from rfgen_sionna.signal import Receiver, receive
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport, check_max_bounces
@@ -307,51 +307,13 @@ class Simulator:
 
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str) -> Iterator[Frame]:
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
-        for index, (samples, report, parts) in enumerate(self._echoes(times, gains, device)):
-            capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
-            full_scale = capture.full_scale
-            yield Frame(index, float(times[index]), capture.samples, report, full_scale, capture.clipped, parts)
-
-    def _echoes(
-        self, times: NDArray[np.float64], gains: NDArray[np.complex128] | None, device: str
-    ) -> Iterator[tuple[NDArray[np.complex128], TraceReport, tuple[RadarPaths, ...]]]:
-        """(chirp, tx, rx, sample) of each frame before the receiver, what they cost, and paths that images need.
-
-        While the samples of a frame are made the next one is traced. Between two frames nothing goes on.
-        """
+        found = stretches(self.tracer, self._fusion, times)
         eps = max(0.3 * self.rtol, 1e-9)
-
-        def echo(parts: Callable[[], Sequence[RadarPaths]], start: float) -> NDArray[np.complex128]:
-            total = np.zeros(self.radar.frame_shape, dtype=np.complex128)
-            for part in parts():
-                total += synthesize(self.radar, part, start, eps=eps, tx_gains=gains, device=device)
-            return total
-
-        stretches, still = self._stretches(times), None
-        following = next(stretches, None)
-        with ThreadPoolExecutor(1, "rfgen-samples") as synthesiser:
-            if following is not None and following.static:
-                self._warn_silent()
-                # Nothing in it changes: one synthesis serves every frame.
-                still = synthesiser.submit(echo, partial(tuple, following.static), 0.0)
-            while following is not None:
-                now, samples = following, synthesiser.submit(echo, following.parts, following.begin)
-                following = next(stretches, None)
-                total = samples.result() if still is None else samples.result() + still.result()
-                yield total, now.report, now.kept
-
-    def _stretches(self, times: NDArray[np.float64]) -> Iterator[_Stretch]:
-        """What is traced for each frame."""
-        moving, length = self.tracer.follow(), self.radar.waveform.frame_length
-        if self._fusion is not None:
-            refinement = self._fusion.refinement(float(times[0]), float(times[-1]) + length)
-            for begin in times.tolist():
-                fused = self._fusion.trace(begin, begin + length, moving, refinement)
-                yield _Stretch(begin, (), partial(tuple, fused.parts), fused.report, fused.parts)
-            return
-        for begin in times.tolist():
-            traced = self.tracer.trace(begin, begin + length, moving)
-            yield _Stretch(begin, (traced.static,), traced.changing, traced.report, ())
+        made = echoes(self.radar, found, eps, gains, device, self._warn_silent)
+        for index, (samples, stretch) in enumerate(made):
+            capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
+            full_scale, shown = capture.full_scale, stretch.shown
+            yield Frame(index, stretch.begin, capture.samples, stretch.report, full_scale, capture.clipped, shown)
 
     def hidden(self, actor: Actor, start: float, stop: float) -> bool:
         """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""
@@ -393,20 +355,6 @@ class Simulator:
             else f"nothing of it within the range window ({limit:.2f} m) is seen, {name!r} at {reach:.2f} m is nearest"
         )
         warnings.warn(f"the radar receives nothing of scene '{self.scene.name}': {why}", stacklevel=3)
-
-
-class _Stretch(NamedTuple):
-    """What is traced for a frame."""
-
-    begin: float
-    """[s]"""
-    static: tuple[RadarPaths, ...]
-    """What every frame has."""
-    parts: Callable[[], Sequence[RadarPaths]]
-    """Works all else out."""
-    report: TraceReport
-    kept: tuple[RadarPaths, ...]
-    """Paths that images need."""
 
 
 def _end(actor: Actor) -> float:

@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 import numpy as np
 import torch
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
@@ -26,8 +25,6 @@ from rfgen_sionna.records import FloatArray
 
 SHORTEST, LONGEST = 32, 160
 """Frames that the model makes at once."""
-_SLOW = 0.35
-"""Time scale of a path that is asked for [s]."""
 GESTURES = ("swipe_left", "swipe_right", "push", "pull", "circle_clockwise", "circle_counterclockwise", "click",
             "finger_swing")  # fmt: skip
 """Actions of one hand of people who stand."""
@@ -50,7 +47,7 @@ class Wish:
     known: FloatArray | None = None
     """(frame, NUM_FEATURES) given features, in their own units."""
     given: FloatArray | None = None
-    """(frame, part) 1 where `known` holds, 0.5 for a path that is roughly followed, 0 where the model is free."""
+    """(frame, part) 1 where `known` holds, 0 where the model is free."""
     draft: FloatArray | None = None
     """(frame, NUM_FEATURES) to start from."""
     action: str = ""
@@ -111,7 +108,6 @@ class Sampler:
             timesteps, x = self._from_draft(model, scheduler, wishes, start, noise, padded)
         clean = x
         shares = signal_shares()
-        follow = _Path(conditions.known, conditions.given)
         correct = Corrector(
             [model.residuals.get(w.action) if w.source == "kinematic" else None for w in wishes], padded
         )
@@ -119,7 +115,7 @@ class Sampler:
         for t in timesteps:
             clean = self.guess(model, x, level[t], conditions)
             clean = correct(clean, x, float(shares[t]))
-            clean = follow(torch.where(hard > 0.0, known, clean))
+            clean = torch.where(hard > 0.0, known, clean)
             x = scheduler.step(clean, t, x).prev_sample
         # the last guess: the scheduler would leave a hundredth of the noise in
         rows = _joined(clean.double().numpy()[:, :frames] * model.scale + model.mean, wishes)
@@ -161,24 +157,6 @@ class Sampler:
             scheduler.set_begin_index(first)
         share = float(signal_shares()[all_steps[first]])
         return all_steps[first:], np.sqrt(share) * draft + np.sqrt(1.0 - share) * noise
-
-
-class _Path:
-    """Puts the slow part of the place on the floor where it was asked for, and leaves the steps' own sway."""
-
-    def __init__(self, known: Tensor, given: Tensor) -> None:
-        frames = known.shape[1]
-        self.asked = given[:, :, :1] == SOFT
-        self.known = known[..., :2]
-        blur = gaussian_filter1d(np.eye(frames), _SLOW * FRAME_RATE, axis=0, mode="nearest")
-        self.blur = torch.from_numpy(blur).float()
-
-    def __call__(self, clean: Tensor) -> Tensor:
-        if not bool(self.asked.any()):
-            return clean
-        place = clean[..., :2]
-        moved = torch.where(self.asked, place + self.known - self.blur @ place, place)
-        return torch.cat([moved, clean[..., 2:]], dim=-1)
 
 
 def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:

@@ -1,0 +1,78 @@
+"""Samples of frame after frame: while those of one are made the next one is traced."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.pir.fused import Fusion
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.signal import synthesize
+from rfgen_sionna.tracing.tracer import Tracer, TraceReport
+
+
+class Stretch(NamedTuple):
+    """What is traced for a frame."""
+
+    begin: float
+    """[s]"""
+    static: tuple[RadarPaths, ...]
+    """What every frame has."""
+    parts: Callable[[], Sequence[RadarPaths]]
+    """Works all else out, on whatever thread."""
+    report: TraceReport
+    shown: tuple[RadarPaths, ...]
+    """Actors and imagined surroundings, where images need them."""
+
+
+def stretches(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Iterator[Stretch]:
+    """What is traced for each of the frames that begin at `times` [s], one at a time, when it is asked for."""
+    moving, length = tracer.follow(), tracer.radar.waveform.frame_length
+    if fusion is not None:
+        refinement = fusion.refinement(float(times[0]), float(times[-1]) + length)
+        for begin in times.tolist():
+            fused = fusion.trace(begin, begin + length, moving, refinement)
+            yield Stretch(begin, (), partial(tuple, fused.parts), fused.report, fused.parts)
+        return
+    for begin in times.tolist():
+        traced = tracer.trace(begin, begin + length, moving)
+        yield Stretch(begin, (traced.static,), traced.changing, traced.report, ())
+
+
+def echoes(
+    radar: Radar,
+    traced: Iterator[Stretch],
+    eps: float,
+    gains: NDArray[np.complex128] | None,
+    device: str,
+    begun: Callable[[], None],
+) -> Iterator[tuple[NDArray[np.complex128], Stretch]]:
+    """(chirp, tx, rx, sample) of each frame before the receiver, and what was traced for it.
+
+    Tracing goes on in the caller's thread while samples are made in another; between two frames nothing goes on.
+    `eps`, `gains` and `device` are those of :func:`rfgen_sionna.signal.synthesize`; `begun` is called when the static
+    scene is traced, where there is one.
+    """
+
+    def samples(parts: Callable[[], Sequence[RadarPaths]], start: float) -> NDArray[np.complex128]:
+        total = np.zeros(radar.frame_shape, dtype=np.complex128)
+        for part in parts():
+            total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
+        return total
+
+    following, still = next(traced, None), None
+    with ThreadPoolExecutor(1, "rfgen-samples") as other:
+        if following is not None and following.static:
+            begun()
+            # Nothing in it changes: one synthesis serves every frame.
+            still = other.submit(samples, partial(tuple, following.static), 0.0)
+        while following is not None:
+            now, made = following, other.submit(samples, following.parts, following.begin)
+            following = next(traced, None)
+            yield made.result() if still is None else made.result() + still.result(), now
