@@ -74,5 +74,11 @@ def echoes(
             still = other.submit(samples, partial(tuple, following.static), 0.0)
         while following is not None:
             now, made = following, other.submit(samples, following.parts, following.begin)
-            following = next(traced, None)
+            failure: Exception | None = None
+            try:
+                following = next(traced, None)
+            except Exception as error:  # once this frame, which is whole, is handed over
+                failure = error
             yield made.result() if still is None else made.result() + still.result(), now
+            if failure is not None:
+                raise failure

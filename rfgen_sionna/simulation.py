@@ -283,7 +283,8 @@ class Simulator:
         receiver: Receiver | None = None,
         device: str = "auto",
     ) -> Iterator[Frame]:
-        """The frames of :meth:`adc` one by one; memory does not grow with their number."""
+        """The frames of :meth:`adc` one by one, each when the next one is traced; memory does not grow with their
+        number."""
         seed = _checked_seed(seed)
         if receiver is not None and not isinstance(receiver, Receiver):
             raise TypeError(f"receiver is a {type(receiver).__name__}: a Receiver or None is needed")

@@ -143,7 +143,7 @@ class Places:
         """(ray, nearest) pieces of the face that each ray hits, those around where it does; -1 where it has fewer."""
         tree, members, rank = self._tree
         place = np.column_stack([unit(directions), _AWAY * rank[face]])
-        near = np.atleast_2d(tree.query(place, min(nearest, len(members)))[1])
+        near = tree.query(place, min(nearest, len(members)))[1]
         there = members[near]
         return np.where(self._number[there] == face[:, None], there, -1)
 

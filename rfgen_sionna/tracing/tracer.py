@@ -70,7 +70,7 @@ class Traced:
 
     static: RadarPaths
     """The static scene as if there were no actors: one knot, traced once."""
-    cast: Callable[[], tuple[Shadow, ...]]
+    find_shadows: Callable[[], tuple[Shadow, ...]]
     """Works `shadows` out."""
     moving: RadarPaths
     """The actors."""
@@ -83,7 +83,7 @@ class Traced:
     def shadows(self) -> tuple[Shadow, ...]:
         """What the actors hide of the static scene; worked out when it is first asked for, on whatever thread."""
         with one_blas_thread():
-            return self.cast()
+            return self.find_shadows()
 
     def changing(self) -> tuple[RadarPaths, ...]:
         """All but the static scene."""

@@ -13,7 +13,7 @@ def limits() -> list[int]:
 
 def test_the_last_thread_to_leave_lifts_the_limit():
     """Two threads whose stays overlap: neither lifts it while the other is in, and none is left behind."""
-    before, within, gate = limits(), [], Barrier(2)
+    before, within, gate = limits(), [], Barrier(2, timeout=30)
 
     def first():
         with one_blas_thread():

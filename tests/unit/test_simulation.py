@@ -316,6 +316,21 @@ def test_samples_do_not_depend_on_what_was_asked_before():
         np.testing.assert_array_equal(frame.samples.astype(np.complex64), once.data[frame.index])
 
 
+def test_a_frame_that_is_whole_is_handed_over_before_the_next_one_fails(moving: Any, monkeypatch: Any) -> None:
+    whole, trace = moving.adc(0.1, noise=False).data, moving.tracer.trace
+
+    def failing(start: float, *rest: Any) -> Any:
+        if start > 0.04:
+            raise RuntimeError("no more")
+        return trace(start, *rest)
+
+    monkeypatch.setattr(moving.tracer, "trace", failing)
+    frames = moving.frames(0.1, noise=False)
+    np.testing.assert_array_equal(next(frames).samples.astype(np.complex64), whole[0])
+    with pytest.raises(RuntimeError, match="no more"):
+        next(frames)
+
+
 def test_the_seed_makes_the_noise(moving: Any, radar: Any) -> None:
     first, again, other = (moving.adc(0.1, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.data, again.data)

@@ -17,6 +17,8 @@ CONTACT_HEIGHT = 0.04
 """A foot whose sole is lower than this over the floor [m] ..."""
 CONTACT_SPEED = 0.5
 """... and slower than this [m/s] counts as planted where a motion has no labels."""
+REACH = 0.3
+"""Height of a sole over the floor beyond which no foot is planted, whatever the labels say [m]."""
 GRAVITY = 9.81
 BLEND = 0.12
 """Time over which a foot passes from moving freely to being held [s]."""
@@ -89,6 +91,7 @@ def stand_on_floor(
     soles[..., 2] -= drop[:, None, None]
     positions = _positions(rig, joints, translation)
     planted = find_contacts(soles, frame_rate) if contacts is None else contacts
+    planted = planted & (soles[..., 2].min(axis=2) < REACH)  # not those of somebody who stands on his hands
     blend = max(1, round(BLEND * frame_rate))
     for i, side in enumerate(SIDES):
         shift = _held(soles[:, i], planted[:, i], blend)
@@ -97,7 +100,7 @@ def stand_on_floor(
         lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
         shift[:, 2] += lift
         _move_foot(rig, joints, positions, side, shift)
-    if planted.any():
+    for _ in range(2 if planted.any() else 0):  # the second time for what the first smoothed away
         # a leg may be too short to reach: the pelvis rides where the lower of the planted feet is on the floor
         low = np.stack([_lowest_vertex(rig, joints, translation, side) for side in SIDES], axis=-1)
         rise = np.where(planted, low, np.inf).min(axis=1)

@@ -90,7 +90,7 @@ def lock_feet(
     for j, p in enumerate(motion.parents):
         if p >= 0:
             local[:, j] = transpose(world[:, p]) @ world[:, j]
-    return replace(motion, rotations=to_quaternions(local), translation=root)
+    return replace(motion, rotations=to_quaternions(local), translation=root, contacts=contacts)
 
 
 def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
@@ -111,7 +111,8 @@ def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         heel = ankle + world[:, JOINT[f"{side}_ankle"]] @ skeleton.heel[i]
         rolling = toe[:, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
         step = np.where((rolling[1:] & rolling[:-1])[:, None], np.diff(heel, axis=0), np.diff(toe, axis=0))[:, :2]
-        planted = (motion.contacts[1:, i] & motion.contacts[:-1, i])[:, None].astype(float)
+        down = motion.contacts[:, i] & (_clearance(places, world, skeleton, side) < _REACH)
+        planted = (down[1:] & down[:-1])[:, None].astype(float)
         # a foot that is called planted while it swings doesn't take the body along
         speed = np.linalg.norm(step, axis=-1, keepdims=True) * motion.frame_rate
         total += planted * step * np.clip(2.0 - speed / fast, 0.0, 1.0)

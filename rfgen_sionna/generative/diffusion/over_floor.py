@@ -35,7 +35,8 @@ def over_floor(motion: Motion) -> Motion:
         return motion
     width = _EASE * motion.frame_rate
     # at least what is missing everywhere, and smooth
-    lift = gaussian_filter1d(maximum_filter1d(missing, 2 * int(2.0 * width) + 1), width, mode="nearest", truncate=2.0)
+    reach = max(1, round(2.0 * width))
+    lift = gaussian_filter1d(maximum_filter1d(missing, 2 * reach + 1), width, mode="nearest", radius=reach)
     translation = motion.translation.copy()
     translation[:, 2] += lift
     return replace(motion, translation=translation)

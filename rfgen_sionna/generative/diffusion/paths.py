@@ -18,6 +18,8 @@ USUAL = 1.1
 """Speed of a mean adult's walk at the pace 1 [m/s]."""
 SPEEDS = (0.4, 2.2)
 """Mean speeds that a path may ask for [m/s]."""
+SHORTEST = 0.1
+"""Time that a path takes at least [s]."""
 LONGER = 1.5
 """A walk is made that much longer than asked for, so that its own pace, which varies, gets there in time."""
 _CORNER = 0.3
@@ -33,12 +35,15 @@ def way(path: ArrayLike, duration: float) -> FloatArray:
     """(point, 2) places on the floor [m], checked.
 
     Raises:
-        ValueError: fewer than two points, values that are not finite, or a mean speed that nobody walks at.
+        ValueError: fewer than two points, values that are not finite, or too short a time or a mean speed that nobody
+            walks at, corners rounded.
     """
     points = np.asarray(path, np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
         raise ValueError(f"path: shape {points.shape}; allowed are two or more finite points (x, y) in metres")
-    length, (low, high) = float(_gone(points)[-1]), SPEEDS
+    if duration < SHORTEST:
+        raise ValueError(f"duration: {duration:g} s with a path; allowed is {SHORTEST:g} s and more")
+    length, (low, high) = _length(points), SPEEDS
     if not low <= length / duration <= high:
         mean = f"{length:.2f} m in {duration:g} s is {length / duration:.2f} m/s"
         raise ValueError(f"path: {mean}; allowed are {low:g} to {high:g} m/s")
@@ -47,7 +52,7 @@ def way(path: ArrayLike, duration: float) -> FloatArray:
 
 def pace(points: FloatArray, duration: float) -> float:
     """Factor on the usual speed that a path asks for, 0.5 … 2."""
-    return float(np.clip(_gone(points)[-1] / duration / USUAL, 0.5, 2.0))
+    return float(np.clip(_length(points) / duration / USUAL, 0.5, 2.0))
 
 
 def along(motion: Motion, points: FloatArray, duration: float, *, timed: bool = True) -> Motion:
@@ -85,6 +90,10 @@ def along(motion: Motion, points: FloatArray, duration: float, *, timed: bool = 
     rotations = motion.rotations.copy()
     rotations[:, 0] = (Rotation.from_euler("z", turn[:, None]) * Rotation.from_quat(rotations[:, 0])).as_quat()
     return replace(motion, rotations=continuous(rotations), translation=translation)
+
+
+def _length(points: FloatArray) -> float:
+    return _STEP * (len(_rounded(points)[0]) - 1) if np.ptp(points, axis=0).any() else 0.0
 
 
 def _rounded(points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -40,14 +40,14 @@ def finish(
         hands: the fingers' components.
         skeleton: of the person; None for a mean adult. The path is scaled with the legs.
         rate: poses per second of the result [Hz].
-        free: whether the pelvis may give way to the steps, and arms to the trunk; not where path or parts were asked
-            for.
+        free: whether the pelvis may give way to the steps, and arms to the trunk; not where parts were asked for.
         legs: (frame,) rows in which the legs were given and stay as they are, planted or not; None: in none. Only where
             the rest isn't free.
         bend: what takes the walk to another way, once its feet carry it.
     """
     skeleton = skeleton or MEAN_ADULT
-    motion = within_limits(resampled(decode(features, hands, FRAME_RATE), rate))
+    # bent and planted at no lower rate than usual: whole steps lie between poses that are far apart
+    motion = within_limits(resampled(decode(features, hands, FRAME_RATE), max(rate, RATE)))
     scale = skeleton.leg_length() / MEAN_ADULT.leg_length()
     height = skeleton.standing_height() - scale * MEAN_ADULT.standing_height()
     translation = motion.translation * scale
@@ -55,10 +55,11 @@ def finish(
     motion = replace(motion, translation=translation, offsets=skeleton.offsets)
     if not free:
         motion = motion if bend is None else bend(motion)
-        return lock_feet(motion, skeleton, ride=False, kept=None if legs is None else _at_rate(legs, motion))
+        kept = None if legs is None else _at_rate(legs, motion)
+        return resampled(lock_feet(motion, skeleton, ride=False, kept=kept), rate)
     carried = carried_by_feet(clear_arms(motion, skeleton), skeleton)
     planted = lock_feet(carried if bend is None else bend(carried), skeleton)
-    return within_limits(hands_up(over_floor(planted), skeleton))
+    return resampled(within_limits(hands_up(over_floor(planted), skeleton)), rate)
 
 
 def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:

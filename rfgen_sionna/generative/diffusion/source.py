@@ -27,7 +27,7 @@ from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.threads import threads_for
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
 from rfgen_sionna.generative.diffusion.wording import UPPER
-from rfgen_sionna.generative.motion import Skeleton
+from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ class DiffusionSource:
     """Poses per second of what comes out [Hz]."""
     refine: float | None = REFINED
     """Noise level (0 .. 1) from which a synthesised draft of the action is redone; None samples from noise, as is done
-    in any case where there is no draft: captured actions and manners, given parts or paths, `rhythm=False`."""
+    in any case where there is no draft: captured actions and manners, given parts, `rhythm=False`."""
 
     def __post_init__(self) -> None:
         if self.manner not in SOURCES:
@@ -138,7 +138,7 @@ class DiffusionSource:
             path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
                 to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
             action: what the words are known to mean, one of the model's actions; None leaves that to the model.
-            arms: what the arms then do while the legs walk, or empty.
+            arms: what the arms then do while the legs walk back and forth, or empty.
 
         Raises:
             ValueError: a value is out of range, an action is unknown, `keep` goes on for longer than 8 s, `arms` are
@@ -200,7 +200,8 @@ class DiffusionSource:
                 raise ValueError(f"speed: {speed!r} with a path, whose length and duration tell it; allowed is 1")
             if kept := {"place", "pelvis"} & {part for each in keeps for part in each.parts}:
                 raise ValueError(f"keep: {', '.join(sorted(kept))} with a path, which says where they are")
-            speed = pace(points, duration)
+            legs_of = (skeleton or MEAN_ADULT).leg_length() / MEAN_ADULT.leg_length()
+            speed = pace(points, duration * legs_of)
             bend = partial(along, points=points, duration=duration, timed=not keeps)
             frames = frames if keeps else int(np.ceil(LONGER * duration * FRAME_RATE)) + 1
         with threads_for(len(prompts)):
@@ -282,11 +283,15 @@ class DiffusionSource:
         said = self.read(prompt)
         if action is not None:
             said = meant(said, action, arms)
-        if not bent:
-            return said
-        if said.action not in WALKS:
+        if bent and said.action not in WALKS:
             raise ValueError(f"path: {prompt!r} means '{said.action}'; allowed is a walk")
-        return meant(said, "walk_straight", said.arms)
+        # the model has learned other arms with the walk that turns; with the straight one it lets them hang
+        if bent and said.arms:
+            raise ValueError(f"path: {prompt!r} means '{said.arms}' as well; allowed is a walk alone")
+        if said.arms and said.action == "walk_straight":
+            _LOG.warning("prompt: %r, other arms go together with walking back and forth: so it is", prompt)
+            return meant(said, "walk", said.arms)
+        return meant(said, "walk_straight", "") if bent else said
 
     def _wish(
         self,
@@ -320,7 +325,7 @@ class DiffusionSource:
             shares = np.array([share for _, share in left])
             chosen = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
             action = left[chosen][0]
-            words = canonical(action, said.hand)
+            words = _plainly(replace(said, action=action))
         beat = None
         if rhythm and action in self.model.beats:
             rng = np.random.default_rng([seed, 23])
@@ -329,7 +334,7 @@ class DiffusionSource:
         wish = Wish(words, seed, negative, beat, action=action, source=manner)
         if not drafted or manner != "kinematic":
             return wish
-        both = said.arms and action == said.action and action in WALKS
+        both = said.arms and said.action in WALKS and action in WALKS
         size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + SPARE
         rows = draft_of(
             (action, said.arms) if both else (action,),
@@ -357,7 +362,7 @@ def _check_seed(seed: int) -> None:
 
 def meant(said: Understanding, action: str, arms: str) -> Understanding:
     """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
-    other = (said.action, said.arms) != (action, arms)
+    other = said.rephrase or not said.known or (said.action, said.arms) != (action, arms)
     return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
 
 

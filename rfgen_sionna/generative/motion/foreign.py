@@ -114,7 +114,7 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
             raise ClipError(f"{path.name}: index {index}; it holds {len(motions)} motions, from 0")
         frames = int(data["lengths"][index]) if "lengths" in data else motions.shape[-1]
         positions = np.moveaxis(motions[index], -1, 0)[:frames]
-        texts = data.get("text", ())
+        texts = np.atleast_1d(data.get("text", ()))
         prompt = str(texts[index]) if index < len(texts) else ""
         return _of_positions(path.name, positions, action, prompt)
     _check_single(path.name, index)

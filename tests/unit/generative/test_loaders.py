@@ -232,3 +232,11 @@ def test_a_mesh_sequence_as_an_actor(tmp_path):
         Actor.from_motion(tmp_path / "seq")
     with pytest.raises(ValueError, match="frame_rate: a motion has its own"):
         Actor.from_motion(clip(tmp_path), frame_rate=3.0)
+
+
+def test_an_index_where_there_is_one_motion_is_refused(tmp_path):
+    file = clip(tmp_path, frames=60)
+    with pytest.raises(ClipError, match="index 3; it holds one motion"):
+        Actor.from_motion(file, index=3)
+    with pytest.raises(ClipError, match="index 'a'"):
+        Actor.from_motion(file, index="a")

@@ -78,12 +78,13 @@ def test_height_and_pitch_move_the_floor(rooms: EnvironmentDiffusion) -> None:
 
 
 def test_a_sketch_keeps_space_for_somebody_which_words_alone_do_not_know_of(rooms: EnvironmentDiffusion) -> None:
-    """In front of the radar nothing stands before 4.3 m; walls are where the same place's sketch has them."""
+    """In front of the radar nothing stands before 4 m, and without the sketch another image comes out."""
     alone = EnvironmentDiffusion(steps=8, sampler="dpm", sketched=False)
     for seed in range(3):
         over = distance(rooms.generate("an office", seed=seed))[30:34, 30:34]
         assert np.nanmedian(over) > 4.0
-        assert not np.allclose(over, distance(alone.generate("an office", seed=seed))[30:34, 30:34], rtol=1e-3)
+        without = distance(alone.generate("an office", seed=seed))[30:34, 30:34]
+        assert abs(np.nanmedian(over) / np.nanmedian(without) - 1.0) > 1e-3
 
 
 def test_refinement_keeps_delays(rooms: EnvironmentDiffusion) -> None:
