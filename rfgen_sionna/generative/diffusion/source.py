@@ -138,7 +138,7 @@ class DiffusionSource:
             path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
                 to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
             action: what the words are known to mean, one of the model's actions; None leaves that to the model.
-            arms: what the arms then do while the legs walk back and forth, or empty.
+            arms: what the arms then do while the legs walk back and forth (walking straight they may hang), or empty.
 
         Raises:
             ValueError: a value is out of range, an action is unknown, `keep` goes on for longer than 8 s, `arms` are
@@ -289,8 +289,7 @@ class DiffusionSource:
         if bent and said.arms:
             raise ValueError(f"path: {prompt!r} means '{said.arms}' as well; allowed is a walk alone")
         if said.arms and said.action == "walk_straight":
-            _LOG.warning("prompt: %r, other arms go together with walking back and forth: so it is", prompt)
-            return meant(said, "walk", said.arms)
+            _LOG.warning("prompt: %r, arms may hang: others go together with walking back and forth", prompt)
         return meant(said, "walk_straight", "") if bent else said
 
     def _wish(

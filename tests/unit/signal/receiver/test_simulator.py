@@ -70,7 +70,7 @@ def devices(monkeypatch):
         found.append(device)
         return synthesize(*arguments, device="cpu", **options)
 
-    monkeypatch.setattr("rfgen_sionna.simulation.synthesize", here)
+    monkeypatch.setattr("rfgen_sionna.echoes.synthesize", here)
     return found
 
 
