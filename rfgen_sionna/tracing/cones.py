@@ -18,8 +18,6 @@ class Spheres(NamedTuple):
 
     direction: FloatArray
     """(facet, 3) unit vectors."""
-    distance: FloatArray
-    """(facet,) of its middle [m]."""
     reach: FloatArray
     """(facet,) of its far end [m]."""
     margin: FloatArray
@@ -35,12 +33,12 @@ def spheres(facets: Facets, viewpoint: FloatArray) -> Spheres:
     radius = lengths(facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
     margin = np.arctan2(radius, distance) + 1e-3
     turn = np.stack([np.cos(margin), np.sin(margin)])
-    return Spheres(facets.directions(viewpoint), distance, distance + radius, margin, turn)
+    return Spheres(facets.directions(viewpoint), distance + radius, margin, turn)
 
 
 def behind(around: Spheres, viewpoint: FloatArray, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
     """(facet,) facets with these spheres around that reach into the cone around an actor, and not before it."""
-    found = np.zeros(len(around.distance), dtype=np.bool_)
+    found = np.zeros(len(around.reach), dtype=np.bool_)
     for points in actors:
         offset = points - viewpoint
         reach = lengths(offset)

@@ -10,15 +10,13 @@ from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, Z, normalised
-from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics
+from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics
 from rfgen_sionna.records import FloatArray
 
 CONTACT_HEIGHT = 0.04
 """A foot whose sole is lower than this over the floor [m] ..."""
 CONTACT_SPEED = 0.5
 """... and slower than this [m/s] counts as planted where a motion has no labels."""
-REACH = 0.3
-"""Height of a sole over the floor beyond which no foot is planted, whatever the labels say [m]."""
 GRAVITY = 9.81
 BLEND = 0.12
 """Time over which a foot passes from moving freely to being held [s]."""
@@ -91,7 +89,7 @@ def stand_on_floor(
     soles[..., 2] -= drop[:, None, None]
     positions = _positions(rig, joints, translation)
     planted = find_contacts(soles, frame_rate) if contacts is None else contacts
-    planted = planted & (soles[..., 2].min(axis=2) < REACH)  # not those of somebody who stands on his hands
+    planted = planted & (soles[..., 2].min(axis=2) < PLANTED_BELOW)  # not those of somebody who stands on his hands
     blend = max(1, round(BLEND * frame_rate))
     for i, side in enumerate(SIDES):
         shift = _held(soles[:, i], planted[:, i], blend)

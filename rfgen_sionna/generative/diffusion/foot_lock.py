@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
-from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
+from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics, global_rotations
 from rfgen_sionna.records import FloatArray, Motion
 
 _SHORTEST = 0.13
@@ -30,8 +30,6 @@ _RELEASE = 0.07
 """Half the time that a planted foot takes to be set anew [s]."""
 _EASE = 0.15
 """Time over which the feet are let go before legs that stay as they are [s]."""
-_REACH = 0.3
-"""Height over the floor beyond which no foot is planted [m]."""
 _FURTHEST = 0.12
 """The most that a planted foot is moved [m]; a plant that drifts further is taken in pieces."""
 
@@ -54,7 +52,7 @@ def lock_feet(
     places = forward_kinematics(world, root, motion.offsets, motion.parents)
     low = np.stack([_clearance(places, world, skeleton, side) for side in SIDES], axis=-1)
     # feet of somebody who stands on his hands are not planted, whatever is said of them
-    contacts = None if motion.contacts is None else motion.contacts & (low < _REACH)
+    contacts = None if motion.contacts is None else motion.contacts & (low < PLANTED_BELOW)
     if ride and contacts is not None and contacts.any():
         # the pelvis rides where the lower of the planted feet is on the floor
         planted = np.where(contacts, low, np.inf).min(axis=-1)
@@ -111,7 +109,7 @@ def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         heel = ankle + world[:, JOINT[f"{side}_ankle"]] @ skeleton.heel[i]
         rolling = toe[:, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
         step = np.where((rolling[1:] & rolling[:-1])[:, None], np.diff(heel, axis=0), np.diff(toe, axis=0))[:, :2]
-        down = motion.contacts[:, i] & (_clearance(places, world, skeleton, side) < _REACH)
+        down = motion.contacts[:, i] & (_clearance(places, world, skeleton, side) < PLANTED_BELOW)
         planted = (down[1:] & down[:-1])[:, None].astype(float)
         # a foot that is called planted while it swings doesn't take the body along
         speed = np.linalg.norm(step, axis=-1, keepdims=True) * motion.frame_rate

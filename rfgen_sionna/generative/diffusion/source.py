@@ -28,13 +28,13 @@ from rfgen_sionna.generative.diffusion.threads import threads_for
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
 from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
+from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 MAX_DURATION = 120.0
 WALKS = ("walk", "walk_straight")
 """Actions whose arms may do something else, and that may be bent along a path."""
-HANDS = ("left", "right")
 REFINED = 0.9
 """Noise level from which drafts are made anew, unless another is asked for."""
 
@@ -95,8 +95,8 @@ class DiffusionSource:
         known = self.model.text.actions
         if action not in known:
             raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
-        if hand not in (None, *HANDS):
-            raise ValueError(f"hand: {hand!r}; allowed are {', '.join(HANDS)} and None")
+        if hand not in (None, *SIDES):
+            raise ValueError(f"hand: {hand!r}; allowed are {', '.join(SIDES)} and None")
         prompt = canonical(action, hand or working_hand(action, "", seed))
         return self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed, action=action)
 
@@ -314,8 +314,8 @@ class DiffusionSource:
         drawable = said.alternatives if drawn and said.known else []
         left = drawable
         if negative.strip():
-            left = self._left_open(said, negative)
             denied = self.read(negative)
+            left = _left_open(said, denied)
             for sentence in denied.warnings:
                 _LOG.warning(sentence.replace("prompt:", "negative:", 1))
             if not left and denied.action == action:
@@ -345,14 +345,6 @@ class DiffusionSource:
         )
         return replace(wish, draft=rows, beat=beat_of(self.model, wish, rows))
 
-    def _left_open(self, said: Understanding, negative: str) -> list[tuple[str, float]]:
-        """(action, probability) of what the prompt leaves open and the negative prompt doesn't rule out; empty where it
-        rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
-        options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]
-        denied = set(self.read(negative).options)
-        left = [(a, s) for a, s in options if a not in denied]
-        return left if 0 < len(left) < len(options) else []
-
 
 def _check_seed(seed: int) -> None:
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
@@ -363,6 +355,14 @@ def meant(said: Understanding, action: str, arms: str) -> Understanding:
     """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
     other = said.rephrase or not said.known or (said.action, said.arms) != (action, arms)
     return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
+
+
+def _left_open(said: Understanding, denied: Understanding) -> list[tuple[str, float]]:
+    """(action, probability) of what a prompt leaves open and the negative prompt doesn't rule out; empty where that
+    rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
+    options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]
+    left = [(a, s) for a, s in options if a not in denied.options]
+    return left if 0 < len(left) < len(options) else []
 
 
 def _plainly(said: Understanding) -> str:

@@ -16,7 +16,7 @@ from rfgen_sionna.generative.diffusion.geometry import geometric_loss
 from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, Shape
 from rfgen_sionna.generative.diffusion.schedule import STEPS, log_snr, signal_shares
 from rfgen_sionna.generative.diffusion.text import TextEncoder, tokenise
-from rfgen_sionna.generative.learning import Progress, Run
+from rfgen_sionna.generative.learning import Progress, Run, precision
 
 _LAG = 4
 """Poses over which movement is seen."""
@@ -115,7 +115,7 @@ class LossOf:
         share = self.shares[step][:, None, None]
         noisy = share.sqrt() * clean + (1.0 - share).sqrt() * noise
         conditions = self.conditions(batch)
-        with torch.autocast("cpu", torch.bfloat16):
+        with precision():
             guess = net(noisy, self.log_snr[step], conditions)
         guess = guess.float()
         weight = 0.5 * (1.0 + self.log_snr[step].exp().clamp(max=4.0))

@@ -14,10 +14,12 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
 from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
 from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, new_control, write_control
-from rfgen_sionna.generative.environment.training import draw_batch, half
-from rfgen_sionna.generative.learning import Progress, Run
+from rfgen_sionna.generative.environment.training import draw_batch
+from rfgen_sionna.generative.learning import Progress, Run, precision
 
 if TYPE_CHECKING:
+    from diffusers import ControlNetModel
+
     from rfgen_sionna.generative.environment.corpus import Corpus
 
 _LOWEST = 0.35
@@ -52,6 +54,7 @@ def train_control(
     out: Path,
     recipe: ControlRecipe,
     *,
+    start: ControlNetModel | None = None,
     device: str = "cpu",
     save_every: int = 25,
     progress: Progress | None = None,
@@ -63,6 +66,7 @@ def train_control(
         model: the base model; its weights aren't changed.
         out: folder of checkpoint, log and result.
         recipe: what to do. A checkpoint of another recipe is refused, except for more or fewer steps.
+        start: a trained ControlNet to begin with; None: the base model's own encoder.
         device: where to train.
         save_every: steps between checkpoints.
         progress: called with (step, steps, running mean of the loss).
@@ -75,7 +79,10 @@ def train_control(
     torch.manual_seed(recipe.seed)
     unet = model.unet.to(device).requires_grad_(False)
     files = out / "control-checkpoint.pt", out / "control-log.jsonl"
-    run = Run(new_control(unet).to(device).train(), recipe, *files, warmup=100, forget=0.03)
+    net = new_control(unet)
+    if start is not None:
+        net.load_state_dict(start.state_dict())
+    run = Run(net.to(device).requires_grad_(True).train(), recipe, *files, warmup=100, forget=0.03)
     if torch.device(device).type == "cpu":
         for part in (run.net, unet):
             part.set_attn_processor(AttnProcessor())
@@ -106,7 +113,7 @@ def train_control(
         tokens = batch.tokens.to(device)
         scale = spread[:, None, None].to(device).expand(clean.shape)
         told = {"expected": start.to(device), "spread": scale}
-        with half(device):
+        with precision(device):
             down, middle = run.net(
                 noisy,
                 times,

@@ -35,6 +35,7 @@ def main(
     ] = ControlRecipe.steps,
     items: Annotated[int, typer.Option(help="Pairs a step.")] = ControlRecipe.items,
     rate: Annotated[float, typer.Option(help="Learning rate.")] = ControlRecipe.rate,
+    start: Annotated[Path | None, typer.Option(help="A trained ControlNet to begin with.")] = None,
     device: Device = "cpu",
     threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
 ) -> None:
@@ -43,6 +44,7 @@ def main(
 
     torch.set_num_threads(threads)
     model = read_model(base)
+    begun = None if start is None else read_control(start, model.unet)[0]
     with progress_bar() as bar:
         reading = bar.add_task("pairs", total=1, note="")
         corpus = read_corpus(PirData.open(data).select(split="train"), model.codec, pairs=True)
@@ -53,6 +55,7 @@ def main(
             model,
             out,
             ControlRecipe(steps=steps, items=items, rate=rate, seed=seed),
+            start=begun,
             device=device,
             progress=lambda step, _, loss: bar.update(task, completed=step, note=f"loss {loss:.4f}"),
         )

@@ -18,6 +18,7 @@ from torch.nn.functional import cross_entropy
 
 from rfgen_sionna.generative.environment.geometry import view_maps
 from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
+from rfgen_sionna.generative.learning import precision
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
@@ -133,7 +134,7 @@ def train_judge(
         flip = torch.from_numpy(rng.integers(2, size=items) > 0)[:, None, None, None]
         x = torch.where(flip, x.flip(-1), x)
         x = x + _ROUGH * torch.randn(x.shape)
-        with torch.autocast("cpu", torch.bfloat16):
+        with precision():
             _, logits = net(x)
         loss = cross_entropy(logits.float(), torch.from_numpy(places[index]), label_smoothing=0.05)
         optimiser.zero_grad()

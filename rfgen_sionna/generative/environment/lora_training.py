@@ -16,8 +16,7 @@ from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts,
 from rfgen_sionna.generative.environment.bases import Base, target_of
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.text import ViewFacts
-from rfgen_sionna.generative.environment.training import half
-from rfgen_sionna.generative.learning import resume, write
+from rfgen_sionna.generative.learning import precision, resume, write
 
 JUDGED = 64
 """Validation views that a learning rate is chosen on."""
@@ -177,7 +176,7 @@ def train_lora(
         clean = base.latents(np.stack([corpus.image(i, m) for i, m in zip(index, mirrored, strict=True)]))
         texts = ["" if rng.uniform() < 0.1 else f"{recipe.word} {corpus.sentence(i, rng)}".strip() for i in index]
         views = [corpus.view(i, m) for i, m in zip(index, mirrored, strict=True)]
-        with half(device):
+        with precision(device):
             loss = _loss(base, scheduler, clean, texts, views, torch.Generator().manual_seed(recipe.seed * 7919 + step))
         optimiser.zero_grad()
         loss.backward()

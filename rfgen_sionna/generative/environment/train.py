@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.corpus import Corpus, read_corpus
 from rfgen_sionna.generative.environment.data import PirData
+from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.text import PlaceEncoder, train_text
 from rfgen_sionna.generative.environment.training import Recipe, train
 from rfgen_sionna.pir.codec import PirCodec
@@ -78,6 +79,10 @@ def sentence_encoder(out: Path, corpus: Corpus, *, steps: int, seed: int, bar: P
 def main(
     data: Data,
     out: Out,
+    start: Annotated[
+        Path | None,
+        typer.Option(help="A trained model to begin with; its autoencoder and sentence encoder are kept."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything.")] = 0,
     steps: Annotated[
         int, typer.Option(help="Optimiser steps; more or fewer may be asked for when going on.")
@@ -100,13 +105,17 @@ def main(
 
     torch.set_num_threads(threads)
     out.mkdir(parents=True, exist_ok=True)
-    codec = PirCodec()
+    begun = None if start is None else read_model(start)
+    codec = PirCodec() if begun is None else begun.codec
     with progress_bar() as bar:
         reading = bar.add_task("views", total=1, note="")
         corpus = read_corpus(PirData.open(data).select(split="train"), codec, sketched=True)
         bar.update(reading, completed=1, note=str(len(corpus)))
-        vae = autoencoder(out, corpus, latents=latents, seed=seed)
-        encoder = sentence_encoder(out, corpus, steps=text_steps, seed=seed, bar=bar)
+        if begun is None:
+            vae = autoencoder(out, corpus, latents=latents, seed=seed)
+            encoder = sentence_encoder(out, corpus, steps=text_steps, seed=seed, bar=bar)
+        else:
+            vae, encoder = begun.vae, begun.text
         task = bar.add_task("images", total=steps, note="")
         path = train(
             corpus,
@@ -114,7 +123,9 @@ def main(
             encoder,
             out,
             Recipe(steps=steps, items=items, rate=rate, seed=seed, average=average, later=later, later_from=later_from),
+            shape=None if begun is None else begun.shape,
             codec=codec,
+            start=begun,
             device=device,
             compiled=compiled,
             progress=lambda step, _, loss: bar.update(task, completed=step, note=f"loss {loss:.4f}"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from rfgen_sionna.generative.environment.geometry import KINDS
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, Shape, write_model
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.text import PlaceEncoder
-from rfgen_sionna.generative.learning import Progress, Run
+from rfgen_sionna.generative.learning import Progress, Run, precision
 from rfgen_sionna.pir.codec import PirCodec
 
 WITHOUT_FILE = "without-later.safetensors"
@@ -89,6 +88,7 @@ def train(
     *,
     shape: Shape | None = None,
     codec: PirCodec | None = None,
+    start: EnvironmentModel | None = None,
     device: str = "cpu",
     compiled: bool = False,
     save_every: int = 200,
@@ -103,6 +103,7 @@ def train(
         recipe: what to do. A checkpoint of another recipe is refused, except for more or fewer steps.
         shape: sizes of the network.
         codec: the convention of the images, which the model will carry.
+        start: a trained model to begin with, of which `vae`, `text`, `shape` and `codec` are; None: random weights.
         device: where to train.
         compiled: compile the network: a third quicker on a CPU, and needs a C++ compiler.
         save_every: steps between checkpoints.
@@ -119,18 +120,23 @@ def train(
     shape, codec = shape or Shape(latents=vae.config.latent_channels), codec or PirCodec()
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
-    run = Run(shape.unet().to(device), recipe, out / "checkpoint.pt", out / "log.jsonl")
+    net = shape.unet()
+    if start is not None:
+        net.load_state_dict(start.unet.state_dict())
+    run = Run(net.to(device), recipe, out / "checkpoint.pt", out / "log.jsonl")
     if device == "cpu":
         run.net.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
     latents = corpus.latents(vae)
-    expectation = Expectation.fit(corpus, KINDS, vae, codec, recipe.seed)
+    expectation = start.expectation if start is not None else None
+    expectation = expectation or Expectation.fit(corpus, KINDS, vae, codec, recipe.seed)
     expected = expected_latents(corpus, expectation, vae, codec)
-    for net in (run.net, run.mean):
-        net.spread.copy_(latents.float().std(dim=(0, 1, 3, 4)))
+    for each in (run.net, run.mean):
+        each.spread.copy_(latents.float().std(dim=(0, 1, 3, 4)))
     guess_of = torch.compile(run.net) if compiled else run.net
 
     def keep(step: int, hours: float) -> None:
-        facts = {**asdict(recipe), "steps": step, "hours": hours, "views": len(corpus)}
+        before = {} if start is None else {"start": start.facts}
+        facts = {**asdict(recipe), **before, "steps": step, "hours": hours, "views": len(corpus)}
         model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, expectation=expectation)
         write_model(out / BASE_FILE, model)
         if recipe.later and step <= recipe.later_from:
@@ -146,7 +152,7 @@ def train(
         sketches = torch.from_numpy(sketches_of(corpus, batch, rng)).to(device)
         mean, spread = (each[sides, batch.index].float().to(device) for each in expected)
         told = {"sketch": sketches, "expected": mean, "spread": spread}
-        with half(device):
+        with precision(device):
             guess = guess_of(noisy, timesteps, batch.tokens.to(device), cross_attention_kwargs=told).sample
         here = (sketches[:, -1].amax(dim=(1, 2)) > NONE)[:, None, None, None]
         scale = torch.where(here, spread, run.net.spread[:, None, None])
@@ -193,8 +199,3 @@ def diffuse(clean: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, 
     share = scheduler.alphas_cumprod.to(clean.device)[steps][:, None, None, None]
     noisy = share.sqrt() * clean + (1 - share).sqrt() * noise
     return noisy, steps, share.sqrt() * noise - (1 - share).sqrt() * clean
-
-
-def half(device: str) -> AbstractContextManager[None]:
-    """Mixed precision: bfloat16 where matrices are multiplied."""
-    return torch.autocast(torch.device(device).type, torch.bfloat16)

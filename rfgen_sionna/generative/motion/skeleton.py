@@ -38,6 +38,8 @@ _BODY = (
 )
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 SIDES = ("left", "right")
+PLANTED_BELOW = 0.3
+"""Height over the floor beyond which no foot of an adult is planted, whatever is said of it [m]."""
 
 _TREE = _BODY + tuple(
     (f"{side}_{finger}{k}", f"{side}_wrist" if k == 1 else f"{side}_{finger}{k - 1}")

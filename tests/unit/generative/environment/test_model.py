@@ -192,6 +192,30 @@ def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corp
         train_control(replace(corpus, incomplete=None), base, tmp_path / "none", ControlRecipe(steps=1))
 
 
+def test_training_begins_with_what_a_trained_model_knows(
+    model: EnvironmentModel, corpus: Corpus, tmp_path: Path
+) -> None:
+    gently = {"steps": 1, "items": 2, "rate": 1e-9}
+    path = train(
+        corpus,
+        model.vae,
+        model.text,
+        tmp_path,
+        Recipe(**gently),
+        shape=model.shape,
+        start=model,  # type: ignore[arg-type]
+    )
+    went_on, before = read_model(path), model.unet.state_dict()
+    for name, value in went_on.unet.state_dict().items():
+        if name != "spread":  # measured on the views
+            torch.testing.assert_close(value, before[name], atol=1e-4, rtol=1e-3)  # kept in half precision
+    assert went_on.facts["start"] == model.facts
+    control = train_control(corpus, went_on, tmp_path, ControlRecipe(**gently), start=model.control)  # type: ignore[arg-type]
+    kept = read_model(path, control).control.state_dict()
+    for name, value in model.control.state_dict().items():
+        torch.testing.assert_close(kept[name], value, atol=1e-4, rtol=1e-3)
+
+
 def _written(model: EnvironmentModel, folder: Path) -> Path:
     from rfgen_sionna.generative.environment.model import write_model
 
