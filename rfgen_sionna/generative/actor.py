@@ -95,8 +95,8 @@ class Actor(scene_actor.Actor):
             source: where the motion comes from; None is what `motion` names.
             floor: height of the floor under the person [m].
             motion: "kinematic" (rules of movement), "diffusion" (the learned model, which also knows captured actions
-                and arms that do something while somebody walks, and takes words it doesn't know for the nearest action,
-                with a warning) or "auto", the learned model where its packages are installed.
+                and arms that do something while somebody walks or jumps, and takes words it doesn't know for the
+                nearest action, with a warning) or "auto", the learned model where its packages are installed.
 
         Raises:
             PromptError: the prompt cannot be carried out.

@@ -100,6 +100,11 @@ def read_wanted(text: str) -> Phrases:
         side = m["side"] or m["side2"]
         said.hands.append((m.group(), side))
         reader.note(m, f"{side} hand")
+    named = frozenset[str]().union(*(options for _, options in said.actions))
+    if any(ACTIONS[action].one_handed for action in named):
+        for m in reader.take(rf"(?:with|using|by) (?:{BOTH_HANDS})"):
+            if _both_hands(said, m.group(), named):
+                reader.note(m, "both hands")
     said.repeated = [m.group() for m in reader.take(REPEATED)]
     for m in reader.take(rf"(?:<n> )?{PLURAL}"):
         raise PromptError(
@@ -194,6 +199,9 @@ def read_unwanted(text: str) -> Phrases:
         (words, both_walks if named == {"walk"} and not compile_pattern(TO_AND_FRO).search(words) else named)
         for words, named in said.actions
     ]
+    for m in reader.take(rf"(?:with|using|by) (?:{BOTH_HANDS})"):
+        said.hands.append((m.group(), "both"))
+        reader.note(m, "both hands")
     for m in reader.take(r"(?:(?P<side>left|right) )?(?P<limb>arm|hand|leg|foot|feet|knee|swipe|circle)s?"):
         limb = {"arm": "arm", "hand": "arm", "swipe": "swipe", "circle": "circle"}.get(m["limb"], "leg")
         _name_all(said, m, [w for w in (m["side"], limb) if w])
@@ -209,6 +217,16 @@ def read_unwanted(text: str) -> Phrases:
     for m in reader.take(PERSON):  # "a person jumping" forbids the jumping; "a person" alone forbids everything
         said.targets.append(m.group())
     return said
+
+
+def _both_hands(said: Phrases, words: str, named: Iterable[str]) -> bool:
+    """Whether both hands make the gesture: unless they would run into each other."""
+    both = any("both" in ACTIONS[action].hands for action in named)
+    if both:
+        said.hands.append((words, "both"))
+    else:
+        said.ignored.append(words)
+    return both
 
 
 def _name_all(said: Phrases, match: re.Match[str], words: list[str]) -> None:
@@ -228,7 +246,7 @@ def _read_common(said: Phrases) -> None:
             named = _fill(template, groups)
             both = compile_pattern(BOTH_HANDS).search(m.group()) if ACTIONS[min(named)].one_handed else None
             if both:
-                said.ignored.append(both.group())
+                _both_hands(said, both.group(), named)
             said.actions.append((m.group(), named))
             reader.note(m, f"action {' or '.join(sorted(named))}")
             for way in WAYS.keys() & groups.keys():

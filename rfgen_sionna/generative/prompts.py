@@ -208,11 +208,13 @@ def _hand(said: Phrases, denied: Phrases, action: str, seed: int) -> tuple[str |
     if not ACTIONS[action].one_handed:
         return None, DEFAULT, tuple(words for words, _ in said.hands)
     hand = _one("hand", said.hands, denied.hands)
-    if hand is not None:
+    if hand in ACTIONS[action].hands:
         return hand, PROMPT, ()
-    if len({side for _, side in denied.hands}) == 1:
-        return "right" if denied.hands[0][1] == "left" else "left", NEGATIVE, ()
-    return preferred_hand(action, seed), drawn(seed), ()
+    unused = tuple(words for words, _ in said.hands)
+    sides = {side for _, side in denied.hands} - {"both"}
+    if len(sides) == 1:
+        return "right" if sides == {"left"} else "left", NEGATIVE, unused
+    return preferred_hand(action, seed), drawn(seed), unused
 
 
 def _one(name: str, said: list[tuple[str, T]], denied: Sequence[tuple[str, T]] = ()) -> T | None:

@@ -59,7 +59,7 @@ class ScenePrompt:
     [degrees, -90 to 90]."""
     body: BodyPrompt = field(default_factory=BodyPrompt)
     hand: str | None = None
-    """"left" or "right": the hand of a gesture; the seed draws it where no words say it."""
+    """"left", "right" or "both": the hand of a gesture; the seed draws it where no words say it."""
     speed: float | None = None
     """Factor on the action's usual speed."""
     surroundings: str | None = None
@@ -71,7 +71,7 @@ class ScenePrompt:
     origins: Mapping[str, str] = field(default_factory=dict, hash=False)
     """Where each value comes from that is not None (see :mod:`rfgen_sionna.generative.decisions`)."""
     arms: str = ""
-    """What the arms do while somebody walks, or empty."""
+    """What the arms do beside the action, or empty."""
     sentence: str = ""
     """What the motion source reads itself, without distances, bodies and the like; empty where `action` says all."""
     avoid: str = ""

@@ -23,14 +23,13 @@ from rfgen_sionna.generative.surroundings import split_keyword
 
 NEAREST = "the nearest that is known"
 """Origin of an action that the words do not name."""
-_WALKS = ("walk", "walk_straight")
 _SURE = 0.8
 """Probability from which a captured action is taken for one of the grammar's that the words name as well."""
 _PLAUSIBLE = 0.5
 """Probability from which the nearest action may be a captured one, of which the source knows few wordings."""
-_KEPT = ("action ", "target ", "left hand", "right hand", "walks that way")
+_KEPT = ("action ", "target ", "left hand", "right hand", "both hands", "walks that way")
 """How meanings of phrases begin that a motion source should hear of."""
-_MORE = "motion 'diffusion' also knows captured actions, and arms that do something while somebody walks"
+_MORE = "motion 'diffusion' also knows captured actions, and arms that do something while somebody walks or jumps"
 
 
 def motion_source(name: str) -> MotionSource:
@@ -124,9 +123,9 @@ class _Words:
         read = source.read(self.sentence)
         if instead_of and not (read.known and set(self.said.unused) == self._known_to(read)):
             return None
-        walking = self._walking(source, read, instead_of, seed)
-        if walking is not None:
-            return walking
+        apart = self._apart(source, read, instead_of, seed)
+        if apart is not None:
+            return apart
         several = len(self.said.actions) > 1 and not instead_of
         if not read.known or (read.action in ACTIONS and (instead_of or several)):
             return None
@@ -160,22 +159,23 @@ class _Words:
             return False
         return bool(self.said.targets) or set(self.said.unused) == self._known_to(source.read(self.sentence))
 
-    def _walking(self, source: SentenceSource, read: Reading, instead_of: str, seed: int) -> Spoken | None:
-        """Legs that walk under arms that do something else."""
+    def _apart(self, source: SentenceSource, read: Reading, instead_of: str, seed: int) -> Spoken | None:
+        """Legs that walk, run or jump under arms that do something else."""
         legs: list[str] = []
         options: list[str] = []
         for named in (named for _, named in self.said.actions if named != {"standing"}):
-            if named <= set(_WALKS):
+            if named <= set(source.legs):
                 legs += sorted(named)
             elif named <= set(source.arms) and not options:
                 options = sorted(named)
             else:
                 return None
-        if not legs and not (read.known and read.action in _WALKS):
+        legs = [a for a in legs if a not in self.forbidden] or legs
+        if not legs and not (read.known and read.action in source.legs):
             return None
         if not options and not (read.known and read.arms and (read.share >= _SURE or not instead_of)):
             return None
-        action = read.action if read.action in _WALKS and (read.action in legs or not legs) else legs[0]
+        action = read.action if read.action in source.legs and (read.action in legs or not legs) else legs[0]
         options = options or [read.arms]
         allowed = [a for a in options if a not in self.forbidden]
         if not allowed or action in self.forbidden:
@@ -186,7 +186,7 @@ class _Words:
         arms = allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))]
         avoid, _, heard = self._unwanted(source)
         sentence = self.sentence
-        if arms != read.arms:  # where words leave it open the source is told what was drawn
+        if arms != read.arms and action in ACTIONS:  # where words leave it open the source is told what was drawn
             sentence = f"a person {ACTIONS[action].description} while this person {ACTIONS[arms].description}"
         return Spoken(
             action,

@@ -7,7 +7,14 @@ import torch
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
-from rfgen_sionna.generative.diffusion.features import HANDS, LOCAL, NUM_FEATURES, HandBasis, encode, recentred
+from rfgen_sionna.generative.diffusion.features import (
+    HANDS,
+    LOCAL,
+    NUM_FEATURES,
+    HandBasis,
+    encode,
+    recentred,
+)
 from rfgen_sionna.generative.diffusion.network import PAIR, STRIDE
 from rfgen_sionna.generative.diffusion.rhythm import (
     LONGEST,
@@ -24,6 +31,7 @@ from rfgen_sionna.generative.diffusion.sampling import Sampler, Wish, conditions
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
+from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import FloatArray
 
 PACES = (0.75, 1.3)
@@ -42,14 +50,22 @@ def canonical(action: str, hand: str = "") -> str:
     """The plainest sentence for an action."""
     if action not in ACTIONS:
         return "a person does " + action.replace("_", " ")
-    return f"a person {ACTIONS[action].description}" + (f" with the {hand} hand" if hand else "")
+    return f"a person {ACTIONS[action].description}" + (with_hand(hand) if hand else "")
+
+
+def with_hand(hand: str) -> str:
+    """What says that a gesture is made with the "left", the "right" or "both" hands."""
+    return " with both hands" if hand == "both" else f" with the {hand} hand"
 
 
 def working_hand(action: str, hand: str, seed: int) -> str:
-    """The hand of an action, drawn from the seed where none is named; empty where the action has none."""
+    """The hand that an action is made with, drawn from the seed where none is named; where both are, the other one
+    mirrors it. Empty where the action has none."""
     if action not in ACTIONS or not ACTIONS[action].one_handed:
         return ""
-    return hand or ("right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left")
+    if hand in SIDES:
+        return hand
+    return "right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left"
 
 
 def drawn_pace(seed: int, asked: float = 1.0) -> float:

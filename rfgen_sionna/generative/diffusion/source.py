@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike
 from rfgen_sionna.generative.diffusion.captions import doing
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.control import Keep, hold, on_grid
-from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
+from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
+from rfgen_sionna.generative.diffusion.drafts import (
+    beat_of,
+    canonical,
+    draft_of,
+    drawn_pace,
+    working_hand,
+)
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.paths import LONGER, along, pace, way
@@ -26,15 +33,16 @@ from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.threads import threads_for
 from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
-from rfgen_sionna.generative.diffusion.wording import UPPER
-from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
-from rfgen_sionna.generative.motion.skeleton import SIDES
+from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER
+from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton
+from rfgen_sionna.generative.motion.both_hands import both_hands
+from rfgen_sionna.generative.motion.kinematic import check_hand
 from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 MAX_DURATION = 120.0
 WALKS = ("walk", "walk_straight")
-"""Actions whose arms may do something else, and that may be bent along a path."""
+"""Actions that may be bent along a path."""
 REFINED = 0.9
 """Noise level from which drafts are made anew, unless another is asked for."""
 
@@ -74,8 +82,13 @@ class DiffusionSource:
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """The actions that arms can do while the legs walk."""
+        """The actions that arms can do beside those of :attr:`legs`."""
         return UPPER
+
+    @property
+    def legs(self) -> tuple[str, ...]:
+        """The actions that leave the arms free for those of :attr:`arms`."""
+        return LOWER
 
     def __call__(
         self,
@@ -95,8 +108,8 @@ class DiffusionSource:
         known = self.model.text.actions
         if action not in known:
             raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
-        if hand not in (None, *SIDES):
-            raise ValueError(f"hand: {hand!r}; allowed are {', '.join(SIDES)} and None")
+        if action in ACTIONS:
+            check_hand(hand, action)
         prompt = canonical(action, hand or working_hand(action, "", seed))
         return self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed, action=action)
 
@@ -138,11 +151,12 @@ class DiffusionSource:
             path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
                 to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
             action: what the words are known to mean, one of the model's actions; None leaves that to the model.
-            arms: what the arms then do while the legs walk back and forth (walking straight they may hang), or empty.
+            arms: what the arms then do beside an action of :attr:`legs`, or empty.
 
         Raises:
             ValueError: a value is out of range, an action is unknown, `keep` goes on for longer than 8 s, `arms` are
-                for another action than walking, or a `path` for what is no walk, or with a `speed` or a kept place.
+                for an action that needs them itself, or a `path` for what is no walk, or with a `speed` or a kept
+                place.
         """
         return self.generate_many(
             [prompt],
@@ -191,8 +205,8 @@ class DiffusionSource:
         keeps = [keep] if isinstance(keep, Keep) else list(keep)
         if keeps and frames > LONGEST + 1:
             raise ValueError(f"duration: {duration:g} s with keep; allowed are {LONGEST / FRAME_RATE:g} s")
-        if arms and action not in WALKS:
-            raise ValueError(f"arms: {arms!r} with the action {action!r}; allowed with {' and '.join(WALKS)}")
+        if arms and action not in LOWER:
+            raise ValueError(f"arms: {arms!r} with the action {action!r}; allowed with {', '.join(LOWER)}")
         bend: Callable[[Motion], Motion] | None = None
         if path is not None:
             points = way(path, duration)
@@ -207,18 +221,18 @@ class DiffusionSource:
         with threads_for(len(prompts)):
             free = not keeps
             legs = None
-            wishes = [
-                self._wish(
-                    self._meaning(prompt, action, arms, path is not None),
-                    seed,
-                    negative,
-                    frames,
-                    speed,
-                    rhythm,
-                    drafted=free and rhythm and self.refine is not None,
-                    drawn=free,
-                )
+            readings = [
+                self._settled(self._meaning(prompt, action, arms, path is not None), seed, negative, drawn=free)
                 for prompt, seed in zip(prompts, seeds, strict=True)
+            ]
+            # the model has learned other arms with the walk that turns; beside others it lets them hang
+            lent = [k for k, said in enumerate(readings) if said.arms and said.action != "walk"]
+            asked = [meant(said, said.action, "") if k in lent else said for k, said in enumerate(readings)]
+            asked += [meant(readings[k], readings[k].arms, "") for k in lent]
+            drafted = free and rhythm and self.refine is not None
+            wishes = [
+                self._wish(said, seed, negative, frames, speed, rhythm, drafted=drafted)
+                for said, seed in zip(asked, [*seeds, *(seeds[k] for k in lent)], strict=True)
             ]
             if not free:
                 size = min(max(frames, SHORTEST), LONGEST)
@@ -228,9 +242,15 @@ class DiffusionSource:
                 legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
             out = []
             made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
-            for wish, prompt, features in zip(wishes, prompts, made, strict=True):
+            for k, rows in zip(lent, made[len(prompts) :], strict=True):
+                said = readings[k]
+                made[k] = replace_parts(made[k], rows, arms_of(said.arms, working_hand(said.arms, said.hand, seeds[k])))
+            for said, wish, prompt, features in zip(readings, wishes, prompts, made, strict=False):
                 rows = settled(features) if free else features
                 motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, bend=bend)
+                if said.hand == "both":
+                    hand = working_hand(said.arms or said.action, "", wish.seed)
+                    motion = both_hands(motion, hand, still=not said.arms)
                 out.append(replace(motion, prompt=prompt, seed=wish.seed, action=wish.action))
             return out
 
@@ -266,7 +286,8 @@ class DiffusionSource:
         n = min(len(rows), LONGEST)
         start = recentred(rows)
         with threads_for(1):
-            wish = self._wish(self.read(prompt), seed, negative, n, 1.0, False, drafted=False, drawn=False)
+            said = self._settled(self._meaning(prompt, None, "", False), seed, negative, drawn=False)
+            wish = self._wish(said, seed, negative, n, 1.0, False, drafted=False)
             wish = replace(wish, draft=start[:n])
             wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
             made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
@@ -275,7 +296,7 @@ class DiffusionSource:
             finish(made, self.model.hands, skeleton, self.frame_rate),
             prompt=prompt,
             seed=seed,
-            action=draft.action or self.read(prompt).action,
+            action=draft.action or said.action,
         )
 
     def _meaning(self, prompt: str, action: str | None, arms: str, bent: bool) -> Understanding:
@@ -285,12 +306,32 @@ class DiffusionSource:
             said = meant(said, action, arms)
         if bent and said.action not in WALKS:
             raise ValueError(f"path: {prompt!r} means '{said.action}'; allowed is a walk")
-        # the model has learned other arms with the walk that turns; with the straight one it lets them hang
-        if bent and said.arms:
-            raise ValueError(f"path: {prompt!r} means '{said.arms}' as well; allowed is a walk alone")
-        if said.arms and said.action == "walk_straight":
-            _LOG.warning("prompt: %r, arms may hang: others go together with walking back and forth", prompt)
-        return meant(said, "walk_straight", "") if bent else said
+        for sentence in said.warnings:
+            _LOG.warning(sentence)
+        return meant(said, "walk_straight", said.arms) if bent else said
+
+    def _settled(self, said: Understanding, seed: int, negative: str, *, drawn: bool) -> Understanding:
+        """The reading with what its words leave open decided: by the negative prompt, and from the seed if `drawn`, so
+        that the label says what is shown."""
+        arms = said.arms if said.action in LOWER else ""
+        left = said.alternatives if drawn and said.known else []
+        if negative.strip():
+            denied = self.read(negative)
+            left = _left_open(said, denied)
+            for sentence in denied.warnings:
+                _LOG.warning(sentence.replace("prompt:", "negative:", 1))
+            if not left and denied.action == said.action:
+                _LOG.warning("negative: %r is what %r asks for, and has no effect", negative, said.prompt)
+        if len(left) > 1 or (negative.strip() and left):
+            shares = np.array([share for _, share in left])
+            chosen = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
+            action = left[chosen][0]
+            said = replace(said, action=action, rephrase=True)
+        hand = said.hand
+        gesture = ACTIONS.get(arms or said.action)
+        if hand == "both" and (gesture is None or "both" not in gesture.hands):
+            hand = ""
+        return replace(said, arms=arms if said.action in LOWER else "", hand=hand)
 
     def _wish(
         self,
@@ -302,29 +343,12 @@ class DiffusionSource:
         rhythm: bool,
         *,
         drafted: bool,
-        drawn: bool,
     ) -> Wish:
-        for sentence in said.warnings:
-            _LOG.warning(sentence)
+        action, arms = said.action, said.arms
+        if said.hand == "both":  # the other arm mirrors this one afterwards
+            said = replace(said, hand=working_hand(arms or action, "", seed), rephrase=True)
         # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
-        plain = said.action in CLAUSES and (said.rephrase or not said.known)
-        words = _plainly(said) if plain else said.prompt
-        action = said.action
-        # what words leave open is drawn, so that the label says what is shown
-        drawable = said.alternatives if drawn and said.known else []
-        left = drawable
-        if negative.strip():
-            denied = self.read(negative)
-            left = _left_open(said, denied)
-            for sentence in denied.warnings:
-                _LOG.warning(sentence.replace("prompt:", "negative:", 1))
-            if not left and denied.action == action:
-                _LOG.warning("negative: %r is what %r asks for, and has no effect", negative, said.prompt)
-        if len(left) > 1 or (negative.strip() and left):
-            shares = np.array([share for _, share in left])
-            chosen = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
-            action = left[chosen][0]
-            words = _plainly(replace(said, action=action))
+        words = _plainly(said) if action in CLAUSES and (said.rephrase or not said.known) else said.prompt
         beat = None
         if rhythm and action in self.model.beats:
             rng = np.random.default_rng([seed, 23])
@@ -333,10 +357,9 @@ class DiffusionSource:
         wish = Wish(words, seed, negative, beat, action=action, source=manner)
         if not drafted or manner != "kinematic":
             return wish
-        both = said.arms and said.action in WALKS and action in WALKS
         size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + SPARE
         rows = draft_of(
-            (action, said.arms) if both else (action,),
+            (action, arms) if arms else (action,),
             size,
             seed,
             self.model.hands,
@@ -366,8 +389,8 @@ def _left_open(said: Understanding, denied: Understanding) -> list[tuple[str, fl
 
 
 def _plainly(said: Understanding) -> str:
-    plain = canonical(said.action, said.hand)
-    return f"{plain} while {doing(said.arms, said.hand)}" if said.arms and said.action in WALKS else plain
+    plain = canonical(said.action, said.hand if said.action in ACTIONS and ACTIONS[said.action].hands else "")
+    return f"{plain} while {doing(said.arms, said.hand)}" if said.arms else plain
 
 
 SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import torch
 
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.text import HANDS, TextEncoder, stem, tokenise, words
-from rfgen_sionna.generative.diffusion.word_order import hand_named, told_by_words
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, OPEN_CLAUSES, PACES, SUBJECTS
+from rfgen_sionna.generative.diffusion.word_order import both_hands_named, hand_named, told_by_words
+from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, LOWER, OPEN_CLAUSES, PACES, SUBJECTS, UPPER
+from rfgen_sionna.generative.motion import ACTIONS
 
 _PLAIN = frozenset(
     word
@@ -51,6 +52,8 @@ _KIN = (
 """Actions that people say in the same words, beside those of `OPEN_CLAUSES`."""
 _OPEN = 0.5
 """Share of the likeliest action's probability from which another counts as meant, too."""
+_SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bwith\b)\s*")
+"""Where the second half of a sentence begins."""
 _PACE = (0.8, 1.0, 1.2)
 """Factor on the usual speed for `text.PACES`."""
 
@@ -67,6 +70,7 @@ class Understanding:
     arms: str = ""
     """What the arms do beside, or empty."""
     hand: str = ""
+    """"left", "right", "both", or empty where it is left open or the action has none."""
     pace: float = 1.0
     """Factor on the usual speed that the words ask for."""
     options: tuple[str, ...] = ()
@@ -107,6 +111,21 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
     Raises:
         ValueError: the prompt has no words.
     """
+    said = _read(text, prompt, known_stems)
+    if said.arms and said.action in LOWER:
+        return said
+    # the encoder has learned of arms with the walk that turns: other sentences of two are read half by half
+    first, _, second = _SECOND.sub("\0", prompt, count=1).partition("\0")
+    if not (words(first) and words(second)):
+        return said
+    legs, arms = _read(text, first, known_stems), _read(text, second, known_stems)
+    apart = legs.known and legs.action in LOWER and not legs.arms
+    if apart and arms.known and arms.action in UPPER and arms.share >= _SURE:
+        return replace(legs, prompt=prompt, arms=arms.action, hand=arms.hand, rephrase=True)
+    return said
+
+
+def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Understanding:
     said = words(prompt)
     if not said:
         raise ValueError(f"prompt: {prompt!r} has no words")
@@ -128,6 +147,10 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
     if told:
         action, options, share = told, (told,), together
     beside = int(arms.argmax())
+    other = text.actions[beside] if beside < len(text.actions) and float(arms[beside]) > 0.5 else ""
+    gesture = ACTIONS.get(other or action)
+    if gesture is not None and "both" in gesture.hands and both_hands_named(prompt):
+        named = "both"
     content = [w for w in said if w not in _PLAIN and not w.isdigit()]
     # twice for words such as "springing", of which one ending hides another
     unknown = tuple(w for w in content if not {stem(w), stem(stem(w))} & known_stems)
@@ -139,7 +162,7 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         prompt,
         action,
         share,
-        text.actions[beside] if beside < len(text.actions) and float(arms[beside]) > 0.5 else "",
+        other,
         named or said_hand,
         _PACE[int(pace.argmax())] if float(pace.max()) > 0.6 else 1.0,
         options,

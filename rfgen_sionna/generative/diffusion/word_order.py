@@ -1,4 +1,5 @@
-"""What a bag of word pieces mixes up and the order of words tells: whose side is whose, from where to where.
+"""What a bag of word pieces mixes up and words and their order tell: whose side is whose, one hand or both, from where
+to where.
 
 "to the left with the right hand", "from the chest to the front": the sentence encoder knows the words and the action,
 and half of the time not which of two mirrored ones it is.
@@ -10,6 +11,7 @@ import re
 from collections.abc import Mapping
 
 _ARM = r"(?:hand|arm|palm|fist|finger|fore|index|wrist|elbow)"
+_BOTH = re.compile(r"\b(?:hands|arms|palms|fists)\b|\b(?:both|two) (?:\w+ )?fingers\b")
 _LEG = r"(?:leg|foot|knee|thigh)"
 _NO_WAY = re.compile(
     rf"\b(?:left|right)[- ](?:{_ARM}|{_LEG})\w*"
@@ -29,6 +31,11 @@ _FINGER = re.compile(r"\b(?:fore)?fingers?\b")
 def hand_named(prompt: str) -> str:
     """The one hand or arm that a sentence names: "left", "right", or empty."""
     return _only(re.findall(rf"\b(left|right)[- ](?={_ARM})", prompt.lower()))
+
+
+def both_hands_named(prompt: str) -> bool:
+    """Whether a sentence names two hands or arms: "both hands", "his arms"."""
+    return bool(_BOTH.search(prompt.lower()))
 
 
 def way_named(prompt: str) -> str:

@@ -126,6 +126,7 @@ def train(
     run = Run(net.to(device), recipe, out / "checkpoint.pt", out / "log.jsonl")
     if device == "cpu":
         run.net.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
+        torch.nn.Module.to(run.net, memory_format=torch.channels_last)  # type: ignore[call-overload]
     latents = corpus.latents(vae)
     expectation = start.expectation if start is not None else None
     expectation = expectation or Expectation.fit(corpus, KINDS, vae, codec, recipe.seed)

@@ -11,6 +11,7 @@ import numpy as np
 from rfgen_sionna.generative.motion import gestures, jumps, postures
 from rfgen_sionna.generative.motion.pick_up import pick_up
 from rfgen_sionna.generative.motion.score import Score
+from rfgen_sionna.generative.motion.skeleton import HANDS, SIDES
 from rfgen_sionna.generative.motion.walk import walk, walk_straight
 
 Writer = Callable[[Score, np.random.Generator, str, float], None]
@@ -27,8 +28,15 @@ class Action:
     write: Writer
     one_handed: bool = False
     """Whether the choice of the hand matters."""
+    crossing: bool = False
+    """Whether two hands that did it at once would run into each other."""
     periodic: bool = True
     """Whether it repeats with a rhythm; postures don't."""
+
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """What may do it: "left", "right", and "both" in step; empty where the hand is no choice."""
+        return () if not self.one_handed else SIDES if self.crossing else HANDS
 
 
 ACTIONS: Mapping[str, Action] = MappingProxyType(
@@ -45,8 +53,8 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             Action("right_arm_raised", "raises the right arm", postures.right_arm_raised, periodic=False),
             Action("left_leg_raised", "raises the left leg", postures.left_leg_raised, periodic=False),
             Action("right_leg_raised", "raises the right leg", postures.right_leg_raised, periodic=False),
-            Action("swipe_left", "swipes to the left", gestures.swipe_left, one_handed=True),
-            Action("swipe_right", "swipes to the right", gestures.swipe_right, one_handed=True),
+            Action("swipe_left", "swipes to the left", gestures.swipe_left, one_handed=True, crossing=True),
+            Action("swipe_right", "swipes to the right", gestures.swipe_right, one_handed=True, crossing=True),
             Action("push", "pushes a hand forwards", gestures.push, one_handed=True),
             Action("pull", "pulls a hand back", gestures.pull, one_handed=True),
             Action("circle_clockwise", "draws clockwise circles", gestures.circle_clockwise, one_handed=True),

@@ -8,9 +8,10 @@ import numpy as np
 
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.adult import MEAN_ADULT
+from rfgen_sionna.generative.motion.both_hands import both_hands
 from rfgen_sionna.generative.motion.rotations import to_quaternions, transpose
 from rfgen_sionna.generative.motion.score import Score
-from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, PARENTS, SIDES, Skeleton
+from rfgen_sionna.generative.motion.skeleton import HANDS, JOINT_NAMES, PARENTS, Skeleton
 from rfgen_sionna.records import Motion
 
 SPEED_RANGE = (0.5, 2.0)
@@ -30,6 +31,23 @@ def _hand(rng: np.random.Generator) -> str:
 def preferred_hand(action: str, seed: int) -> str:
     """The hand, "left" or "right", that :class:`KinematicSource` takes where none is named."""
     return _hand(_stream(action, seed))
+
+
+def check_hand(hand: str | None, action: str) -> None:
+    """Whether a gesture may be made with that hand.
+
+    Raises:
+        ValueError: it may not.
+    """
+    if hand is None:
+        return
+    if hand not in HANDS:
+        raise ValueError(f"hand: {hand!r}; allowed are {', '.join(HANDS)} and None")
+    allowed = ACTIONS[action].hands
+    if not allowed:
+        raise ValueError(f"hand: the action {action!r} is not done with one hand; leave it out")
+    if hand not in allowed:
+        raise ValueError(f"hand: {hand!r} with the action {action!r}; allowed are {', '.join(allowed)}")
 
 
 @dataclass(frozen=True)
@@ -56,8 +74,8 @@ class KinematicSource:
         """Synthesise an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
 
         Raises:
-            ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; hand neither "left" nor
-                "right", or given for an action that is not one-handed.
+            ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; a hand that the action is not
+                done with.
         """
         if action not in ACTIONS:
             raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
@@ -65,10 +83,7 @@ class KinematicSource:
             raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
         if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
             raise ValueError(f"speed: {speed!r}; allowed is a factor from {SPEED_RANGE[0]} to {SPEED_RANGE[1]}")
-        if hand is not None and hand not in SIDES:
-            raise ValueError(f"hand: {hand!r}; allowed are {', '.join(SIDES)}")
-        if hand is not None and not ACTIONS[action].one_handed:
-            raise ValueError(f"hand: the action {action!r} is not done with one hand; leave it out")
+        check_hand(hand, action)
         skeleton = skeleton or MEAN_ADULT
         rng = _stream(action, seed)
         drawn = _hand(rng)  # drawn in any case, so that naming the hand that would be drawn changes nothing
@@ -77,13 +92,13 @@ class KinematicSource:
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
         score = Score(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
-        ACTIONS[action].write(score, rng, hand, speed)
+        ACTIONS[action].write(score, rng, drawn if hand == "both" else hand, speed)
         world, joints = (a[::dense] for a in score.solve())
         local = world.copy()
         for j, p in enumerate(PARENTS):
             if p >= 0:
                 local[:, j] = transpose(world[:, p]) @ world[:, j]
-        return Motion(
+        motion = Motion(
             rotations=to_quaternions(local),
             translation=joints[:, 0],
             frame_rate=self.frame_rate,
@@ -94,3 +109,4 @@ class KinematicSource:
             action=action,
             seed=seed,
         )
+        return both_hands(motion, drawn) if hand == "both" else motion

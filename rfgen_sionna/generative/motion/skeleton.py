@@ -38,6 +38,8 @@ _BODY = (
 )
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 SIDES = ("left", "right")
+HANDS = (*SIDES, "both")
+"""What gestures are made with."""
 PLANTED_BELOW = 0.3
 """Height over the floor beyond which no foot of an adult is planted, whatever is said of it [m]."""
 

@@ -30,7 +30,7 @@ class MotionSource(Protocol):
             duration: wanted length [s].
             seed: every random choice comes from it.
             skeleton: proportions of the person; None for a mean adult.
-            hand: "left" or "right" for actions of one hand; None leaves it to the source.
+            hand: "left", "right" or "both" for gestures (swipes take one hand); None leaves it to the source.
             speed: factor on the usual speed of the action.
         """
         ...
@@ -76,7 +76,12 @@ class SentenceSource(MotionSource, Protocol):
 
     @property
     def arms(self) -> Sequence[str]:
-        """The actions that arms can do while the legs walk."""
+        """The actions that arms can do beside those of :attr:`legs`."""
+        ...
+
+    @property
+    def legs(self) -> Sequence[str]:
+        """The actions that leave the arms free."""
         ...
 
     def read(self, prompt: str) -> Reading:
@@ -95,5 +100,5 @@ class SentenceSource(MotionSource, Protocol):
         action: str | None,
         arms: str,
     ) -> Motion:
-        """A motion from a sentence that was read as `action` and, for walking arms, `arms`; else as a call."""
+        """A motion from a sentence that was read as `action` and, for what arms do beside, `arms`; else as a call."""
         ...

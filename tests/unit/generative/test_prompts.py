@@ -530,10 +530,19 @@ def test_a_negative_prompt_that_negates_is_refused(negative: str) -> None:
         parse_prompt("a person jumping", negative)
 
 
-def test_a_gesture_of_both_hands_is_said_to_be_of_one() -> None:
-    scene = parse_prompt("a person pushes both hands forward")
-    assert scene.action == "push"
-    assert scene.unused == ("both hands",)
+@pytest.mark.parametrize("prompt", ["a person pushes both hands forward", "a person clicks with both hands"])
+def test_gestures_are_made_with_both_hands_where_that_is_said(prompt: str) -> None:
+    scene = parse_prompt(prompt)
+    assert scene.hand == "both"
+    assert scene.unused == ()
+    with pytest.raises(PromptError, match="forbids"):
+        parse_prompt(prompt, "with both hands")
+
+
+def test_a_swipe_takes_one_hand() -> None:
+    scene = parse_prompt("a person swipes to the left with both hands")
+    assert scene.hand in ("left", "right")
+    assert scene.unused == ("with both hands",)
 
 
 @pytest.mark.parametrize("negative", ["walking", "a person who walks"])

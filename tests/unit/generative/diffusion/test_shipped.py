@@ -14,6 +14,7 @@ import torch
 from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.bodies import Phenotype, animate, person
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
+from rfgen_sionna.generative.diffusion.drafts import canonical
 from rfgen_sionna.generative.diffusion.exam import OUTSIDE, PARAPHRASES
 from rfgen_sionna.generative.diffusion.features import PARTS, joint_positions
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
@@ -165,13 +166,12 @@ def test_what_goes_along_no_path(source: DiffusionSource) -> None:
     walk = KinematicSource(20.0)("walk", 4.0, 1)
     for said, prompt, wanted in [
         (r"path: .*'t_pose'", "a person holds a T pose", {"path": line}),
-        (r"path: .*'left_arm_raised' as well", "a person walks while raising the left arm", {"path": line}),
         (r"duration: 0\.05 s with a path", "a person walks", {"path": [(0, 0), (0.05, 0)], "duration": 0.05}),
         (r"path: 0.00 m in 4 s", "a person walks", {"path": [(0, 0), (0, 0)]}),
         (r"path: shape", "a person walks", {"path": [(0, 0)]}),
         (r"speed: 1.5 with a path", "a person walks", {"path": line, "speed": 1.5}),
         (r"keep: place with a path", "a person walks", {"path": line, "keep": Keep(walk, ("place",))}),
-        (r"arms: 'push' with the action 'jump'", "a person jumps", {"action": "jump", "arms": "push"}),
+        (r"arms: 'push' with the action 'crawl'", "a person crawls", {"action": "crawl", "arms": "push"}),
         (r"seed: -1", "a person walks", {"seed": -1}),
     ]:
         with pytest.raises(ValueError, match=said):
@@ -201,6 +201,65 @@ def test_arms_that_are_named_move(source: DiffusionSource) -> None:
         motion = origin.generate("a person walks", action="walk", arms="left_arm_raised", seed=1, duration=4.0)
         places = joint_positions(on_grid(motion, source.model.hands))
         assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
+
+
+@pytest.mark.parametrize(
+    ("prompt", "action"),
+    [
+        ("a person walks straight ahead while raising the left arm", "walk_straight"),
+        ("a person jumps and holds the left arm up", "jump"),
+        ("a person stands on the right leg and raises the left arm", "left_leg_raised"),
+    ],
+)
+def test_arms_and_legs_of_a_sentence_do_each_its_own(source: DiffusionSource, prompt: str, action: str) -> None:
+    said = source.read(prompt)
+    assert said.arms == "left_arm_raised"
+    alone, both = (source.generate(p, action=a, arms=b, seed=1, duration=4.0) for p, a, b in (
+        (f"a person does {action}", action, ""), (prompt, said.action, said.arms)
+    ))  # fmt: skip
+    assert both.action == said.action
+    if said.action == action:
+        ankles = [JOINT["left_ankle"], JOINT["right_ankle"]]
+        stand = [joint_positions(on_grid(m, source.model.hands)) for m in (alone, both)]
+        steps = [places[:, ankles] - places[:, [JOINT["pelvis"]]] for places in stand]
+        assert np.median(np.linalg.norm(steps[0] - steps[1], axis=-1)) < 0.08
+    places = joint_positions(on_grid(both, source.model.hands))
+    up = {
+        side: places[:, JOINT[f"{side}_wrist"], 2] > places[:, JOINT[f"{side}_shoulder"], 2]
+        for side in ("left", "right")
+    }
+    assert up["left"].mean() > 0.7
+    assert up["right"].mean() < 0.3
+
+
+def test_arms_go_along_a_path_too(source: DiffusionSource) -> None:
+    path = [(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)]
+    motion = source.generate("a person walks while raising the left arm", path=path, duration=5.0, seed=1)
+    np.testing.assert_allclose(motion.translation[[0, -1], :2], [path[0], path[-1]], atol=1e-6)
+    places = joint_positions(on_grid(motion, source.model.hands))
+    assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
+
+
+@pytest.mark.parametrize("action", ["push", "circle_clockwise", "click"])
+def test_both_hands_do_the_gesture_beside_each_other(source: DiffusionSource, action: str) -> None:
+    spoken = source.generate(f"{canonical(action)} with both hands", seed=2, duration=4.0)
+    for motion in (spoken, source(action, 4.0, 2, hand="both"), KinematicSource(60.0)(action, 4.0, 2, hand="both")):
+        world = global_rotations(to_matrices(motion.rotations), motion.parents)
+        places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+        chest = world[:, JOINT["spine3"]]
+        left, right = (
+            (places[:, JOINT[f"{side}_wrist"]] - places[:, JOINT["spine3"]])[:, None] @ chest
+            for side in ("left", "right")
+        )
+        np.testing.assert_allclose(left, right * [1.0, -1.0, 1.0], atol=1e-9)
+        assert np.ptp(left, axis=0).max() > (0.01 if action == "click" else 0.1)
+        tips = [
+            [j for name, j in JOINT.items() if name.startswith(side) and name.endswith("3")]
+            for side in ("left", "right")
+        ]
+        assert np.linalg.norm(places[:, tips[0], None] - places[:, None, tips[1]], axis=-1).min() > 0.12
+    with pytest.raises(ValueError, match=r"hand: 'both' with the action 'swipe_left'; allowed are left, right"):
+        source("swipe_left", 4.0, 2, hand="both")
 
 
 def joint_gap(source: DiffusionSource, made: Motion, given: Motion, joints: Sequence[str]) -> FloatArray:
