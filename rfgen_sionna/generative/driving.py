@@ -82,7 +82,11 @@ class Drive:
 
 
 def drive(points: ArrayLike, speed: float, *, ramp: float = 1.5) -> Drive:
-    """A :class:`Drive` through (point, 2 or 3) places [m] at `speed` [m/s]."""
+    """A :class:`Drive` through (point, 2 or 3) places [m] at `speed` [m/s].
+
+    The curve passes the points and bends evenly, so that it swings out beside a sharp corner: a corner to be cut
+    wants points along the bend.
+    """
     return Drive(np.asarray(points, np.float64), speed, ramp)
 
 

@@ -52,6 +52,14 @@ _KIN = (
 """Actions that people say in the same words, beside those of `OPEN_CLAUSES`."""
 _OPEN = 0.5
 """Share of the likeliest action's probability from which another counts as meant, too."""
+_GESTURES = frozenset(name for name, each in ACTIONS.items() if each.one_handed and name != "pick_up")
+_MADE_WITH = re.compile(r"hand|arm|palm|fist|finger|wrist|gestur|swip|swep|sweep|push|pull|circl|click|tap|press")
+"""What a sentence about a gesture speaks of: to swing, to draw and to move are many things."""
+_SUPPORT = re.compile(
+    r"\bon (?:(?:the|his|her|their|one's|both|all) )*"
+    r"(?:hands|knees|head|elbows|belly|back|fours|toes|tip-?toes?|heels)\b"
+)
+"""What the twenty actions are never done on."""
 _SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bwith\b)\s*")
 """Where the second half of a sentence begins."""
 _PACE = (0.8, 1.0, 1.2)
@@ -155,7 +163,7 @@ def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Unders
     # twice for words such as "springing", of which one ending hides another
     unknown = tuple(w for w in content if not {stem(w), stem(stem(w))} & known_stems)
     warnings: tuple[str, ...] = ()
-    if not _is_clear(action, every, content, unknown, told=bool(told)):
+    if not _is_clear(prompt.lower(), action, every, content, unknown, told=bool(told)):
         strange = f" ({', '.join(map(repr, unknown))} unknown)" if unknown else ""
         warnings = (f"prompt: {prompt!r} is outside what the model has learned{strange}; nearest action: {action}",)
     return Understanding(
@@ -175,7 +183,7 @@ def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Unders
 
 
 def _is_clear(
-    action: str, every: Mapping[str, float], content: list[str], unknown: tuple[str, ...], *, told: bool
+    said: str, action: str, every: Mapping[str, float], content: list[str], unknown: tuple[str, ...], *, told: bool
 ) -> bool:
     """Whether an action is what words mean rather than the least unlikely of what they don't.
 
@@ -183,6 +191,7 @@ def _is_clear(
     wordings of an action it may, too, but then they are made of the action's words, apart from names of things.
 
     Args:
+        said: the sentence, in small letters.
         action: the nearest.
         every: each action's probability.
         content: words that say something about the action.
@@ -192,6 +201,10 @@ def _is_clear(
     sure = sum(every.get(a, 0.0) for a in _left_open_with(action))
     learned = [w for w in content if w not in unknown]
     own = [w for w in learned if stem(w) in _wordings().get(action, ())]
+    if action in CLAUSES and _SUPPORT.search(said):
+        return False
+    if action in _GESTURES and sure < _CERTAIN and not _MADE_WITH.search(said):
+        return False
     if unknown and 2 * len(unknown) >= len(content):
         return sure >= _CERTAIN and bool(own)
     if sure >= (_SURE if action in CLAUSES else _SURE_CAPTURED):

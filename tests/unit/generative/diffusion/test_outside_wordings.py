@@ -187,3 +187,17 @@ def test_known_words_put_together_anew_are_outside(
     assert f"nearest action: {said.action}" in caplog.text
     # what is made is what the warning names, though other actions are nearly as likely
     assert motion.action == said.action
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    [
+        "a person walks on his hands",
+        "a man walks on his knees",
+        "a girl walks on tiptoe",
+        "a person moves backwards",
+        "a child swings on a swing",
+    ],
+)
+def test_words_of_an_action_that_mean_another_are_outside(source: DiffusionSource, prompt: str) -> None:
+    assert not source.read(prompt).known
