@@ -30,7 +30,7 @@ CHECKS = {
     "ruff": ["ruff", "check", "."],
     "mypy": ["mypy"],
     "import-linter": ["lint-imports"],
-    "pytest": ["pytest"],
+    "pytest": ["pytest", "--numprocesses", "auto", "--maxprocesses", "4", "--dist", "loadfile"],
 }
 
 
