@@ -101,9 +101,11 @@ def read_wanted(text: str) -> Phrases:
         said.hands.append((m.group(), side))
         reader.note(m, f"{side} hand")
     named = frozenset[str]().union(*(options for _, options in said.actions))
-    if any(ACTIONS[action].one_handed for action in named):
-        for m in reader.take(rf"(?:with|using|by) (?:{BOTH_HANDS})"):
-            if _both_hands(said, m.group(), named):
+    if not named or any(ACTIONS[action].one_handed for action in named):
+        for m in reader.take(
+            rf"(?:with|using|by) (?:{BOTH_HANDS}|<a>(?:hands|arms))|hand both|both (?:index )?fingers"
+        ):
+            if _both_hands(said, m.group(), named or ACTIONS):
                 reader.note(m, "both hands")
     said.repeated = [m.group() for m in reader.take(REPEATED)]
     for m in reader.take(rf"(?:<n> )?{PLURAL}"):
@@ -199,7 +201,7 @@ def read_unwanted(text: str) -> Phrases:
         (words, both_walks if named == {"walk"} and not compile_pattern(TO_AND_FRO).search(words) else named)
         for words, named in said.actions
     ]
-    for m in reader.take(rf"(?:with|using|by) (?:{BOTH_HANDS})"):
+    for m in reader.take(rf"(?:with|using|by) (?:{BOTH_HANDS})|(?:both|two) (?:of )?<a>hands"):
         said.hands.append((m.group(), "both"))
         reader.note(m, "both hands")
     for m in reader.take(r"(?:(?P<side>left|right) )?(?P<limb>arm|hand|leg|foot|feet|knee|swipe|circle)s?"):

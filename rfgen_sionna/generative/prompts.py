@@ -208,10 +208,13 @@ def _hand(said: Phrases, denied: Phrases, action: str, seed: int) -> tuple[str |
     if not ACTIONS[action].one_handed:
         return None, DEFAULT, tuple(words for words, _ in said.hands)
     hand = _one("hand", said.hands, denied.hands)
+    sides = {side for _, side in denied.hands} - {"both"}
+    if sides == {"left", "right"} or (sides and hand == "both"):
+        words = " and ".join(repr(words) for words, side in denied.hands if side in sides)
+        raise PromptError(f"hand: the negative prompt forbids {words}, which {action!r} is done with")
     if hand in ACTIONS[action].hands:
         return hand, PROMPT, ()
     unused = tuple(words for words, _ in said.hands)
-    sides = {side for _, side in denied.hands} - {"both"}
     if len(sides) == 1:
         return "right" if sides == {"left"} else "left", NEGATIVE, unused
     return preferred_hand(action, seed), drawn(seed), unused

@@ -23,6 +23,8 @@ from rfgen_sionna.generative.surroundings import split_keyword
 
 NEAREST = "the nearest that is known"
 """Origin of an action that the words do not name."""
+_AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before|first|finally|followed by)\b")
+"""What tells of one action after another, which is not made."""
 _SURE = 0.8
 """Probability from which a captured action is taken for one of the grammar's that the words name as well."""
 _PLAUSIBLE = 0.5
@@ -161,6 +163,8 @@ class _Words:
 
     def _apart(self, source: SentenceSource, read: Reading, instead_of: str, seed: int) -> Spoken | None:
         """Legs that walk, run or jump under arms that do something else."""
+        if _AFTERWARDS.search(self.prompt.lower()):
+            return None
         legs: list[str] = []
         options: list[str] = []
         for named in (named for _, named in self.said.actions if named != {"standing"}):
@@ -188,6 +192,10 @@ class _Words:
         sentence = self.sentence
         if arms != read.arms and action in ACTIONS:  # where words leave it open the source is told what was drawn
             sentence = f"a person {ACTIONS[action].description} while this person {ACTIONS[arms].description}"
+            hands = {hand for _, hand in self.said.hands} & set(ACTIONS[arms].hands)
+            if len(hands) == 1:
+                hand = hands.pop()
+                sentence += " with both hands" if hand == "both" else f" with the {hand} hand"
         return Spoken(
             action,
             PROMPT,

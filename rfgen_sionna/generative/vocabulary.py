@@ -249,7 +249,7 @@ UNKNOWN_PLACE = (
 )
 """How places are said that are no scene of ours, so that they are refused and not replaced by free space."""
 
-BOTH_HANDS = r"(?:both|two) (?:of )?<a>(?:arms|hands)|hands|arms"
+BOTH_HANDS = r"(?:both|two) (?:of )?<a>(?:arms|hands|(?:index )?fingers)|hands|arms"
 NEGATION = (
     r"(?:not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
     r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"

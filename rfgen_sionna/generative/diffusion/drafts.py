@@ -30,6 +30,7 @@ from rfgen_sionna.generative.diffusion.sampling import LONGEST as LONGEST_MADE
 from rfgen_sionna.generative.diffusion.sampling import Sampler, Wish, conditions_of, padded_rows
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.diffusion.wording import CAPTURED_LEGS
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import FloatArray
@@ -49,7 +50,7 @@ _NOISE = 0.93
 def canonical(action: str, hand: str = "") -> str:
     """The plainest sentence for an action."""
     if action not in ACTIONS:
-        return "a person does " + action.replace("_", " ")
+        return "a person " + CAPTURED_LEGS.get(action, "does " + action.replace("_", " "))
     return f"a person {ACTIONS[action].description}" + (with_hand(hand) if hand else "")
 
 

@@ -28,7 +28,7 @@ from rfgen_sionna.generative.diffusion.paths import LONGER, along, pace, way
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
-from rfgen_sionna.generative.diffusion.stage import put_back, settled
+from rfgen_sionna.generative.diffusion.stage import put_back, settled, turning
 from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.threads import threads_for
@@ -246,7 +246,7 @@ class DiffusionSource:
                 said = readings[k]
                 made[k] = replace_parts(made[k], rows, arms_of(said.arms, working_hand(said.arms, said.hand, seeds[k])))
             for said, wish, prompt, features in zip(readings, wishes, prompts, made, strict=False):
-                rows = settled(features) if free else features
+                rows = settled(turning(features)) if free else features
                 motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, bend=bend)
                 if said.hand == "both":
                     hand = working_hand(said.arms or said.action, "", wish.seed)
@@ -348,7 +348,7 @@ class DiffusionSource:
         if said.hand == "both":  # the other arm mirrors this one afterwards
             said = replace(said, hand=working_hand(arms or action, "", seed), rephrase=True)
         # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
-        words = _plainly(said) if action in CLAUSES and (said.rephrase or not said.known) else said.prompt
+        words = _plainly(said) if said.rephrase or (action in CLAUSES and not said.known) else said.prompt
         beat = None
         if rhythm and action in self.model.beats:
             rng = np.random.default_rng([seed, 23])

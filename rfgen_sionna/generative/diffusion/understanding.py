@@ -60,7 +60,9 @@ _SUPPORT = re.compile(
     r"(?:hands|knees|head|elbows|belly|back|fours|toes|tip-?toes?|heels)\b"
 )
 """What the twenty actions are never done on."""
-_SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bwith\b)\s*")
+_AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before|first|finally|followed by)\b")
+"""What tells of one action after another."""
+_SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bthen\b|\bbefore\b|\bwith\b)\s*")
 """Where the second half of a sentence begins."""
 _PACE = (0.8, 1.0, 1.2)
 """Factor on the usual speed for `text.PACES`."""
@@ -120,16 +122,27 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
         ValueError: the prompt has no words.
     """
     said = _read(text, prompt, known_stems)
-    if said.arms and said.action in LOWER:
-        return said
-    # the encoder has learned of arms with the walk that turns: other sentences of two are read half by half
     first, _, second = _SECOND.sub("\0", prompt, count=1).partition("\0")
     if not (words(first) and words(second)):
         return said
-    legs, arms = _read(text, first, known_stems), _read(text, second, known_stems)
-    apart = legs.known and legs.action in LOWER and not legs.arms
-    if apart and arms.known and arms.action in UPPER and arms.share >= _SURE:
-        return replace(legs, prompt=prompt, arms=arms.action, hand=arms.hand, rephrase=True)
+    begins, goes_on = _read(text, first, known_stems), _read(text, second, known_stems)
+    if _AFTERWARDS.search(prompt.lower()):
+        if said.known and begins.known and goes_on.known and begins.action != goes_on.action:
+            note = f"prompt: {prompt!r} names one action after another; nearest action: {begins.action}"
+            return replace(begins, prompt=prompt, warnings=(note,))
+        return said
+    # the encoder has learned of arms with the walk that turns: other sentences of two are read half by half
+    legs, arms = (goes_on, begins) if begins.action in UPPER else (begins, goes_on)
+    if not (legs.known and legs.action in LOWER and not legs.arms):
+        return said
+    if said.known and said.arms and legs.action != "walk_straight":
+        return said
+    if arms.known and arms.action in UPPER and arms.share >= _SURE:
+        return replace(
+            legs, prompt=prompt, arms=arms.action, hand=arms.hand or said.hand or hand_named(prompt), rephrase=True
+        )
+    if said.arms and legs.action == "walk_straight":
+        return replace(legs, prompt=prompt, arms=said.arms, hand=said.hand, rephrase=True)
     return said
 
 

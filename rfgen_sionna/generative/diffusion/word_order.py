@@ -23,7 +23,7 @@ _NO_WAY = re.compile(
 _TRUNK = r"(?:the |his |her |their |one's )?(?:chest|body|trunk|belly|shoulder)"
 _TO_TRUNK = re.compile(rf"\b(?:to|towards?|against) {_TRUNK}|\b(?:to|towards?) (?:himself|herself|oneself|themselves)")
 _FROM_TRUNK = re.compile(rf"\bfrom {_TRUNK}")
-_ONWARDS = re.compile(r"\b(?:straight|forwards?|ahead|onwards?)\b")
+_ONWARDS = re.compile(r"\b(?:straight|forwards?|ahead|onwards?|towards?|away)\b")
 _RETURNS = re.compile(r"\b(?:back|forth|backwards?|return\w*|there|around|about|turn\w*)\b")
 _FINGER = re.compile(r"\b(?:fore)?fingers?\b")
 

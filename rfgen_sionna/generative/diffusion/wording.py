@@ -96,7 +96,15 @@ PACES = MappingProxyType(
 UPPER = ("left_arm_raised", "right_arm_raised", "t_pose", "y_pose", "swipe_left", "swipe_right", "push", "pull",
          "circle_clockwise", "circle_counterclockwise", "click", "finger_swing")  # fmt: skip
 """Actions of the arms."""
-LOWER = ("walk", "walk_straight", "jump", "left_leg_raised", "right_leg_raised", "run", "fast_walk", "slow_walk",
-         "stride_walk", "jog_in_place", "kneel")  # fmt: skip
+CAPTURED_LEGS: MappingProxyType[str, str] = MappingProxyType(
+    {
+        "run": "runs",
+        "fast_walk": "walks fast",
+        "stride_walk": "walks with long strides",
+        "jog_in_place": "jogs in place",
+    }
+)
+"""Captured actions that leave the arms free -> how they are said plainly."""
+LOWER = ("walk", "walk_straight", "jump", "left_leg_raised", "right_leg_raised", *CAPTURED_LEGS)
 """Actions that leave the arms free for one of those."""
 JOINERS = (" while {ing}", " and {ing}", " while {ing} at the same time", ", {ing}")

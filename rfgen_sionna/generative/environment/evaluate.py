@@ -61,6 +61,7 @@ def main(
     control: Annotated[Path | None, typer.Option(help="ControlNet; none: the one beside the model.")] = None,
     lora_base: Annotated[Path | None, typer.Option(help="Model that has not seen --lora-place.")] = None,
     lora_place: Annotated[str, typer.Option(help="That place.")] = "garage",
+    lora_steps: Annotated[int, typer.Option(help="Optimiser steps of that RF LoRA.")] = LoraRecipe.steps,
     lora_rank: Annotated[int, typer.Option(help="Rank of that RF LoRA.")] = LoraRecipe.rank,
     lora_convolutions: Annotated[bool, typer.Option(help="Whether it adapts convolutions too.")] = False,
     lora_rate: Annotated[
@@ -145,6 +146,7 @@ def main(
                 out / "lora",
                 sampler=sampler,
                 rates=lora_rate or RATES,
+                steps=lora_steps,
                 rank=lora_rank,
                 convolutions=lora_convolutions,
                 half=half,

@@ -690,3 +690,14 @@ def test_reading_a_prompt_needs_no_torch() -> None:
         "assert not {'torch', 'anny', 'mitsuba', 'drjit'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_hands_that_are_forbidden_are_not_taken() -> None:
+    for prompt, negative in [
+        ("a person pushes", "left hand, right hand"),
+        ("a person pushes with both hands", "left hand"),
+    ]:
+        with pytest.raises(PromptError, match=r"hand: the negative prompt forbids 'left hand'"):
+            parse_prompt(prompt, negative)
+    assert parse_prompt("a person pushes", "both hands").hand in ("left", "right")
+    assert parse_prompt("action: push, hand: both").hand == "both"

@@ -16,11 +16,12 @@ from rfgen_sionna.generative.bodies import Phenotype, animate, person
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
 from rfgen_sionna.generative.diffusion.drafts import canonical
 from rfgen_sionna.generative.diffusion.exam import OUTSIDE, PARAPHRASES
-from rfgen_sionna.generative.diffusion.features import PARTS, joint_positions
+from rfgen_sionna.generative.diffusion.features import PARTS, heading, joint_positions, turned
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.metrics import foot_slide, out_of_limits
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
+from rfgen_sionna.generative.diffusion.stage import turning
 from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
@@ -380,3 +381,48 @@ def test_importing_the_package_loads_no_torch() -> None:
     code = "import sys, rfgen_sionna.generative, rfgen_sionna.generative.diffusion; print('torch' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("prompt", "action", "arms", "hand"),
+    [
+        ("a person runs while raising the left arm", "run", "left_arm_raised", "left"),
+        ("a person pushes with the left hand while walking straight ahead", "walk_straight", "push", "left"),
+        ("a person walks towards the door while pulling with the right hand", "walk_straight", "pull", "right"),
+    ],
+)
+def test_sentences_of_two_halves_are_read_half_by_half(
+    source: DiffusionSource, prompt: str, action: str, arms: str, hand: str
+) -> None:
+    said = source.read(prompt)
+    assert (said.known, said.action, said.arms, said.hand) == (True, action, arms, hand)
+
+
+@pytest.mark.parametrize(
+    "prompt", ["a person raises the left arm and then jumps", "a person walks back and forth, then raises the left arm"]
+)
+def test_one_action_after_another_is_not_made_and_said_so(source: DiffusionSource, prompt: str) -> None:
+    said = source.read(prompt)
+    assert not said.known
+    assert not said.arms
+
+
+def test_who_runs_with_an_arm_up_runs(source: DiffusionSource) -> None:
+    alone, both = (
+        source.generate(p, seed=1, duration=4.0) for p in ("a person runs", "a person runs while raising the left arm")
+    )
+    assert np.ptp(both.translation[:, 0]) > 0.9 * np.ptp(alone.translation[:, 0]) > 3.0
+    places = joint_positions(on_grid(both, source.model.hands))
+    assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
+
+
+def test_nobody_turns_round_in_a_twentieth_of_a_second(source: DiffusionSource) -> None:
+    """The features of the second seed once turned by 2 rad from one row to the next."""
+    motion = source.generate("a person walks back and forth while drawing circles with the left hand", seed=1)
+    assert np.abs(np.gradient(heading(on_grid(motion, source.model.hands)))).max() * 20.0 < 10.0
+    rows = on_grid(KinematicSource(20.0)("walk", 6.0, 1), source.model.hands)
+    flipped = np.concatenate([rows[:60], turned(rows[60:], 2.0)])
+    even = turning(flipped)
+    assert np.abs(np.gradient(heading(even))).max() * 20.0 < 10.0
+    np.testing.assert_array_equal(even[[0, -1]], flipped[[0, -1]])
+    np.testing.assert_array_equal(turning(rows), rows)
