@@ -144,7 +144,7 @@ class EmbeddedBackend:
     def tokens(self, prompt: str, negative: str, view: View) -> tuple[Tensor, Tensor]:
         """(1, token, WIDTH) what is wanted, and what guidance leads away from."""
         place, chance = self.model.text.place_of(prompt)
-        if chance < UNSURE:
+        if chance < UNSURE and place not in prompt.lower():
             warnings.warn(
                 f"environment prompt {prompt!r} names no place that the model knows; the nearest is taken: {place} "
                 f"(of {', '.join(self.model.text.places)})",

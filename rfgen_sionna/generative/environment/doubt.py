@@ -19,6 +19,8 @@ from scipy.special import expit
 from rfgen_sionna.records import FloatArray
 
 _SHARES = np.linspace(0.0, 1.0, 51)
+_LEFT_ALONE = 0.93
+"""By how much complete images may change in the mean [dB]: less than 1 dB is wanted of those that nobody has seen."""
 _PENALTY = 1.0
 """On squared weights of standardised features, for all images together."""
 
@@ -73,8 +75,9 @@ class Doubt:
         sure = expit(weights[0] + incomplete @ slopes)[:, None] * drawn
         both = np.isfinite(sure) & np.isfinite(wanted)
         errors = [float(np.abs(wanted[both] - share * sure[both]).mean()) for share in _SHARES]
-        share = _SHARES[int(np.argmin(errors))]
-        return cls(float(share), tuple(weights))
+        share = float(_SHARES[int(np.argmin(errors))])
+        change = float(np.mean(expit(weights[0] + complete @ slopes) * complete[:, 0]))
+        return cls(min(share, _LEFT_ALONE / max(change, 1e-9)), tuple(weights))
 
 
 def features(gain: FloatArray, there: NDArray[np.bool_]) -> FloatArray:

@@ -99,6 +99,10 @@ def test_gains_that_look_like_chance_are_not_believed(refiner: PathDiffusion, mi
     # half of the variance of what is drawn is wanted: a bit more than that, for the common part, is applied
     assert 0.7 < doubt.share < 0.95
     assert Doubt.of(doubt.facts) == doubt
+    # complete images for which as much is asked, and nothing tells them apart, hold the share down
+    alike = Doubt.fit(seen[0], seen[0], *(np.array(gains).reshape(40, -1) for gains in (drawn, wanted)))
+    change = np.mean([np.abs(gain).mean() * alike([gain], [there]) for gain in drawn])
+    assert change == pytest.approx(0.93, abs=0.01)
     assert Doubt()([drawn[0]], [there]) == 1.0
     timid = copy(refiner)
     timid.doubt = Doubt(1.0, (-20.0, 0.0, 0.0, 0.0))

@@ -103,6 +103,11 @@ def test_images_are_in_the_range_of_renders(rooms: EnvironmentDiffusion) -> None
     assert 1.0 < np.nanmedian(seen.range) < 6.0
 
 
+@pytest.mark.parametrize("prompt", ["an open field, a person in it", "a person in a garage"])
+def test_a_place_by_its_own_name_is_known(rooms: EnvironmentDiffusion, prompt: str) -> None:
+    rooms.generate(prompt, seed=1)  # warnings are errors
+
+
 def test_nothing_is_imported_before_it_is_asked_for() -> None:
     code = (
         "import sys, rfgen_sionna.generative.environment, rfgen_sionna.generative.environment.diffusion, "
