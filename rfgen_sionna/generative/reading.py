@@ -31,6 +31,8 @@ _TAKEN = "~"
 _VALUE_KEY = re.compile(
     r"""["']?\b(orientation|facing|distance|range|azimuth|bearing|height|weight|age|hand)\b["']?\s*[:=]\s*"""
 )
+AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before \w+ing|finally|followed by)\b")
+"""What tells of one action after another, which no source makes of a sentence."""
 _NEGATIVE_KEY = re.compile(r"""["']?\bnegative(?:[ _]prompt)?\b["']?\s*[:=]\s*""", re.IGNORECASE)
 _ANY_KEY = re.compile(r"""["']?\b[a-z]+(?:[ _]prompt)?\b["']?\s*[:=]|[;\n}]""", re.IGNORECASE)
 _EXPONENT = re.compile(r"(?<![\w.])(\d{1,9}(?:\.\d+)?)e([+-]?\d{1,2})(?!\d|\.\d)")

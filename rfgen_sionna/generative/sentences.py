@@ -17,14 +17,12 @@ from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSourc
 from rfgen_sionna.generative.motion.source import Reading
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts import UnreadActionError, parse_prompt
-from rfgen_sionna.generative.reading import normalise, split_negative
+from rfgen_sionna.generative.reading import AFTERWARDS, normalise, split_negative
 from rfgen_sionna.generative.scene_prompt import ScenePrompt, Spoken
 from rfgen_sionna.generative.surroundings import split_keyword
 
 NEAREST = "the nearest that is known"
 """Origin of an action that the words do not name."""
-_AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before|first|finally|followed by)\b")
-"""What tells of one action after another, which is not made."""
 _SURE = 0.8
 """Probability from which a captured action is taken for one of the grammar's that the words name as well."""
 _PLAUSIBLE = 0.5
@@ -163,7 +161,7 @@ class _Words:
 
     def _apart(self, source: SentenceSource, read: Reading, instead_of: str, seed: int) -> Spoken | None:
         """Legs that walk, run or jump under arms that do something else."""
-        if _AFTERWARDS.search(self.prompt.lower()):
+        if AFTERWARDS.search(self.prompt.lower()):
             return None
         legs: list[str] = []
         options: list[str] = []

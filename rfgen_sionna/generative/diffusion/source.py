@@ -108,8 +108,7 @@ class DiffusionSource:
         known = self.model.text.actions
         if action not in known:
             raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
-        if action in ACTIONS:
-            check_hand(hand, action)
+        check_hand(hand, action)
         prompt = canonical(action, hand or working_hand(action, "", seed))
         return self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed, action=action)
 

@@ -14,6 +14,7 @@ from rfgen_sionna.generative.diffusion.text import HANDS, TextEncoder, stem, tok
 from rfgen_sionna.generative.diffusion.word_order import both_hands_named, hand_named, told_by_words
 from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, LOWER, OPEN_CLAUSES, PACES, SUBJECTS, UPPER
 from rfgen_sionna.generative.motion import ACTIONS
+from rfgen_sionna.generative.reading import AFTERWARDS
 
 _PLAIN = frozenset(
     word
@@ -60,9 +61,7 @@ _SUPPORT = re.compile(
     r"(?:hands|knees|head|elbows|belly|back|fours|toes|tip-?toes?|heels)\b"
 )
 """What the twenty actions are never done on."""
-_AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before|first|finally|followed by)\b")
-"""What tells of one action after another."""
-_SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bthen\b|\bbefore\b|\bwith\b)\s*")
+_SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bthen\b|\bbefore (?=\w+ing\b)|\bwith\b)\s*")
 """Where the second half of a sentence begins."""
 _PACE = (0.8, 1.0, 1.2)
 """Factor on the usual speed for `text.PACES`."""
@@ -126,7 +125,7 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
     if not (words(first) and words(second)):
         return said
     begins, goes_on = _read(text, first, known_stems), _read(text, second, known_stems)
-    if _AFTERWARDS.search(prompt.lower()):
+    if AFTERWARDS.search(prompt.lower()):
         if said.known and begins.known and goes_on.known and begins.action != goes_on.action:
             note = f"prompt: {prompt!r} names one action after another; nearest action: {begins.action}"
             return replace(begins, prompt=prompt, warnings=(note,))

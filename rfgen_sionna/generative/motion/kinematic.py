@@ -43,7 +43,7 @@ def check_hand(hand: str | None, action: str) -> None:
         return
     if hand not in HANDS:
         raise ValueError(f"hand: {hand!r}; allowed are {', '.join(HANDS)} and None")
-    allowed = ACTIONS[action].hands
+    allowed = ACTIONS[action].hands if action in ACTIONS else ()
     if not allowed:
         raise ValueError(f"hand: the action {action!r} is not done with one hand; leave it out")
     if hand not in allowed:
