@@ -14,6 +14,7 @@ import numpy as np
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import PROMPT, drawn
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource, SentenceSource
+from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.source import Reading
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts import UnreadActionError, parse_prompt
@@ -192,8 +193,7 @@ class _Words:
             sentence = f"a person {ACTIONS[action].description} while this person {ACTIONS[arms].description}"
             hands = {hand for _, hand in self.said.hands} & set(ACTIONS[arms].hands)
             if len(hands) == 1:
-                hand = hands.pop()
-                sentence += " with both hands" if hand == "both" else f" with the {hand} hand"
+                sentence += with_hand(hands.pop())
         return Spoken(
             action,
             PROMPT,

@@ -7,14 +7,7 @@ import torch
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
-from rfgen_sionna.generative.diffusion.features import (
-    HANDS,
-    LOCAL,
-    NUM_FEATURES,
-    HandBasis,
-    encode,
-    recentred,
-)
+from rfgen_sionna.generative.diffusion.features import HANDS, LOCAL, NUM_FEATURES, HandBasis, encode, recentred
 from rfgen_sionna.generative.diffusion.network import PAIR, STRIDE
 from rfgen_sionna.generative.diffusion.rhythm import (
     LONGEST,
@@ -32,6 +25,7 @@ from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, s
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.wording import CAPTURED_LEGS
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
+from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import FloatArray
 
@@ -52,11 +46,6 @@ def canonical(action: str, hand: str = "") -> str:
     if action not in ACTIONS:
         return "a person " + CAPTURED_LEGS.get(action, "does " + action.replace("_", " "))
     return f"a person {ACTIONS[action].description}" + (with_hand(hand) if hand else "")
-
-
-def with_hand(hand: str) -> str:
-    """What says that a gesture is made with the "left", the "right" or "both" hands."""
-    return " with both hands" if hand == "both" else f" with the {hand} hand"
 
 
 def working_hand(action: str, hand: str, seed: int) -> str:

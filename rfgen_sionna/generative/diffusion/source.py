@@ -15,13 +15,7 @@ from rfgen_sionna.generative.diffusion.captions import doing
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.control import Keep, hold, on_grid
 from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
-from rfgen_sionna.generative.diffusion.drafts import (
-    beat_of,
-    canonical,
-    draft_of,
-    drawn_pace,
-    working_hand,
-)
+from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.paths import LONGER, along, pace, way

@@ -39,6 +39,11 @@ class Action:
         return () if not self.one_handed else SIDES if self.crossing else HANDS
 
 
+def with_hand(hand: str) -> str:
+    """What says that a gesture is made with the "left", the "right" or "both" hands."""
+    return " with both hands" if hand == "both" else f" with the {hand} hand"
+
+
 ACTIONS: Mapping[str, Action] = MappingProxyType(
     {
         a.name: a

@@ -14,14 +14,12 @@ import torch
 from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.bodies import Phenotype, animate, person
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
-from rfgen_sionna.generative.diffusion.drafts import canonical
 from rfgen_sionna.generative.diffusion.exam import OUTSIDE, PARAPHRASES
-from rfgen_sionna.generative.diffusion.features import PARTS, heading, joint_positions, turned
+from rfgen_sionna.generative.diffusion.features import PARTS, joint_positions
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.metrics import foot_slide, out_of_limits
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
-from rfgen_sionna.generative.diffusion.stage import turning
 from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
@@ -197,72 +195,6 @@ def test_what_words_leave_open_is_labelled_as_it_is_shown_from_noise() -> None:
         assert motion.action == ("left_arm_raised" if left > right else "right_arm_raised")
 
 
-def test_arms_that_are_named_move(source: DiffusionSource) -> None:
-    for origin in (source, DiffusionSource(refine=None)):
-        motion = origin.generate("a person walks", action="walk", arms="left_arm_raised", seed=1, duration=4.0)
-        places = joint_positions(on_grid(motion, source.model.hands))
-        assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
-
-
-@pytest.mark.parametrize(
-    ("prompt", "action"),
-    [
-        ("a person walks straight ahead while raising the left arm", "walk_straight"),
-        ("a person jumps and holds the left arm up", "jump"),
-        ("a person stands on the right leg and raises the left arm", "left_leg_raised"),
-    ],
-)
-def test_arms_and_legs_of_a_sentence_do_each_its_own(source: DiffusionSource, prompt: str, action: str) -> None:
-    said = source.read(prompt)
-    assert said.arms == "left_arm_raised"
-    alone, both = (source.generate(p, action=a, arms=b, seed=1, duration=4.0) for p, a, b in (
-        (f"a person does {action}", action, ""), (prompt, said.action, said.arms)
-    ))  # fmt: skip
-    assert both.action == said.action
-    if said.action == action:
-        ankles = [JOINT["left_ankle"], JOINT["right_ankle"]]
-        stand = [joint_positions(on_grid(m, source.model.hands)) for m in (alone, both)]
-        steps = [places[:, ankles] - places[:, [JOINT["pelvis"]]] for places in stand]
-        assert np.median(np.linalg.norm(steps[0] - steps[1], axis=-1)) < 0.08
-    places = joint_positions(on_grid(both, source.model.hands))
-    up = {
-        side: places[:, JOINT[f"{side}_wrist"], 2] > places[:, JOINT[f"{side}_shoulder"], 2]
-        for side in ("left", "right")
-    }
-    assert up["left"].mean() > 0.7
-    assert up["right"].mean() < 0.3
-
-
-def test_arms_go_along_a_path_too(source: DiffusionSource) -> None:
-    path = [(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)]
-    motion = source.generate("a person walks while raising the left arm", path=path, duration=5.0, seed=1)
-    np.testing.assert_allclose(motion.translation[[0, -1], :2], [path[0], path[-1]], atol=1e-6)
-    places = joint_positions(on_grid(motion, source.model.hands))
-    assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
-
-
-@pytest.mark.parametrize("action", ["push", "circle_clockwise", "click"])
-def test_both_hands_do_the_gesture_beside_each_other(source: DiffusionSource, action: str) -> None:
-    spoken = source.generate(f"{canonical(action)} with both hands", seed=2, duration=4.0)
-    for motion in (spoken, source(action, 4.0, 2, hand="both"), KinematicSource(60.0)(action, 4.0, 2, hand="both")):
-        world = global_rotations(to_matrices(motion.rotations), motion.parents)
-        places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
-        chest = world[:, JOINT["spine3"]]
-        left, right = (
-            (places[:, JOINT[f"{side}_wrist"]] - places[:, JOINT["spine3"]])[:, None] @ chest
-            for side in ("left", "right")
-        )
-        np.testing.assert_allclose(left, right * [1.0, -1.0, 1.0], atol=1e-9)
-        assert np.ptp(left, axis=0).max() > (0.01 if action == "click" else 0.1)
-        tips = [
-            [j for name, j in JOINT.items() if name.startswith(side) and name.endswith("3")]
-            for side in ("left", "right")
-        ]
-        assert np.linalg.norm(places[:, tips[0], None] - places[:, None, tips[1]], axis=-1).min() > 0.12
-    with pytest.raises(ValueError, match=r"hand: 'both' with the action 'swipe_left'; allowed are left, right"):
-        source("swipe_left", 4.0, 2, hand="both")
-
-
 def joint_gap(source: DiffusionSource, made: Motion, given: Motion, joints: Sequence[str]) -> FloatArray:
     """(frame, joint) distance of joints in two motions [m], at 20 Hz."""
     a, b = (joint_positions(on_grid(m, source.model.hands)) for m in (made, given))
@@ -381,48 +313,3 @@ def test_importing_the_package_loads_no_torch() -> None:
     code = "import sys, rfgen_sionna.generative, rfgen_sionna.generative.diffusion; print('torch' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
-
-
-@pytest.mark.parametrize(
-    ("prompt", "action", "arms", "hand"),
-    [
-        ("a person runs while raising the left arm", "run", "left_arm_raised", "left"),
-        ("a person pushes with the left hand while walking straight ahead", "walk_straight", "push", "left"),
-        ("a person walks towards the door while pulling with the right hand", "walk_straight", "pull", "right"),
-    ],
-)
-def test_sentences_of_two_halves_are_read_half_by_half(
-    source: DiffusionSource, prompt: str, action: str, arms: str, hand: str
-) -> None:
-    said = source.read(prompt)
-    assert (said.known, said.action, said.arms, said.hand) == (True, action, arms, hand)
-
-
-@pytest.mark.parametrize(
-    "prompt", ["a person raises the left arm and then jumps", "a person walks back and forth, then raises the left arm"]
-)
-def test_one_action_after_another_is_not_made_and_said_so(source: DiffusionSource, prompt: str) -> None:
-    said = source.read(prompt)
-    assert not said.known
-    assert not said.arms
-
-
-def test_who_runs_with_an_arm_up_runs(source: DiffusionSource) -> None:
-    alone, both = (
-        source.generate(p, seed=1, duration=4.0) for p in ("a person runs", "a person runs while raising the left arm")
-    )
-    assert np.ptp(both.translation[:, 0]) > 0.9 * np.ptp(alone.translation[:, 0]) > 3.0
-    places = joint_positions(on_grid(both, source.model.hands))
-    assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
-
-
-def test_nobody_turns_round_in_a_twentieth_of_a_second(source: DiffusionSource) -> None:
-    """The features of the second seed once turned by 2 rad from one row to the next."""
-    motion = source.generate("a person walks back and forth while drawing circles with the left hand", seed=1)
-    assert np.abs(np.gradient(heading(on_grid(motion, source.model.hands)))).max() * 20.0 < 10.0
-    rows = on_grid(KinematicSource(20.0)("walk", 6.0, 1), source.model.hands)
-    flipped = np.concatenate([rows[:60], turned(rows[60:], 2.0)])
-    even = turning(flipped)
-    assert np.abs(np.gradient(heading(even))).max() * 20.0 < 10.0
-    np.testing.assert_array_equal(even[[0, -1]], flipped[[0, -1]])
-    np.testing.assert_array_equal(turning(rows), rows)
