@@ -73,23 +73,49 @@ def along(motion: Motion, points: FloatArray, duration: float, *, timed: bool = 
         faster = replace(motion, frame_rate=motion.frame_rate * needed / duration)
         motion = resampled(faster, motion.frame_rate)
     count = int(np.floor(duration * motion.frame_rate + 1e-9)) + 1
-    contacts = None if motion.contacts is None else motion.contacts[:count]
-    motion = replace(
-        motion, rotations=motion.rotations[:count], translation=motion.translation[:count], contacts=contacts
-    )
+    motion = _first(motion, count)
     own = _own_way(motion)
     gone = _gone(own)
     place = gone * (length / max(float(gone[-1]), 1e-9)) / _STEP
     index = np.arange(len(curve))
     turn = np.interp(place, index, heading) - _heading(own)
+    at = np.stack([np.interp(place, index, curve[:, k]) for k in range(2)], axis=-1)
+    return _taken(motion, own, at, turn)
+
+
+def onto_way(motion: Motion, other: Motion) -> Motion:
+    """The motion where the other one is at every time, facing where that does; steps and sway stay its own."""
+    other = resampled(other, motion.frame_rate)
+    count = min(len(motion.translation), len(other.translation))
+    motion, other = (_first(each, count) for each in (motion, other))
+    width = _OWN * motion.frame_rate
+    turn = _smooth((_facing(other) - _facing(motion))[:, None], width)[:, 0]
+    turn -= 2.0 * np.pi * np.round(np.median(turn) / (2.0 * np.pi))
+    return _taken(motion, _own_way(motion), _own_way(other), turn)
+
+
+def _taken(motion: Motion, own: FloatArray, at: FloatArray, turn: FloatArray) -> Motion:
+    """The motion with its (frame, 2) `own` way [m] put at another, turned by (frame,) `turn` [rad] about it."""
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = (motion.translation[:, :2] - own).T
-    at = np.stack([np.interp(place, index, curve[:, k]) for k in range(2)], axis=-1)
     translation = motion.translation.copy()
     translation[:, :2] = at + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
     rotations = motion.rotations.copy()
     rotations[:, 0] = (Rotation.from_euler("z", turn[:, None]) * Rotation.from_quat(rotations[:, 0])).as_quat()
     return replace(motion, rotations=continuous(rotations), translation=translation)
+
+
+def _first(motion: Motion, count: int) -> Motion:
+    contacts = None if motion.contacts is None else motion.contacts[:count]
+    return replace(
+        motion, rotations=motion.rotations[:count], translation=motion.translation[:count], contacts=contacts
+    )
+
+
+def _facing(motion: Motion) -> FloatArray:
+    """(frame,) direction that the pelvis faces [rad], unwrapped."""
+    x, y = Rotation.from_quat(motion.rotations[:, 0]).as_matrix()[:, :2, 0].T
+    return np.unwrap(np.arctan2(y, x))
 
 
 def _length(points: FloatArray) -> float:

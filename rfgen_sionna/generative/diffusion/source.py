@@ -18,7 +18,7 @@ from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
-from rfgen_sionna.generative.diffusion.paths import LONGER, along, pace, way
+from rfgen_sionna.generative.diffusion.paths import LONGER, along, onto_way, pace, way
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
@@ -257,8 +257,7 @@ class DiffusionSource:
         negative: str = "",
         skeleton: Skeleton | None = None,
     ) -> Motion:
-        """A draft noised part of the way and made anew: action, rhythm, orientation and, within a few decimetres, path
-        stay, the rest varies.
+        """A draft noised part of the way and made anew: action, rhythm, orientation and path stay, the rest varies.
 
         Args:
             draft: any motion with the body's joints, at most 8 s.
@@ -285,8 +284,9 @@ class DiffusionSource:
             wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
             made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
         made = put_back(made, rows)
+        bend = partial(onto_way, other=draft)
         return replace(
-            finish(made, self.model.hands, skeleton, self.frame_rate),
+            finish(made, self.model.hands, skeleton, self.frame_rate, bend=bend),
             prompt=prompt,
             seed=seed,
             action=draft.action or said.action,
