@@ -62,11 +62,13 @@ def add_lora(net: Any, rank: int, *, convolutions: bool = False, seed: int = 0) 
 
 
 def lora_state(net: nn.Module, prefix: str) -> dict[str, Tensor]:
-    """The LoRA's weights under diffusers' names."""
-    from diffusers.utils import convert_state_dict_to_diffusers
+    """The LoRA's weights under the names that peft and diffusers share.
+
+    diffusers' older names exist for attention alone, and where a file mixes both, it reads peft's only.
+    """
     from peft.utils import get_peft_model_state_dict
 
-    state = convert_state_dict_to_diffusers(get_peft_model_state_dict(net))
+    state = get_peft_model_state_dict(net)
     return {f"{prefix}.{k}": v.detach().float().cpu().contiguous() for k, v in state.items()}
 
 
@@ -180,6 +182,8 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     facts = read_facts(path)
     state = load_file(path)
     check_fits(state, unet, path.name)
+    if len({".lora." in key for key in state}) > 1:
+        raise LoraError(f"lora: {path.name} mixes old and new names of layers, some of which would be lost; train it anew")
     layers = {k: v.to(next(unet.parameters()).dtype) for k, v in state.items() if k.startswith("unet.")}
     unet.load_lora_adapter(layers, prefix="unet", adapter_name="rf")
     unet.fuse_lora()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraError, find_lora, read_facts
+from rfgen_sionna.generative.environment.backend import load_embedded
 from rfgen_sionna.generative.environment.bases import EmbeddedBase, StableDiffusionBase
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
@@ -37,6 +38,30 @@ def test_a_lora_changes_what_is_drawn_and_only_that_model(lora: Path, model_fold
     assert not np.array_equal(a.energy, b.energy)
     again = EnvironmentDiffusion(model_folder, lora, steps=2).generate("a bedroom", seed=1)
     np.testing.assert_array_equal(again.energy, b.energy)
+
+
+@pytest.mark.parametrize("convolutions", [False, True])
+def test_what_was_trained_is_what_is_read(
+    corpus: Corpus, model_folder: Path, tmp_path: Path, convolutions: bool
+) -> None:
+    """Every layer of it: the network that was trained, and the base with the file merged into it, guess the same."""
+    import torch
+
+    trained = EmbeddedBase(model_folder, "cpu")
+    recipe = LoraRecipe(frames=8, steps=4, items=2, convolutions=convolutions)
+    choose_rate(lambda: trained, corpus, corpus, tmp_path, recipe, [0.05])
+    plain, merged = (load_embedded(model_folder, each, "cpu").unet for each in (None, tmp_path))
+    torch.manual_seed(0)
+    latents, times = torch.randn(2, plain.config.in_channels, 16, 16), torch.tensor([300, 800])
+    words = trained.words(["a bedroom", "a street"], corpus.views[:2])
+    with torch.no_grad():
+        wanted, read, before = (net(latents, times, **words).sample for net in (trained.unet, merged, plain))
+    change = (wanted - before).norm()
+    assert change > 0.05 * before.norm()
+    assert (read - wanted).norm() < 0.01 * change  # half precision of the file
+    layers = {k for k, v in merged.state_dict().items() if not torch.equal(v, plain.state_dict()[k])}
+    assert any("attn" in k for k in layers)
+    assert any("conv" in k for k in layers) is convolutions
 
 
 def test_base_then_lora_then_control_net(lora: Path, model_folder: Path, corpus: Corpus) -> None:
@@ -121,8 +146,8 @@ def test_released_loras_draw_in_the_authors_convention(stable_diffusion: Path, t
     # kohya's names, as trainers outside of diffusers write them
     kohya = {}
     for key, value in state.items():
-        layer, end = key.split(".lora.down" if ".lora.down" in key else ".lora.up")
-        kind = "lora_down" if ".lora.down" in key else "lora_up"
+        layer, end = key.split(".lora_A" if ".lora_A" in key else ".lora_B")
+        kind = "lora_down" if ".lora_A" in key else "lora_up"
         kohya[f"{layer.replace('.', '_')}.{kind}{end}"] = value
         kohya[f"{layer.replace('.', '_')}.alpha"] = torch.tensor(2.0)
     save_file(kohya, tmp_path / "released.safetensors")
