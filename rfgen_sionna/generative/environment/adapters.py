@@ -183,7 +183,9 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     state = load_file(path)
     check_fits(state, unet, path.name)
     if len({".lora." in key for key in state}) > 1:
-        raise LoraError(f"lora: {path.name} mixes old and new names of layers, some of which would be lost; train it anew")
+        raise LoraError(
+            f"lora: {path.name} mixes old and new names of layers, some of which would be lost; train it anew"
+        )
     layers = {k: v.to(next(unet.parameters()).dtype) for k, v in state.items() if k.startswith("unet.")}
     unet.load_lora_adapter(layers, prefix="unet", adapter_name="rf")
     unet.fuse_lora()

@@ -80,7 +80,7 @@ def imagine(
         shown = []
         for wish in wishes:
             room = choose_room(wish.wanted, wish.first or wish.view, wish.seed, anywhere=wish.anywhere)
-            shown.append(room.seen(wish.view).channels(room.bricks, model.text.things, model.codec))
+            shown.append(room.seen(wish.view).channels(room.place, model.text.things, model.codec))
         bright = [
             model.expectation.drawn_offsets(model.text.places.index(wish.wanted.place), wish.seed) for wish in wishes
         ]

@@ -10,8 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.shooting import NEAREST, SPACE
-from rfgen_sionna.generative.environment.sketch import Bricks, Sketch
+from rfgen_sionna.generative.environment.sketch import Sketch, shown
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.furnished import furnished
@@ -49,13 +50,13 @@ class Wanted:
 class Room:
     """A place of bricks."""
 
-    bricks: Bricks
+    place: Place
     offset: tuple[float, float]
     """Where in it the origin of the caller's world lies [m]."""
 
     def seen(self, view: View) -> Sketch:
         """What a view in the caller's world shows."""
-        return self.bricks.shown(_moved(view, self.offset))
+        return shown(self.place, _moved(view, self.offset))
 
 
 @lru_cache(maxsize=256)
@@ -74,16 +75,16 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
     enough = float(len(wanted.things))
     for number in range(LAYOUTS):
         scene = furnished(wanted.place, FIRST_SEED + LAYOUTS * seed + number)
-        bricks = Bricks.of(scene)
+        place = Place.of(scene)
         offset = (0.0, 0.0)
         if anywhere or not _may_stand(scene, view):
             found = _spot(scene, view, rng)
             if found is None:
                 continue
             offset = found[0] - view.position[0], found[1] - view.position[1]
-        room = Room(bricks, offset)
+        room = Room(place, offset)
         sketch = room.seen(replace(view, resolution=_COARSE))
-        kinds = sketch.kinds(bricks)
+        kinds = sketch.kinds(place)
         score = sum(thing in kinds for thing in wanted.things) - 2.0 * sum(thing in kinds for thing in wanted.without)
         reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
         if reach.min() < NEAREST or np.median(reach) < SPACE:
@@ -95,7 +96,7 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
         if score >= enough:
             break
     if best is None:  # nowhere to stand in any of them: the last one, in its middle
-        best = 0.0, Room(bricks, (-view.position[0], -view.position[1]))
+        best = 0.0, Room(place, (-view.position[0], -view.position[1]))
     return best[1]
 
 

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.captions import absent, caption
 from rfgen_sionna.generative.environment.data import (
     CONDITIONS,
@@ -34,7 +35,7 @@ from rfgen_sionna.generative.environment.shooting import (
     fields_of_view,
     place_person,
 )
-from rfgen_sionna.generative.environment.sketch import Bricks
+from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
@@ -165,7 +166,7 @@ def render_layout(settings: Settings, number: int, views: int) -> list[dict[str,
     scene = furnished(place, layout, radar.center_frequency)
     scene.frequency = radar.center_frequency  # what the materials' sources cover is told once, not for each layout
     stage, rng = Stage(scene, radar), np.random.default_rng([layout, 1])
-    bricks = Bricks.of(scene)
+    built = Place.of(scene)
     coarse = Stage(scene.simplified(rng, MISSING), radar) if settings.kind == "pairs" else None
     found = []
     for view in range(views):
@@ -178,7 +179,7 @@ def render_layout(settings: Settings, number: int, views: int) -> list[dict[str,
             here, people = Stage(scene, radar, [actor]), 1
             there = Stage(coarse.scene, radar, [actor]) if coarse is not None else None
         fields = _fields(settings, here, there, shot, people, view_seed, np.random.default_rng([view_seed, 3]))
-        found.append(fields | _sketched(bricks, shot, settings.resolution))
+        found.append(fields | _sketched(built, shot, settings.resolution))
     return found
 
 
@@ -222,15 +223,15 @@ def _fields(
     return fields
 
 
-def _sketched(bricks: Bricks, shot: Shot, resolution: tuple[int, int]) -> dict[str, Any]:
+def _sketched(place: Place, shot: Shot, resolution: tuple[int, int]) -> dict[str, Any]:
     view = View(resolution, fields_of_view(shot.fov_deg, *resolution), shot.position, shot.orientation)
-    sketch = bricks.shown(view)
+    sketch = shown(place, view)
     return {
         "sketch_range": sketch.range,
         "sketch_shell": sketch.shell,
         "sketch_cosine": sketch.cosine,
         "sketch_place": sketch.place,
-        "sketch_kind": np.array([*bricks.kinds, ""])[sketch.brick],
+        "sketch_kind": np.array([*place.kinds, ""])[sketch.piece],
     }
 
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rfgen_sionna.generative.environment.bricks import Bricks, Place
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.data import PLACES
-from rfgen_sionna.generative.environment.sketch import Bricks
+from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
@@ -50,11 +51,9 @@ def corpus() -> Corpus:
         view = View((64, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, 0.0))
         distance = 3.0 + 3.0 * (k % 2) + float(rng.uniform(0, 0.5))
         pir = a_wall(distance, view)
-        bricks = Bricks(
-            np.array([[0.0, 0.0, 0.0], [distance, 0.0, 0.0]]), np.array([[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]),
-            np.zeros(2), ("floor", "far wall"), 2,
-        )  # fmt: skip
-        sketches.append(bricks.shown(view).channels(bricks, ("far wall",), codec))
+        centre, half = [[0.0, 0.0, 0.0], [distance, 0.0, 0.0]], [[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]
+        place = Place.plain(Bricks.upright(np.array(centre), np.array(half), np.zeros(2)), ("floor", "far wall"), 2)
+        sketches.append(shown(place, view).channels(place, ("far wall",), codec))
         images.append(codec.encode(pir))
         weaker.append(codec.encode(a_wall(3.0, view, -136.0)))
         views.append(facts)

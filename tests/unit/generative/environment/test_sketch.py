@@ -1,4 +1,4 @@
-"""Sketches show a furnished place as boxes, where its render has the things themselves; rooms show what is wanted."""
+"""Sketches show a furnished place of bricks, where its render has the things themselves; rooms show what is wanted."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
+from rfgen_sionna.generative.environment.bricks import Bricks, Place, built
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.data import PLACES, PirData
 from rfgen_sionna.generative.environment.expectation import Expectation, Expected
@@ -22,44 +24,96 @@ from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, n
 from rfgen_sionna.generative.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
 from rfgen_sionna.generative.environment.shards import Settings
 from rfgen_sionna.generative.environment.shooting import Shot, Stage, choose_shot, fields_of_view
-from rfgen_sionna.generative.environment.sketch import CHANNELS, Bricks, mirrored, no_sketch
+from rfgen_sionna.generative.environment.sketch import CHANNELS, mirrored, no_sketch, shown
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished.piece import corners, legs
+from rfgen_sionna.scene.furnished.shapes import block, joined, leaves, tube
 
 CODEC = PirCodec()
 AHEAD = View((32, 32), (70.0, 70.0), (0.0, 0.0, 1.0), (0.0, 0.1, 0.0))
 
 
-def brick(centre: tuple[float, ...], half: tuple[float, ...], yaw: float = 0.0) -> Bricks:
-    return Bricks(np.array([centre]), np.array([half]), np.array([yaw]), ("box",), 0)
+def brick(centre: tuple[float, ...], half: tuple[float, ...], yaw: float = 0.0) -> Place:
+    return Place.plain(Bricks.upright(np.array([centre]), np.array([half]), np.array([yaw])), ("box",))
 
 
 def test_a_box_is_where_geometry_puts_it() -> None:
     """A cube of edge 1 m whose front is 2.5 m ahead: range over cosine is its distance, its edges lie at 0.5 / 2.5."""
     view = View((64, 64), (40.0, 40.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    seen = brick((3.0, 0.0, 1.0), (0.5, 0.5, 0.5)).shown(view)
-    there = seen.brick >= 0
+    seen = shown(brick((3.0, 0.0, 1.0), (0.5, 0.5, 0.5)), view)
+    there = seen.piece >= 0
     np.testing.assert_allclose((seen.range * seen.cosine)[there], 2.5, rtol=1e-9)
     expected = (0.5 / 2.5 / np.tan(np.radians(20.0))) ** 2
     assert there.mean() == pytest.approx(expected, abs=0.03)
     np.testing.assert_allclose(seen.place[there][:, 0], -1.0, atol=1e-9)
     assert seen.place[32, 32, 1:] == pytest.approx([0.0, 0.0], abs=0.05)
     # turned by 45 degrees an edge is ahead, and both of its sides lie at an angle
-    turned = brick((3.0, 0.0, 1.0), (0.5, 0.5, 0.5), np.pi / 4).shown(view)
+    turned = shown(brick((3.0, 0.0, 1.0), (0.5, 0.5, 0.5), np.pi / 4), view)
     assert turned.range[32, 31:33] == pytest.approx([3.0 - np.sqrt(0.5)] * 2, abs=0.02)
     assert turned.cosine[32, 32] == pytest.approx(np.sqrt(0.5), abs=0.02)
 
 
 def test_nothing_is_seen_from_within_or_behind() -> None:
-    inside = brick((0.0, 0.0, 1.0), (1.0, 1.0, 1.0)).shown(AHEAD)
-    behind = brick((-3.0, 0.0, 1.0), (1.0, 1.0, 1.0)).shown(AHEAD)
+    inside = shown(brick((0.0, 0.0, 1.0), (1.0, 1.0, 1.0)), AHEAD)
+    behind = shown(brick((-3.0, 0.0, 1.0), (1.0, 1.0, 1.0)), AHEAD)
     for sketch in (inside, behind):
-        assert (sketch.brick == -1).all()
+        assert (sketch.piece == -1).all()
         assert np.isnan(sketch.range).all()
+
+
+def test_an_ellipsoid_is_where_geometry_puts_it() -> None:
+    """A ball of radius 1 m whose middle is 4 m ahead: its front at 3 m, its rim where sin(angle) is 1 / 4, and the
+    incidence on it by the law of sines. Stretched and turned, it is what it was in stretched and turned coordinates."""
+    view = View((64, 64), (40.0, 40.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    ball = Bricks(np.array([[4.0, 0.0, 1.0]]), np.ones((1, 3)), np.eye(3)[None], np.ones(1, bool))
+    seen = shown(Place.plain(ball, ("ball",)), view)
+    angle = np.arccos(view.directions @ (1.0, 0.0, 0.0))
+    np.testing.assert_array_equal(seen.piece == 0, np.sin(angle) < 0.25)
+    there = seen.piece == 0
+    np.testing.assert_allclose(
+        seen.range[there], 4 * np.cos(angle[there]) - np.sqrt(1 - 16 * np.sin(angle[there]) ** 2), rtol=1e-9
+    )
+    np.testing.assert_allclose(np.sqrt(1 - seen.cosine[there] ** 2), 4 * np.sin(angle[there]), atol=1e-6)
+    turn = Rotation.from_euler("zyx", [0.4, -0.3, 0.7]).as_matrix()
+    egg = Bricks(ball.centre, np.array([[0.8, 0.4, 0.6]]), turn.T[None], ball.round)
+    enters, leaves, _ = egg.cast(view.position, view.directions.reshape(-1, 3))
+    met = np.isfinite(enters[0])
+    for reach in (enters[0][met], leaves[0][met]):
+        points = np.array(view.position) + reach[:, None] * view.directions.reshape(-1, 3)[met]
+        np.testing.assert_allclose(np.linalg.norm(egg.own(points, np.zeros(met.sum(), np.intp)), axis=1), 1.0)
+
+
+def test_a_table_is_built_of_a_top_and_four_legs() -> None:
+    table = joined([block(1.6, 0.8, 0.04, z=0.7), *legs(corners(1.6, 0.8, 0.08), 0.7, 0.03, "wood")])
+    bricks = built(table.points, table.faces, np.eye(3))
+    assert len(bricks) == 5
+    assert not bricks.round.any()
+    assert bricks.volume < 0.1 * 1.6 * 0.8 * 0.74
+    # from below the top one sees out on the other side
+    view = View((32, 32), (30.0, 30.0), (-3.0, 0.0, 0.35), (0.0, 0.0, 0.0))
+    whole = Bricks.upright(np.array([[0.0, 0.0, 0.37]]), np.array([[0.8, 0.4, 0.37]]), np.zeros(1))
+    seen = shown(Place(whole, ("table",), 0, bricks, np.zeros(5, np.intp)), view)
+    assert (seen.piece[16] < 0).mean() > 0.7
+
+
+def test_a_tilted_bar_is_one_slim_brick_and_a_heap_of_leaves_one_crown() -> None:
+    bar = tube([(0.0, 0.0, 0.0), (1.0, 0.5, 1.2)], 0.02)
+    slim = built(bar.points, bar.faces, np.eye(3))
+    assert len(slim) == 1
+    assert slim.volume < 2.0 * np.linalg.norm([1.0, 0.5, 1.2]) * 0.04**2
+    rng = np.random.default_rng(0)
+    places = rng.normal(size=(400, 3))
+    places *= rng.uniform(size=(400, 1)) ** (1 / 3) / np.linalg.norm(places, axis=1, keepdims=True)
+    crown = leaves(places * (1.5, 1.5, 2.0) + (0.0, 0.0, 3.0), 0.1, rng)
+    one = built(crown.points, crown.faces, np.eye(3))
+    assert len(one) == 1
+    assert one.round.all()
+    np.testing.assert_allclose(np.sort(one.half[0]), [1.5, 1.5, 2.0], rtol=0.15)
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -69,17 +123,17 @@ def test_a_sketch_is_the_place_that_is_rendered(place: str) -> None:
     scene = furnished(place, 11)
     stage = Stage(scene, radar)
     shot: Shot = choose_shot(stage, np.random.default_rng(2), Settings().ranges)
-    bricks = Bricks.of(scene)
+    built_up = Place.of(scene)
     view = View((32, 32), fields_of_view(shot.fov_deg, 32, 32), shot.position, shot.orientation)
-    sketch = bricks.shown(view)
+    sketch = shown(built_up, view)
     objects, distance = stage.first_hits(shot, 32, 32)
     real = np.where(objects >= 0, distance, np.inf).reshape(32, 32)
     boxes = np.where(np.isfinite(sketch.range), sketch.range, np.inf)
     with np.errstate(invalid="ignore"):
         # Hills of a meadow stand before its plane; doors and windows lie in their walls, of which theirs stand out.
         assert (boxes > 1.02 * real + 0.15).mean() < (0.1 if place == "open field" else 0.01)
-        opening = np.array([kind in ("door", "window", "garage door") for kind in (*bricks.kinds, "")])
-        shell = (sketch.brick >= 0) & (sketch.brick < bricks.shell) & ~opening[sketch.brick]
+        opening = np.array([kind in ("door", "window", "garage door") for kind in (*built_up.kinds, "")])
+        shell = (sketch.piece >= 0) & (sketch.piece < built_up.shell) & ~opening[sketch.piece]
         agree = np.abs(boxes - real)[shell & np.isfinite(real)] < 0.02 * real[shell & np.isfinite(real)] + 0.15
     assert agree.mean() > 0.9
 
@@ -91,21 +145,21 @@ def test_a_data_set_has_the_sketch_of_each_view(tmp_path) -> None:
     got = data.sketches(known, CODEC)
     assert got.shape == (10, CHANNELS, 16, 16)
     for k in range(10):
-        bricks = Bricks.of(furnished(PLACES[data.places[k]], int(data.layout[k])))
+        place = Place.of(furnished(PLACES[data.places[k]], int(data.layout[k])))
         view = View(
             (16, 16), tuple(data.fov_deg[k]), tuple(data.position[k]), (float(data.yaw[k]), float(data.pitch[k]), 0.0)
         )
-        np.testing.assert_allclose(got[k], bricks.shown(view).channels(bricks, known, CODEC), atol=2e-3)
+        np.testing.assert_allclose(got[k], shown(place, view).channels(place, known, CODEC), atol=2e-3)
     assert set(np.unique(got[:, -1])) <= {0.0, 1.0, 2.0, 3.0}
     np.testing.assert_array_equal(got[[4, 1]], data.sketches(known, CODEC, [4, 1]))
 
 
 def test_the_mirror_image_of_a_sketch_is_that_of_the_mirrored_place() -> None:
     view = replace(AHEAD, orientation=(0.2, 0.1, 0.0))
-    one = Bricks(np.array([[3.0, 0.6, 0.8]]), np.array([[0.4, 0.7, 0.5]]), np.array([0.3]), ("box",), 0)
-    other = replace(one, centre=one.centre * (1, -1, 1), yaw=np.pi - one.yaw)  # its front is mirrored, and its left
-    flipped = other.shown(replace(view, orientation=(-0.2, 0.1, 0.0))).channels(other, ("box",), CODEC)
-    own = mirrored(one.shown(view).channels(one, ("box",), CODEC))
+    one = brick((3.0, 0.6, 0.8), (0.4, 0.7, 0.5), 0.3)
+    other = brick((3.0, -0.6, 0.8), (0.4, 0.7, 0.5), np.pi - 0.3)  # its front is mirrored, and its left
+    flipped = shown(other, replace(view, orientation=(-0.2, 0.1, 0.0))).channels(other, ("box",), CODEC)
+    own = mirrored(shown(one, view).channels(one, ("box",), CODEC))
     np.testing.assert_allclose(own, flipped, atol=1e-6)
 
 
@@ -121,13 +175,11 @@ def reader(model: EnvironmentModel, corpus: Corpus) -> EnvironmentModel:
 
 def a_wall(distance: float, facts: ViewFacts) -> tuple[np.ndarray, np.ndarray]:
     """(1, CHANNELS, row, column) sketch of a wall and a floor, and the ranges (row, column) [m]."""
-    bricks = Bricks(
-        np.array([[0.0, 0.0, 0.0], [distance, 0.0, 0.0]]), np.array([[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]),
-        np.zeros(2), ("floor", "far wall"), 2,
-    )  # fmt: skip
+    centre, half = [[0.0, 0.0, 0.0], [distance, 0.0, 0.0]], [[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]
+    place = Place.plain(Bricks.upright(np.array(centre), np.array(half), np.zeros(2)), ("floor", "far wall"), 2)
     view = View((64, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, 0.0))
-    sketch = bricks.shown(view)
-    return sketch.channels(bricks, ("far wall",), CODEC)[None], sketch.range
+    sketch = shown(place, view)
+    return sketch.channels(place, ("far wall",), CODEC)[None], sketch.range
 
 
 def test_what_is_expected_of_a_wall_is_a_wall(reader: EnvironmentModel) -> None:
@@ -201,10 +253,9 @@ def test_rooms_are_no_layouts_of_a_data_set_and_leave_space_for_somebody() -> No
         middle = room.seen(view).range[31:33, 31:33]
         assert (middle > 4.0).all(), "somebody stands at 1.2 to 4.3 m"
     one, again, other = (choose_room.__wrapped__(Wanted("office"), view, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.bricks.centre, again.bricks.centre)
-    assert one.bricks.centre.shape != other.bricks.centre.shape or not np.allclose(
-        one.bricks.centre, other.bricks.centre
-    )
+    here, same, elsewhere = (room.place.wholes.centre for room in (one, again, other))
+    np.testing.assert_array_equal(here, same)
+    assert here.shape != elsewhere.shape or not np.allclose(here, elsewhere)
 
 
 def test_rooms_show_what_words_name_and_not_what_they_exclude() -> None:
@@ -213,10 +264,10 @@ def test_rooms_show_what_words_name_and_not_what_they_exclude() -> None:
     for seed in range(12):
         for wanted in (Wanted("living room", ("television",)), Wanted("living room")):
             room = choose_room(wanted, view, seed, anywhere=True)
-            seen = "television" in room.seen(view).kinds(room.bricks)
+            seen = "television" in room.seen(view).kinds(room.place)
             shown, bare = (shown + seen, bare) if wanted.things else (shown, bare + seen)
         room = choose_room(Wanted("living room", (), ("television",)), view, seed, anywhere=True)
-        without += "television" in room.seen(view).kinds(room.bricks)
+        without += "television" in room.seen(view).kinds(room.place)
     assert shown > bare + 2
     assert without < max(bare, 1)
 
