@@ -166,7 +166,7 @@ class Actor(scene_actor.Actor):
         seed: int = 0,
         body: Rig | Phenotype | None = None,
         frame_rate: float | None = None,
-        up: str = "z",
+        up: str | None = None,
         index: int = 0,
         position: ArrayLike | None = None,
         orientation: ArrayLike | None = None,
@@ -183,7 +183,8 @@ class Actor(scene_actor.Actor):
             body: the body that performs a motion; not used for meshes, which are bodies themselves.
             frame_rate: frames per second of a folder of meshes [Hz], needed there; or at which an animation is sampled
                 [Hz], 30 unless given; not for motions.
-            up: up axis of the `.npz` clip's world, "z" (AMASS) or "y".
+            up: up axis of the world of an `.npz` or `.bvh` clip, "z" or "y"; None is z for the first, as AMASS has it,
+                and what people stand along in the other.
             index: which motion of a file with several (MDM's `results.npy`, animations of a GLB file).
             position, orientation, material, name, radar: as in :meth:`from_prompt`, without a prompt.
 

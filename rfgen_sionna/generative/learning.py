@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from dataclasses import Field, asdict, fields
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -146,6 +147,17 @@ def write(path: Path, state: dict[str, Any]) -> None:
     partial = path.with_suffix(".part")
     torch.save(state, partial)
     partial.replace(path)
+
+
+def fingerprint(net: torch.nn.Module | None) -> str:
+    """Tells the weights of one network from those of another; empty for none."""
+    if net is None:
+        return ""
+    told = sha256()
+    for name, values in sorted(net.state_dict().items()):
+        told.update(name.encode())
+        told.update(values.detach().cpu().double().numpy().tobytes())
+    return told.hexdigest()[:16]
 
 
 def resume(path: Path, recipe: Any) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def motion_source(name: str) -> MotionSource:
         source = DiffusionSource()
         _ = source.model
         return source
-    raise ValueError(f"motion: {name!r}; allowed are 'kinematic' and 'diffusion'")
+    raise ValueError(f"motion: {name!r}; allowed are 'kinematic', 'diffusion' and 'auto'")
 
 
 def read_prompt(

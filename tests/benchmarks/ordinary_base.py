@@ -6,8 +6,7 @@ The embedded model's network on ordinary pictures, for the examination of RF LoR
         --lora-steps 250 --lora-convolutions
 
 No pictures of others are needed: dead leaves (discs that cover each other, with sizes of a power law) have the edges,
-the spectra and the marginals of photographs (Lee, Mumford and Huang, "Occlusion Models for Natural Images", 2001). As
-photographs do, they differ in contrast, colourfulness, sharpness, grain, and in how near they were taken.
+the spectra and the marginals of photographs (Lee, Mumford and Huang, "Occlusion Models for Natural Images", 2001).
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ import numpy as np
 import torch
 import typer
 from diffusers.models.attention_processor import AttnProcessor
-from scipy.ndimage import gaussian_filter
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.forward import even_loss
@@ -34,8 +32,6 @@ from rfgen_sionna.records import FloatArray
 _EDGE = 64
 _SMALLEST, _LARGEST = 2.0, 40.0
 """Radii of discs [pixels]; their number falls with the cube of it."""
-_NEAREST = 8.0
-"""How much nearer the nearest pictures are taken than the farthest."""
 _DISCS = 400
 
 
@@ -54,21 +50,17 @@ class Recipe:
 def dead_leaves(rng: np.random.Generator) -> FloatArray:
     """(3, 64, 64) colours in −1 … 1."""
     share = rng.uniform(size=_DISCS)
-    smallest = _SMALLEST * np.exp(rng.uniform(0.0, np.log(_NEAREST)))
     # the inverse of the share of discs up to a radius r whose density falls as r^-3
-    radius = (smallest**-2 + share * (_LARGEST**-2 - smallest**-2)) ** -0.5
+    radius = (_SMALLEST**-2 + share * (_LARGEST**-2 - _SMALLEST**-2)) ** -0.5
     place = rng.uniform(-_LARGEST, _EDGE + _LARGEST, (_DISCS, 2))
     row, column = np.mgrid[:_EDGE, :_EDGE]
     inside = (row - place[:, 0, None, None]) ** 2 + (column - place[:, 1, None, None]) ** 2 < radius[:, None, None] ** 2
     first = inside.argmax(axis=0)
     # those of one picture belong together
-    grey, hue = rng.normal(0.0, 0.35, (_DISCS, 1)), rng.normal(0.0, 0.35 * rng.uniform(), (_DISCS, 3))
-    colours = rng.uniform(-0.7, 0.7, 3) + np.exp(rng.uniform(np.log(0.15), 0.0)) * (grey + hue)
-    # each leaf has a shade of its own, from one side to the other
-    slope = rng.normal(0.0, 0.3 * rng.uniform(), (2, _DISCS)) / _EDGE
-    shade = slope[0][first] * row + slope[1][first] * column
-    picture = gaussian_filter(np.moveaxis(colours[first], -1, 0) + shade, (0.0, *[rng.uniform(0.0, 1.5)] * 2))
-    return np.clip(picture + rng.normal(0.0, 0.02 * rng.uniform(), picture.shape), -1.0, 1.0)
+    colours = np.clip(rng.normal(rng.uniform(-0.5, 0.5, 3), 0.35, (_DISCS, 3)), -1.0, 1.0)
+    shade = rng.normal(0.0, 0.3, 2) @ np.stack([row, column]).reshape(2, -1) / _EDGE
+    picture = np.moveaxis(colours[first], -1, 0) + shade.reshape(_EDGE, _EDGE)
+    return np.clip(picture + rng.normal(0.0, 0.02, picture.shape), -1.0, 1.0)
 
 
 def some_view(rng: np.random.Generator) -> ViewFacts:

@@ -28,15 +28,15 @@ def main(
     out: Out,
     mocap: Mocap = None,
     model: Annotated[Path | None, typer.Option(help="Model file; none: the one that ships.")] = None,
-    seeds: Annotated[int, typer.Option(help="How many seeds.")] = 3,
-    each: Annotated[int, typer.Option(help="Motions of each action and seed.")] = 12,
-    clips: Annotated[int, typer.Option(help="Clips of each action in the training set.")] = 300,
-    steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
-    guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
+    seeds: Annotated[int, typer.Option(min=1, help="How many seeds.")] = 3,
+    each: Annotated[int, typer.Option(min=2, help="Motions of each action and seed.")] = 12,
+    clips: Annotated[int, typer.Option(min=2, help="Clips of each action in the training set.")] = 300,
+    steps: Annotated[int, typer.Option(min=2, max=200, help="Steps of the sampler.")] = Sampler.steps,
+    guidance: Annotated[float, typer.Option(min=0.0, max=10.0, help="Guidance of the sampler.")] = Sampler.guidance,
     refine: Annotated[
-        float, typer.Option(help="Noise level from which drafts are made anew; 0: from noise only.")
+        float, typer.Option(min=0.0, max=1.0, help="Noise level from which drafts are made anew; 0: from noise only.")
     ] = REFINED,
-    workers: Annotated[int, typer.Option(help="Processes that synthesise clips.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that synthesise clips.")] = 1,
 ) -> None:
     """Examine a motion model and write figures and pictures."""
     out.mkdir(parents=True, exist_ok=True)

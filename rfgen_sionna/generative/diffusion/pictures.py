@@ -124,7 +124,7 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
     mocap: Annotated[Path | None, typer.Option(help="Folder of the mocap pack; none: no captured column.")] = None,
     model: Annotated[Path | None, typer.Option(help="Model file; none: the one that ships.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the motions.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the motions.")] = 0,
 ) -> None:
     """Draw stick figures of seven prompts, and write the captured motions beside them."""
     out.mkdir(parents=True, exist_ok=True)

@@ -17,12 +17,13 @@ from rfgen_sionna.generative.diffusion.control import Keep, hold, on_grid
 from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
+from rfgen_sionna.generative.diffusion.inpainting import LATEST, drafted_around, moved_back
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.paths import LONGER, along, onto_way, pace, way
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
-from rfgen_sionna.generative.diffusion.stage import put_back, settled, turning
+from rfgen_sionna.generative.diffusion.stage import calmed, put_back, settled, turning
 from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.threads import threads_for
@@ -140,7 +141,8 @@ class DiffusionSource:
             skeleton: of the person; None for a mean adult.
             speed: factor on the usual pace of a repeated action.
             rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
-            keep: given poses or parts of the body, in the result's own place and time.
+            keep: given poses or parts of the body, in the result's own place and time; where there is a draft, it is
+                laid around them.
             path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
                 to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
             action: what the words are known to mean, one of the model's actions; None leaves that to the model.
@@ -213,7 +215,7 @@ class DiffusionSource:
             frames = frames if keeps else int(np.ceil(LONGER * duration * FRAME_RATE)) + 1
         with threads_for(len(prompts)):
             free = not keeps
-            legs = None
+            legs = untouched = None
             readings = [
                 self._settled(self._meaning(prompt, action, arms, path is not None), seed, negative, drawn=free)
                 for prompt, seed in zip(prompts, seeds, strict=True)
@@ -222,7 +224,7 @@ class DiffusionSource:
             lent = [k for k, said in enumerate(readings) if said.arms and said.action != "walk"]
             asked = [meant(said, said.action, "") if k in lent else said for k, said in enumerate(readings)]
             asked += [meant(readings[k], readings[k].arms, "") for k in lent]
-            drafted = free and rhythm and self.refine is not None
+            drafted = rhythm and self.refine is not None
             wishes = [
                 self._wish(said, seed, negative, frames, speed, rhythm, drafted=drafted)
                 for said, seed in zip(asked, [*seeds, *(seeds[k] for k in lent)], strict=True)
@@ -230,16 +232,20 @@ class DiffusionSource:
             if not free:
                 size = min(max(frames, SHORTEST), LONGEST)
                 known, given = hold(keeps, self.model.hands, size)
-                wishes = [replace(w, known=known, given=given) for w in wishes]
-                legs = np.zeros(frames, bool)
+                wishes, begun = drafted_around(self.model, self.sampler, wishes, known, given)
+                legs, untouched = np.zeros(frames, bool), np.ones(frames, bool)
                 legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
+                untouched[:size] = (given[:frames] != 1.0).all(axis=1)
             out = []
-            made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
+            strength = self.refine or (1.0 if free else REFINED)
+            made = in_stretches(self.model, self.sampler, wishes, frames, strength)
+            if not free:
+                made = [moved_back(rows, first) for rows, first in zip(made, begun, strict=True)]
             for k, rows in zip(lent, made[len(prompts) :], strict=True):
                 said = readings[k]
                 made[k] = replace_parts(made[k], rows, arms_of(said.arms, working_hand(said.arms, said.hand, seeds[k])))
             for said, wish, prompt, features in zip(readings, wishes, prompts, made, strict=False):
-                rows = settled(turning(features)) if free else features
+                rows = settled(calmed(turning(features))) if free else calmed(features, untouched)
                 motion = finish(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, bend=bend)
                 if said.hand == "both":
                     hand = working_hand(said.arms or said.action, "", wish.seed)
@@ -262,7 +268,7 @@ class DiffusionSource:
         Args:
             draft: any motion with the body's joints, at most 8 s.
             prompt: what it shows.
-            strength: noise level from which it is made anew; under 0.85 hardly anything changes, 1 keeps nothing.
+            strength: noise level from which it is made anew; under 0.85 hardly anything changes, 1 keeps the way alone.
             seed: of the variation.
             negative: what it must not be.
             skeleton: of the person; None for a mean adult.
@@ -350,7 +356,7 @@ class DiffusionSource:
         wish = Wish(words, seed, negative, beat, action=action, source=manner)
         if not drafted or manner != "kinematic":
             return wish
-        size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + SPARE
+        size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + max(SPARE, LATEST)
         rows = draft_of(
             (action, arms) if arms else (action,),
             size,

@@ -1,18 +1,37 @@
-"""Where a made motion takes place on the floor, and which way it turns there."""
+"""Where a made motion takes place on the floor, which way it turns there, and how fast anything of it may be."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter1d
 
-from rfgen_sionna.generative.diffusion.features import PLACES, TURN, heading, turned
+from rfgen_sionna.generative.diffusion.features import (
+    CONTACTS,
+    LOCAL,
+    PLACES,
+    TURN,
+    from_six,
+    heading,
+    joint_positions,
+    turned,
+)
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 from rfgen_sionna.records import FloatArray
 
 _FASTEST = 9.0
 """Rate of turning beyond which the pelvis flips rather than turns [rad/s]: brisk about-turns take half a second."""
 _TURNS = (0.1, 0.15, 0.2, 0.3, 0.4)
 """Times over which flips are spread, the shortest that does [s]."""
+_SWIFTEST = 9.0
+"""Speed of a joint beyond which it jumps rather than moves [m/s]: feet of runners and hands of boxers get there."""
+_WHIRL = 20.0
+"""The same for the turning of a joint against the one before it [rad/s]."""
+_SPREAD = (*_TURNS, 0.6, 0.8)
+"""Times over which jumps are spread [s]."""
+_EASE = 0.15
+"""Time in which what is calmed goes over into given poses, which stay as they are [s]."""
 
 
 def settled(rows: FloatArray) -> FloatArray:
@@ -60,6 +79,54 @@ def turning(rows: FloatArray) -> FloatArray:
         x, y = vectors[..., 0], vectors[..., 1]
         out[:, part] = np.stack([c * x - s * y, s * x + c * y, vectors[..., 2]], axis=-1).reshape(len(rows), -1)
     return out
+
+
+def calmed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> FloatArray:
+    """Feature rows in which nothing moves faster than people can: what jumps from one pose to the next is spread.
+
+    Args:
+        rows: in their own units.
+        free: (frame,) rows that may change; None: all.
+    """
+    out = rows
+    turns = slice(TURN.start, LOCAL.stop)
+    others = np.setdiff1d(
+        np.arange(rows.shape[1]), [*range(turns.start, turns.stop), *range(CONTACTS.start, CONTACTS.stop)]
+    )
+    quaternions = to_quaternions(from_six(rows[:, turns].reshape(len(rows), -1, 6)))
+    may = np.ones(len(rows))
+    if free is not None and not free.all():
+        may = np.clip(distance_transform_edt(free) / (_EASE * FRAME_RATE), 0.0, 1.0)
+    for width in _SPREAD:
+        fast = _jumps(out) & (may > 0.0)
+        if not fast.any():
+            break
+        reach = round(3.0 * width * FRAME_RATE)
+        share = maximum_filter1d(fast.astype(np.float64), 2 * reach + 1)
+        share = may * gaussian_filter1d(share, 0.3 * reach, mode="nearest")
+        out = rows.copy()
+        for values, columns in ((rows[:, others], others), (quaternions, turns)):
+            even = gaussian_filter1d(values, width * FRAME_RATE, axis=0, mode="nearest")
+            new = values + share.reshape(-1, *[1] * (values.ndim - 1)) * (even - values)
+            new = new if columns is others else _to_six(new)
+            out[:, columns] = np.where(share[:, None] > 0.0, new, rows[:, columns])
+    return out
+
+
+def _to_six(quaternions: FloatArray) -> FloatArray:
+    """(frame, 6 joint) columns of (frame, joint, 4) quaternions of any length."""
+    return np.swapaxes(to_matrices(quaternions)[..., :2], -1, -2).reshape(len(quaternions), -1)
+
+
+def _jumps(rows: FloatArray) -> NDArray[np.bool_]:
+    """(frame,) where a joint moves or turns faster than people can, to the next row or from the last one."""
+    speed = np.linalg.norm(np.diff(joint_positions(rows), axis=0), axis=-1) * FRAME_RATE
+    six = rows[:, TURN.start : LOCAL.stop].reshape(len(rows), -1, 6)
+    turn = from_six(six)
+    cosine = 0.5 * (np.einsum("fjkl,fjkl->fj", turn[1:], turn[:-1]) - 1.0)
+    rate = np.arccos(np.clip(cosine, -1.0, 1.0)) * FRAME_RATE
+    fast = (speed > _SWIFTEST).any(axis=1) | (rate > _WHIRL).any(axis=1)
+    return np.concatenate([fast, [False]]) | np.concatenate([[False], fast])
 
 
 def put_back(rows: FloatArray, where: FloatArray) -> FloatArray:

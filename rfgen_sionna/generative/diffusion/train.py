@@ -89,14 +89,14 @@ def sentence_encoder(out: Path, corpus: Corpus, *, steps: int, seed: int, bar: P
 def main(
     out: Out,
     mocap: Mocap = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything.")] = 0,
     steps: Annotated[
-        int, typer.Option(help="Optimiser steps; more or fewer may be asked for when going on.")
+        int, typer.Option(min=1, help="Optimiser steps; more or fewer may be asked for when going on.")
     ] = Recipe.steps,
-    clips: Annotated[int, typer.Option(help="Synthesised clips of each action.")] = 300,
-    text_steps: Annotated[int, typer.Option(help="Optimiser steps of the sentence encoder.")] = 1500,
-    workers: Annotated[int, typer.Option(help="Processes that synthesise clips.")] = 2,
-    threads: Annotated[int, typer.Option(help="Threads of the optimiser.")] = 2,
+    clips: Annotated[int, typer.Option(min=2, help="Synthesised clips of each action.")] = 300,
+    text_steps: Annotated[int, typer.Option(min=1, help="Optimiser steps of the sentence encoder.")] = 1500,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that synthesise clips.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the optimiser.")] = 2,
 ) -> None:
     """Train the motion model, or go on with it."""
     import torch

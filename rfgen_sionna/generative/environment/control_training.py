@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
 from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
 from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, new_control, write_control
 from rfgen_sionna.generative.environment.training import draw_batch
-from rfgen_sionna.generative.learning import Progress, Run, precision
+from rfgen_sionna.generative.learning import Progress, Run, fingerprint, precision
 
 if TYPE_CHECKING:
     from diffusers import ControlNetModel
@@ -41,6 +41,8 @@ class ControlRecipe:
     """Share of the images that are complete already and must stay as they are."""
     started: float = 0.5
     """Share of the noisy images that are made from the incomplete image, as image-to-image starts from it."""
+    begun: str = ""
+    """Fingerprint of the ControlNet that training begins with."""
 
 
 def condition_of(channels: np.ndarray) -> Tensor:
@@ -72,8 +74,9 @@ def train_control(
         progress: called with (step, steps, running mean of the loss).
 
     Raises:
-        ValueError: `corpus` has no pairs, or `out` holds a checkpoint of another recipe.
+        ValueError: `corpus` has no pairs, or `out` holds a checkpoint of another recipe or of another start.
     """
+    recipe = replace(recipe, begun=fingerprint(start))
     latents, given_latents = corpus.latents(model.vae), corpus.latents(model.vae, incomplete=True)
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)

@@ -29,15 +29,15 @@ def main(
     data: Annotated[Path, typer.Option(help="Folder of rendered pairs (… environment.render makes them).")],
     out: Annotated[Path, typer.Option(help="Folder for checkpoints and the result.")],
     base: Annotated[Path | None, typer.Option(help="Base model; none: the one that ships.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything.")] = 0,
     steps: Annotated[
-        int, typer.Option(help="Optimiser steps; more or fewer may be asked for when going on.")
+        int, typer.Option(min=1, help="Optimiser steps; more or fewer may be asked for when going on.")
     ] = ControlRecipe.steps,
-    items: Annotated[int, typer.Option(help="Pairs a step.")] = ControlRecipe.items,
-    rate: Annotated[float, typer.Option(help="Learning rate.")] = ControlRecipe.rate,
+    items: Annotated[int, typer.Option(min=1, help="Pairs a step.")] = ControlRecipe.items,
+    rate: Annotated[float, typer.Option(min=0.0, help="Learning rate.")] = ControlRecipe.rate,
     start: Annotated[Path | None, typer.Option(help="A trained ControlNet to begin with.")] = None,
     device: Device = "cpu",
-    threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads on the CPU.")] = 2,
 ) -> None:
     """Train the ControlNet, or go on with it."""
     import torch

@@ -61,26 +61,26 @@ def main(
     control: Annotated[Path | None, typer.Option(help="ControlNet; none: the one beside the model.")] = None,
     lora_base: Annotated[Path | None, typer.Option(help="Model that has not seen --lora-place.")] = None,
     lora_place: Annotated[str, typer.Option(help="That place.")] = "garage",
-    lora_steps: Annotated[int, typer.Option(help="Optimiser steps of that RF LoRA.")] = LoraRecipe.steps,
-    lora_rank: Annotated[int, typer.Option(help="Rank of that RF LoRA.")] = LoraRecipe.rank,
+    lora_steps: Annotated[int, typer.Option(min=1, help="Optimiser steps of that RF LoRA.")] = LoraRecipe.steps,
+    lora_rank: Annotated[int, typer.Option(min=1, help="Rank of that RF LoRA.")] = LoraRecipe.rank,
     lora_convolutions: Annotated[bool, typer.Option(help="Whether it adapts convolutions too.")] = False,
     lora_rate: Annotated[
         list[float] | None, typer.Option(help="Its learning rates; the best on the validation split counts.")
     ] = None,
-    seeds: Annotated[int, typer.Option(help="How many seeds.")] = 3,
-    each: Annotated[int, typer.Option(help="Views of each place, half and seed: whole layouts.")] = 24,
-    view_count: Annotated[int, typer.Option(help="Environments of which several views are compared.")] = 16,
-    pair_count: Annotated[int, typer.Option(help="Pairs on which path diffusion is examined.")] = 150,
-    strength: Annotated[float, typer.Option(help="Strength of path diffusion.")] = 1.0,
-    steps: Annotated[int, typer.Option(help="Steps of the sampler.")] = Sampler.steps,
-    guidance: Annotated[float, typer.Option(help="Guidance of the sampler.")] = Sampler.guidance,
+    seeds: Annotated[int, typer.Option(min=0, help="How many seeds.")] = 3,
+    each: Annotated[int, typer.Option(min=1, help="Views of each place, half and seed: whole layouts.")] = 24,
+    view_count: Annotated[int, typer.Option(min=0, help="Environments of which several views are compared.")] = 16,
+    pair_count: Annotated[int, typer.Option(min=1, help="Pairs on which path diffusion is examined.")] = 150,
+    strength: Annotated[float, typer.Option(min=0.0, max=1.0, help="Strength of path diffusion.")] = 1.0,
+    steps: Annotated[int, typer.Option(min=1, max=1000, help="Steps of the sampler.")] = Sampler.steps,
+    guidance: Annotated[float, typer.Option(min=1.0, max=20.0, help="Guidance of the sampler.")] = Sampler.guidance,
     sketched: Annotated[
         bool, typer.Option("--sketched/--words-alone", help="Draw over sketches, or from words alone.")
     ] = True,
     split: Annotated[str, typer.Option(help="test; or validation, to choose settings with.")] = "test",
-    judge_steps: Annotated[int, typer.Option(help="Optimiser steps of the judge.")] = 2500,
+    judge_steps: Annotated[int, typer.Option(min=1, help="Optimiser steps of the judge.")] = 2500,
     half: Annotated[bool, typer.Option(help="Draw in half precision.")] = False,
-    threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads on the CPU.")] = 2,
 ) -> None:
     """Examine the models and write figures and a picture."""
     torch.set_num_threads(threads)

@@ -33,20 +33,22 @@ def main(
     place: Annotated[
         list[str] | None, typer.Option(help="Places to learn; none: all. May be given several times.")
     ] = None,
-    frames: Annotated[int, typer.Option(help="Views to learn from.")] = LoraRecipe.frames,
-    steps: Annotated[int, typer.Option(help="Optimiser steps.")] = LoraRecipe.steps,
-    items: Annotated[int, typer.Option(help="Views a step.")] = LoraRecipe.items,
+    frames: Annotated[int, typer.Option(min=1, help="Views to learn from.")] = LoraRecipe.frames,
+    steps: Annotated[int, typer.Option(min=1, help="Optimiser steps.")] = LoraRecipe.steps,
+    items: Annotated[int, typer.Option(min=1, help="Views a step.")] = LoraRecipe.items,
     rate: Annotated[
         list[float] | None, typer.Option(help="Learning rate; several are tried and the best is kept.")
     ] = None,
-    rank: Annotated[int, typer.Option(help="Rank of the additions.")] = LoraRecipe.rank,
+    rank: Annotated[int, typer.Option(min=1, help="Rank of the additions.")] = LoraRecipe.rank,
     convolutions: Annotated[bool, typer.Option(help="Adapt convolutions too.")] = False,
     text_encoder: Annotated[bool, typer.Option(help="Adapt the text encoder too (Stable Diffusion).")] = False,
     word: Annotated[str, typer.Option(help="Word that prompts shall begin with.")] = "",
-    edge: Annotated[int | None, typer.Option(help="Edge of the pictures [pixels]; none: the base's own.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything.")] = 0,
+    edge: Annotated[
+        int | None, typer.Option(min=8, help="Edge of the pictures [pixels]; none: the base's own.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything.")] = 0,
     device: Annotated[str | None, typer.Option(help="cpu, cuda, …; none: CUDA where there is one.")] = None,
-    threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads on the CPU.")] = 2,
 ) -> None:
     """Train an RF LoRA, or go on with it."""
     import torch

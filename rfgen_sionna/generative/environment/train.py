@@ -83,19 +83,21 @@ def main(
         Path | None,
         typer.Option(help="A trained model to begin with; its autoencoder and sentence encoder are kept."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything.")] = 0,
     steps: Annotated[
-        int, typer.Option(help="Optimiser steps; more or fewer may be asked for when going on.")
+        int, typer.Option(min=1, help="Optimiser steps; more or fewer may be asked for when going on.")
     ] = Recipe.steps,
-    items: Annotated[int, typer.Option(help="Images a step.")] = Recipe.items,
-    rate: Annotated[float, typer.Option(help="Learning rate.")] = Recipe.rate,
-    average: Annotated[float, typer.Option(help="Decay of the running mean of the weights.")] = Recipe.average,
+    items: Annotated[int, typer.Option(min=1, help="Images a step.")] = Recipe.items,
+    rate: Annotated[float, typer.Option(min=0.0, help="Learning rate.")] = Recipe.rate,
+    average: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Decay of the running mean of the weights.")
+    ] = Recipe.average,
     later: Annotated[str, typer.Option(help="A place that is shown only from step --later-from on.")] = "",
-    later_from: Annotated[int, typer.Option(help="That step.")] = 0,
-    text_steps: Annotated[int, typer.Option(help="Optimiser steps of the sentence encoder.")] = 500,
-    latents: Annotated[int, typer.Option(help="Components kept of each patch of 4 x 4 pixels.")] = 32,
+    later_from: Annotated[int, typer.Option(min=0, help="That step.")] = 0,
+    text_steps: Annotated[int, typer.Option(min=1, help="Optimiser steps of the sentence encoder.")] = 500,
+    latents: Annotated[int, typer.Option(min=1, max=48, help="Components kept of each patch of 4 x 4 pixels.")] = 32,
     device: Device = "cpu",
-    threads: Annotated[int, typer.Option(help="Threads of the optimiser on the CPU.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the optimiser on the CPU.")] = 2,
     compiled: Annotated[
         bool, typer.Option("--compile/--no-compile", help="Compile the network: quicker, and needs a C++ compiler.")
     ] = False,

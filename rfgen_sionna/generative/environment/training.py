@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from rfgen_sionna.generative.environment.geometry import KINDS
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, Shape, write_model
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.text import PlaceEncoder
-from rfgen_sionna.generative.learning import Progress, Run, precision
+from rfgen_sionna.generative.learning import Progress, Run, fingerprint, precision
 from rfgen_sionna.pir.codec import PirCodec
 
 WITHOUT_FILE = "without-later.safetensors"
@@ -50,6 +50,8 @@ class Recipe:
     """A place that isn't shown before step `later_from`; the model of that moment is kept too, so that an RF LoRA can
     be examined on a place that its base has never seen."""
     later_from: int = 0
+    begun: str = ""
+    """Fingerprint of the network that training begins with."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,11 @@ def train(
         the file with the model.
 
     Raises:
-        ValueError: `out` holds a checkpoint of another recipe, or its later place isn't in the corpus.
+        ValueError: `out` holds a checkpoint of another recipe or start, or its later place isn't in the corpus.
     """
     if recipe.later and recipe.later not in corpus.names:
         raise ValueError(f"later: {recipe.later!r}; the data set has {', '.join(corpus.names)}")
+    recipe = replace(recipe, begun=fingerprint(None if start is None else start.unet))
     shape, codec = shape or Shape(latents=vae.config.latent_channels), codec or PirCodec()
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)

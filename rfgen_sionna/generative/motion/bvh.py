@@ -18,7 +18,7 @@ _NAMES: tuple[tuple[str, str], ...] = (
     ("hip", r"(?:thigh|upleg|upperleg|hipjoint|hip)$"),
     ("knee", r"(?:shin|calf|leg|lowleg|lowerleg|knee)$"),
     ("ankle", r"(?:foot|ankle)$"),
-    ("foot", r"(?:toe|toebase|toes|ball|toeend)$"),
+    ("foot", r"(?:toe|toe0|toebase|toes|ball|toeend)$"),
     ("collar", r"(?:collar|clavicle|shoulder)$"),
     ("shoulder", r"(?:arm|upperarm|uparm|shldr)$"),
     ("elbow", r"(?:forearm|lowarm|lowerarm|elbow)$"),
@@ -32,6 +32,12 @@ _TRUNK = {
     "neck": r"(?:neck|neck1)$",
     "head": r"(?:head)$",
 }
+_PREFIX = re.compile(r"^(?:bip\d*|mixamorig\d*|bone)[ _.-]+")
+"""What programs put before every name."""
+_SUFFIX = re.compile(r"^(.*\D)[ _.-](l|r|left|right)$")
+"""A side after the name, as Unreal and Blender have it."""
+_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Rows times this: from z up to y up."""
 
 
 @dataclass
@@ -42,8 +48,8 @@ class _Node:
     channels: list[str] = field(default_factory=list)
 
 
-def load_bvh(path: Path, *, unit: float | None = None, action: str = "") -> Motion:
-    """Read a BVH file, y up, onto the mean adult.
+def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, action: str = "") -> Motion:
+    """Read a BVH file onto the mean adult.
 
     The joints' positions are taken over, whatever the file's rest pose: hands and the twist of straight limbs stay at
     rest.
@@ -52,6 +58,7 @@ def load_bvh(path: Path, *, unit: float | None = None, action: str = "") -> Moti
         path: the file.
         unit: length of the file's unit [m]; None takes the one among m, dm, inch, cm and mm with which legs have about
             a human's length.
+        up: up axis of the file's world, "y" or "z"; None takes the one along which heads are over hips, on average.
         action: label.
 
     Raises:
@@ -62,6 +69,10 @@ def load_bvh(path: Path, *, unit: float | None = None, action: str = "") -> Moti
         raise FileNotFoundError(f"no motion file {path}")
     nodes, frames, rate = _parse(path.name, path.read_text(encoding="utf-8", errors="replace"))
     places = _positions(nodes, frames)
+    if up is None:
+        up = _upright(places, _found(path.name, nodes))
+    if up == "z":
+        places = places @ _Z_UP
     positions = _ours(path.name, nodes, places)
     legs = sum(
         float(np.median(np.linalg.norm(positions[:, JOINT[f"left_{b}"]] - positions[:, JOINT[f"left_{a}"]], axis=-1)))
@@ -76,6 +87,8 @@ def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
     head, found, rest = text.partition("MOTION")
     if "HIERARCHY" not in head or not found:
         raise ClipError(f"{name}: not a BVH file; HIERARCHY or MOTION is missing")
+    # names may have blanks: "Bip01 L Thigh"
+    head = re.sub(r"\b(ROOT|JOINT)[ \t]+([^\n\r{]+)", lambda m: f"{m[1]} {'_'.join(m[2].split())} ", head)
     try:
         nodes = _nodes(head.split())
     except (ValueError, IndexError, StopIteration, RuntimeError) as error:
@@ -149,37 +162,45 @@ def _side(word: str) -> str:
     return "right" if re.match(r"(?:right|r(?!oot))", word) else ""
 
 
-def _ours(name: str, nodes: list[_Node], places: FloatArray) -> FloatArray:
-    """(frame, 22, 3) positions of our joints."""
-    plain = [re.sub(r"[^a-z0-9]", "", n.name.split(":")[-1].lower()) for n in nodes]
+def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
+    """Our joint -> the file's node.
+
+    Raises:
+        ClipError: a joint that is needed is not recognised.
+    """
+    words = [_SUFFIX.sub(r"\2\1", _PREFIX.sub("", n.name.split(":")[-1].lower())) for n in nodes]
+    plain = [re.sub(r"[^a-z0-9]", "", word) for word in words]
+    limbs = [
+        (k, side, re.sub(r"^(?:left|right|l|r)", "", word))
+        for k, word in enumerate(plain)
+        if (side := _side(word)) and not nodes[k].name.endswith("_end")
+    ]
+    exact = {(side, bare) for _, side, bare in limbs}
     found: dict[str, int] = {}
-    for k, word in enumerate(plain):
-        if nodes[k].name.endswith("_end"):
+    for k, side, bare in limbs:
+        if bare == "hand" and (side, "wrist") in exact:
+            continue  # as SMPL has them: the hand hangs on the wrist, and the foot on the ankle
+        if bare == "foot" and (side, "ankle") in exact:
+            found[f"{side}_foot"] = k
             continue
-        side = (
-            "left"
-            if re.match(r"(?:left|l(?!ow|eg))", word)
-            else "right"
-            if re.match(r"(?:right|r(?!oot))", word)
-            else ""
-        )
-        if side:
-            bare = re.sub(r"^(?:left|right|l|r)", "", word)
-            for ours, pattern in _NAMES:
-                if re.match(pattern, bare):
-                    # where a file has "LeftHip" and "LeftUpLeg" or two collars, the later one is the joint that swings
-                    found[f"{side}_{ours}"] = k
-                    break
-        else:
-            for ours, pattern in _TRUNK.items():
-                if re.match(pattern, word) and (ours == "spine3" or ours not in found):
-                    found[ours] = k
-                    break
+        for ours, pattern in _NAMES:
+            if re.match(pattern, bare):
+                # where a file has "LeftHip" and "LeftUpLeg" or two collars, the later one is the joint that swings
+                found[f"{side}_{ours}"] = k
+                break
+    for k, word in enumerate(plain):
+        if _side(word) or nodes[k].name.endswith("_end"):
+            continue
+        for ours, pattern in _TRUNK.items():
+            if re.match(pattern, word) and (ours == "spine3" or ours not in found):
+                found[ours] = k
+                break
+    if "pelvis" not in found and nodes[0].channels:
+        found["pelvis"] = 0  # 3ds Max calls its root by the figure's name
     for side in ("left", "right"):
         # "shoulder" may be the collar or the joint of the upper arm: with an upper arm it is the collar
         if f"{side}_shoulder" not in found and f"{side}_collar" in found:
             found[f"{side}_shoulder"] = found.pop(f"{side}_collar")
-    out = np.empty((len(places), NUM_BODY_JOINTS, 3))
     needed = ["pelvis", "head", *(f"{s}_{j}" for s in ("left", "right") for j in
               ("hip", "knee", "ankle", "shoulder", "elbow", "wrist"))]  # fmt: skip
     missing = [j for j in needed if j not in found]
@@ -187,6 +208,21 @@ def _ours(name: str, nodes: list[_Node], places: FloatArray) -> FloatArray:
         raise ClipError(
             f"{name}: no joint that is recognised as {', '.join(missing)}; it has {', '.join(n.name for n in nodes)}"
         )
+    return found
+
+
+def _upright(places: FloatArray, found: dict[str, int]) -> str:
+    """The axis, of y and z, along which the head is over the hips on average; y where neither is."""
+    hips = 0.5 * (places[:, found["left_hip"]] + places[:, found["right_hip"]])
+    spine = places[:, found["head"]] - hips
+    mean = np.mean(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12), axis=0)
+    return "z" if mean[2] > max(abs(mean[1]), 0.5) else "y"
+
+
+def _ours(name: str, nodes: list[_Node], places: FloatArray) -> FloatArray:
+    """(frame, 22, 3) positions of our joints, y up."""
+    found = _found(name, nodes)
+    out = np.empty((len(places), NUM_BODY_JOINTS, 3))
     for joint, k in found.items():
         out[:, JOINT[joint]] = places[:, k]
     hips = 0.5 * (out[:, JOINT["left_hip"]] + out[:, JOINT["right_hip"]])

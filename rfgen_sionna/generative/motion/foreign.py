@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import io
+import logging
 import pickle
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.motion.from_positions import motion_from_positions
 from rfgen_sionna.generative.motion.loaders import ClipError, load_motion
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.records import FloatArray, Motion
 
+_LOG = logging.getLogger(__name__)
 MOTION_SUFFIXES = (".npz", ".npy", ".bvh")
 HUMANML_RATE = 20.0
 """Poses per second of HumanML3D and of MDM's results [Hz]."""
 _LONGER = 0.3
 """Relative standard deviation of a bone's length over time from which positions are those of no body."""
+_LYING = 0.35
+"""Cosine of the pelvis' tilt under which nobody stands."""
 _AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From y up, facing z, left at +x to ours."""
 _ALLOWED = {
@@ -32,7 +37,7 @@ _ALLOWED = {
 }
 
 
-def load_any_motion(path: str | PathLike[str], *, up: str = "z", index: int = 0, action: str = "") -> Motion:
+def load_any_motion(path: str | PathLike[str], *, up: str | None = None, index: int = 0, action: str = "") -> Motion:
     """A motion from a file, by its ending.
 
     `.npz`: AMASS, SMPL, SMPL-H, SMPL-X parameters. `.npy`: MDM's `results.npy`, HumanML3D features (frame, 263) or
@@ -40,7 +45,8 @@ def load_any_motion(path: str | PathLike[str], *, up: str = "z", index: int = 0,
 
     Args:
         path: the file.
-        up: up axis of an `.npz` clip's world, "z" or "y"; the others say it themselves.
+        up: up axis of the world of an `.npz` or `.bvh` clip, "z" or "y"; None is z for the first, as AMASS has it, and
+            what people stand along in the other. Those of `.npy` have y up.
         index: which motion of a file with several.
         action: label.
 
@@ -51,20 +57,34 @@ def load_any_motion(path: str | PathLike[str], *, up: str = "z", index: int = 0,
     path = Path(path)
     if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
         raise ClipError(f"{path.name}: index {index!r}; a whole number is needed")
+    if up not in (None, "y", "z"):
+        raise ClipError(f"up: {up!r}; allowed are 'y', 'z' and None")
     kind = path.suffix.lower()
     if kind in (".npz", ".bvh"):
         _check_single(path.name, index)
     if kind == ".npz":
-        return load_motion(path, up=up, action=action)
+        motion = load_motion(path, up=up or "z", action=action)
+        _warn_of_lying(path.name, motion, up or "z")
+        return motion
     if not path.is_file():
         raise FileNotFoundError(f"no motion file {path}")
     if kind == ".npy":
+        if up == "z":
+            raise ClipError(f"{path.name}: up 'z'; MDM's and HumanML3D's motions have y up, leave it out")
         return _load_npy(path, index, action)
     if kind == ".bvh":
         from rfgen_sionna.generative.motion.bvh import load_bvh
 
-        return load_bvh(path, action=action)
+        return load_bvh(path, up=up, action=action)
     raise ClipError(f"{path.name}: ending {path.suffix!r}; allowed are .npz, .npy and .bvh")
+
+
+def _warn_of_lying(name: str, motion: Motion, up: str) -> None:
+    """A clip whose world has another axis up lies all the time."""
+    upright = Rotation.from_quat(motion.rotations[:, 0]).as_matrix()[:, 2, 2]
+    if np.quantile(upright, 0.9) < _LYING:
+        other = "y" if up == "z" else "z"
+        _LOG.warning("%s: whoever it is never stands, with %s up; if he should, say up=%r", name, up, other)
 
 
 def positions_of_humanml(features: FloatArray) -> FloatArray:
@@ -120,6 +140,8 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
     _check_single(path.name, index)
     if not isinstance(data, np.ndarray) or data.dtype.kind not in "fiu":
         raise ClipError(f"{path.name}: holds {getattr(data, 'dtype', type(data).__name__)}; allowed are numbers")
+    if not len(data):
+        raise ClipError(f"{path.name}: no frames")
     if data.ndim == 2 and data.shape[1] == 263:
         positions = positions_of_humanml(data)
     elif data.ndim == 3 and data.shape[1:] == (NUM_BODY_JOINTS, 3):
@@ -133,7 +155,7 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
 
 
 def _of_positions(name: str, positions: FloatArray, action: str, prompt: str = "") -> Motion:
-    if not len(positions) or not np.isfinite(positions).all():
+    if not np.size(positions) or not np.isfinite(positions).all():
         raise ClipError(f"{name}: no frames, or values that are not finite")
     _check_bones(name, np.asarray(positions, np.float64))
     return from_y_up(positions, HUMANML_RATE, action, prompt)

@@ -123,12 +123,13 @@ def test_a_pickle_that_could_run_is_refused(tmp_path: Path) -> None:
         load_any_motion(tmp_path / "trap.npy")
 
 
-def bvh(motion: Motion, names: dict[str, str]) -> str:
-    """A BVH file of a motion, in centimetres, y up."""
+def bvh(motion: Motion, names: dict[str, str], up: str = "y") -> str:
+    """A BVH file of a motion, in centimetres."""
     from scipy.spatial.transform import Rotation
 
-    local = _Y_UP @ to_matrices(motion.rotations[:, :NUM_BODY_JOINTS]) @ _Y_UP.T
-    offsets = 100.0 * MEAN_ADULT.offsets[:NUM_BODY_JOINTS] @ _Y_UP.T
+    axes = _Y_UP if up == "y" else np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # it faces -y
+    local = axes @ to_matrices(motion.rotations[:, :NUM_BODY_JOINTS]) @ axes.T
+    offsets = 100.0 * MEAN_ADULT.offsets[:NUM_BODY_JOINTS] @ axes.T
     order: list[int] = []
 
     def node(j: int, depth: int) -> str:
@@ -149,7 +150,7 @@ def bvh(motion: Motion, names: dict[str, str]) -> str:
 
     head = "HIERARCHY\n" + node(0, 0)
     angles = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True).reshape(len(local), -1, 3)
-    rows = np.concatenate([100.0 * motion.translation @ _Y_UP.T, angles[:, order].reshape(len(local), -1)], axis=1)
+    rows = np.concatenate([100.0 * motion.translation @ axes.T, angles[:, order].reshape(len(local), -1)], axis=1)
     body = "\n".join(" ".join(f"{v:.6f}" for v in row) for row in rows)
     return f"{head}MOTION\nFrames: {len(rows)}\nFrame Time: {1.0 / motion.frame_rate}\n{body}\n"
 
@@ -162,10 +163,33 @@ _CMU = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("prefix", ["", "mixamorig:"])
-def test_a_bvh_file_gives_the_limbs_back(tmp_path: Path, prefix: str) -> None:
+def _styled(limbs: str, style: str) -> dict[str, str]:
+    """Names of the limbs' joints as other programs have them; {side} and {joint} in `style`."""
+    joints = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
+    own = {
+        f"{side}_{ours}": style.format(side=side[0], joint=theirs)
+        for side in ("left", "right")
+        for ours, theirs in zip(joints, limbs.split(), strict=True)
+    }
+    return {**{name: f"Bip01 {name.title()}" if "Bip01" in style else name for name in JOINT_NAMES[:22]}, **own}
+
+
+STYLES = {
+    "cmu": _CMU,
+    "mixamo": {ours: f"mixamorig:{theirs}" for ours, theirs in _CMU.items()},
+    "mixamo by others": {ours: f"mixamorig_{theirs}" for ours, theirs in _CMU.items()},
+    "smpl": {},
+    "smpl short": _styled("Hip Knee Ankle Foot Collar Shoulder Elbow Wrist", "{side}_{joint}"),
+    "unreal": _styled("thigh calf foot ball clavicle upperarm lowerarm hand", "{joint}_{side}"),
+    "blender": _styled("thigh shin foot toe shoulder upper_arm forearm hand", "{joint}.{side}"),
+    "3ds max": _styled("Thigh Calf Foot Toe0 Clavicle UpperArm Forearm Hand", "Bip01 {side} {joint}"),
+}
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_a_bvh_file_gives_the_limbs_back(tmp_path: Path, style: str) -> None:
     path = tmp_path / "pick.bvh"
-    path.write_text(bvh(PICK, {ours: prefix + theirs for ours, theirs in _CMU.items()}), encoding="utf-8")
+    path.write_text(bvh(PICK, STYLES[style]), encoding="utf-8")
     motion = load_any_motion(path, action="pick_up")
     assert motion.frame_rate == pytest.approx(20.0)
     made, true = joints(motion), joints(PICK)
@@ -174,6 +198,31 @@ def test_a_bvh_file_gives_the_limbs_back(tmp_path: Path, prefix: str) -> None:
     hands = [JOINT[f"{s}_{j}"] for s in ("left", "right") for j in ("shoulder", "elbow", "wrist")]
     # the trunk is only known to run from hips to shoulders, evenly
     assert np.abs(shape(made[:, hands]) - shape(true[:, hands])).max() < 0.05
+
+
+def test_a_bvh_file_with_z_up_is_the_same_motion(tmp_path: Path) -> None:
+    """Whether it is said or seen."""
+    for up in ("y", "z"):
+        (tmp_path / f"{up}.bvh").write_text(bvh(WALK, _CMU, up=up), encoding="utf-8")
+    one, seen, said = (
+        joints(load_any_motion(tmp_path / f"{up}.bvh", up=told)) for up, told in (("y", None), ("z", None), ("z", "z"))
+    )
+    np.testing.assert_allclose(seen, one, atol=2e-3)
+    np.testing.assert_array_equal(seen, said)
+    with pytest.raises(ClipError, match=r"up: 'x'.*'y', 'z'"):
+        load_any_motion(tmp_path / "y.bvh", up="x")
+    lying = joints(load_any_motion(tmp_path / "z.bvh", up="y"))
+    assert np.ptp(lying[..., 2], axis=1).mean() < 0.7 * np.ptp(one[..., 2], axis=1).mean()
+
+
+def test_a_clip_that_never_stands_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    poses = np.zeros((30, 66))
+    np.savez(tmp_path / "fit.npz", poses=poses, trans=np.zeros((30, 3)), mocap_framerate=30.0)  # SMPL at rest: y up
+    load_any_motion(tmp_path / "fit.npz", up="y")
+    assert "never stands" not in caplog.text
+    load_any_motion(tmp_path / "fit.npz")
+    assert "never stands" in caplog.text
+    assert "up='y'" in caplog.text
 
 
 def test_a_bvh_file_without_arms_or_sense_is_named(tmp_path: Path) -> None:

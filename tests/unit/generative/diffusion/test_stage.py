@@ -1,0 +1,62 @@
+"""What a made motion may do on the floor: it neither whirls nor jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, TURN, encode, joint_positions
+from rfgen_sionna.generative.diffusion.inpainting import LATEST, around
+from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from rfgen_sionna.generative.diffusion.stage import calmed
+from rfgen_sionna.generative.motion import KinematicSource
+from rfgen_sionna.records import FloatArray
+
+
+@pytest.fixture(scope="module")
+def walk() -> FloatArray:
+    """Ten seconds of walking back and forth at 20 Hz."""
+    return encode(KinematicSource(20.0)("walk", 10.0, 1), DiffusionSource().model.hands)
+
+
+def _fastest(rows: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(joint_positions(rows), axis=0), axis=-1).max() * 20.0)
+
+
+def test_what_people_do_is_left_alone(walk: FloatArray) -> None:
+    assert calmed(walk) is walk
+
+
+@pytest.mark.parametrize("turned", [2.0, 3.1])
+def test_a_jump_is_spread(walk: FloatArray, turned: float) -> None:
+    """Somebody who lies from one row to the next: he gets there in a while, and what is far from it stays."""
+    rows = walk[:120].copy()
+    c, s = np.cos(turned), np.sin(turned)
+    tilt = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    rows[60:, TURN] = (rows[60:, TURN].reshape(-1, 2, 3) @ tilt.T).reshape(-1, 6)
+    assert _fastest(rows) > 20.0
+    after = calmed(rows)
+    assert _fastest(after) < 9.0
+    np.testing.assert_allclose(after[:10], rows[:10], atol=1e-6)
+    np.testing.assert_allclose(after[110:], rows[110:], atol=1e-6)
+    given = np.arange(120) < 58
+    held = calmed(rows, ~given)
+    np.testing.assert_array_equal(held[given], rows[given])
+
+
+def test_drafts_go_on_from_given_poses_and_lead_to_them(walk: FloatArray) -> None:
+    """A walk between two stretches of itself elsewhere begins and ends where those are."""
+    known, given = np.zeros((100, NUM_FEATURES)), np.zeros((100, 6))
+    moved = walk[:100].copy()
+    moved[:, :2] += (3.0, -1.0)
+    known[40:60], given[40:60] = moved[40:60], 1.0
+    draft = walk[17 : 17 + 100 + LATEST]
+    rows = around(draft, known, given)
+    assert rows.shape == (100, NUM_FEATURES)
+    np.testing.assert_array_equal(rows[40:60], moved[40:60])
+    for seam in (40, 60):
+        assert np.linalg.norm(rows[seam, :2] - rows[seam - 1, :2]) * 20.0 < 2.0
+        assert np.abs(rows[seam, LOCAL] - rows[seam - 1, LOCAL]).max() < 0.6
+    only_arms = np.zeros((100, 6))
+    only_arms[:, 4] = 1.0
+    np.testing.assert_array_equal(around(draft, known, only_arms), draft[:100])
