@@ -19,10 +19,12 @@ _FLESH = MappingProxyType(
         "pelvis": 0.1, "spine1": 0.1, "spine2": 0.1, "spine3": 0.1, "neck": 0.06, "head": 0.09,
         **{f"{side}_{joint}": size for side in SIDES for joint, size in (
             ("hip", 0.08), ("knee", 0.05), ("shoulder", 0.06), ("elbow", 0.04), ("wrist", 0.025),
+            ("ankle", 0.01), ("foot", 0.005),
         )},
     }
 )  # fmt: skip
-"""Joint -> how far the body reaches around it, at least [m]. Feet have their own way to the floor."""
+"""Joint -> how far the body reaches around it, at least [m]. Feet have their own way to the floor, as far as legs
+that lie on it can bend."""
 
 
 def over_floor(motion: Motion) -> Motion:

@@ -59,7 +59,8 @@ def finish(
         return resampled(lock_feet(motion, skeleton, ride=False, kept=kept), rate)
     carried = carried_by_feet(clear_arms(motion, skeleton), skeleton)
     planted = lock_feet(carried if bend is None else bend(carried), skeleton)
-    return resampled(within_limits(hands_up(over_floor(planted), skeleton)), rate)
+    # limbs that are turned back within their limits may come under it again
+    return resampled(over_floor(within_limits(hands_up(over_floor(planted), skeleton))), rate)
 
 
 def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
