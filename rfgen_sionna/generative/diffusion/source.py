@@ -224,9 +224,9 @@ class DiffusionSource:
             lent = [k for k, said in enumerate(readings) if said.arms and said.action != "walk"]
             asked = [meant(said, said.action, "") if k in lent else said for k, said in enumerate(readings)]
             asked += [meant(readings[k], readings[k].arms, "") for k in lent]
-            drafted = rhythm and self.refine is not None
+            drafted, spare = rhythm and self.refine is not None, SPARE if free else LATEST
             wishes = [
-                self._wish(said, seed, negative, frames, speed, rhythm, drafted=drafted)
+                self._wish(said, seed, negative, frames, speed, rhythm, drafted=drafted, spare=spare)
                 for said, seed in zip(asked, [*seeds, *(seeds[k] for k in lent)], strict=True)
             ]
             if not free:
@@ -342,6 +342,7 @@ class DiffusionSource:
         rhythm: bool,
         *,
         drafted: bool,
+        spare: int = SPARE,
     ) -> Wish:
         action, arms = said.action, said.arms
         if said.hand == "both":  # the other arm mirrors this one afterwards
@@ -356,7 +357,7 @@ class DiffusionSource:
         wish = Wish(words, seed, negative, beat, action=action, source=manner)
         if not drafted or manner != "kinematic":
             return wish
-        size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + max(SPARE, LATEST)
+        size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + spare
         rows = draft_of(
             (action, arms) if arms else (action,),
             size,
