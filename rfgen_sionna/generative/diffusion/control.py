@@ -44,11 +44,16 @@ class Keep:
 
 def on_grid(motion: Motion, hands: HandBasis) -> FloatArray:
     """(frame, NUM_FEATURES) rows at 20 Hz of any motion with the body's joints, its path scaled to the mean adult."""
-    legs = [motion.offsets[motion.joint_names.index(f"{s}_{j}")] for s in SIDES for j in ("knee", "ankle")]
-    scale = MEAN_ADULT.leg_length() / (0.5 * float(np.sum(np.linalg.norm(legs, axis=-1))))
+    scale = MEAN_ADULT.leg_length() / legs_of(motion)
     rows = encode(resampled(motion, FRAME_RATE), hands)
     rows[:, :3] *= scale
     return rows
+
+
+def legs_of(motion: Motion) -> float:
+    """Length of the legs of whoever moves [m]."""
+    legs = [motion.offsets[motion.joint_names.index(f"{s}_{j}")] for s in SIDES for j in ("knee", "ankle")]
+    return 0.5 * float(np.sum(np.linalg.norm(legs, axis=-1)))
 
 
 def hold(keeps: Sequence[Keep], hands: HandBasis, frames: int) -> tuple[FloatArray, FloatArray]:

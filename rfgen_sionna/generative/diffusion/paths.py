@@ -83,9 +83,15 @@ def along(motion: Motion, points: FloatArray, duration: float, *, timed: bool = 
     return _taken(motion, own, at, turn)
 
 
-def onto_way(motion: Motion, other: Motion) -> Motion:
-    """The motion where the other one is at every time, facing where that does; steps and sway stay its own."""
-    other = resampled(other, motion.frame_rate)
+def onto_way(motion: Motion, other: Motion, scale: float = 1.0) -> Motion:
+    """The motion where the other one is at every time, facing where that does; steps and sway stay its own.
+
+    Args:
+        motion: what is moved.
+        other: whose way it is.
+        scale: how much longer that way is to be, for other legs.
+    """
+    other = resampled(replace(other, translation=scale * other.translation), motion.frame_rate)
     count = min(len(motion.translation), len(other.translation))
     motion, other = (_first(each, count) for each in (motion, other))
     width = _OWN * motion.frame_rate
@@ -113,9 +119,10 @@ def _first(motion: Motion, count: int) -> Motion:
 
 
 def _facing(motion: Motion) -> FloatArray:
-    """(frame,) direction that the pelvis faces [rad], unwrapped."""
-    x, y = Rotation.from_quat(motion.rotations[:, 0]).as_matrix()[:, :2, 0].T
-    return np.unwrap(np.arctan2(y, x))
+    """(frame,) turn of the pelvis about the vertical [rad], unwrapped: the twist of its rotation, which somebody who
+    falls keeps where the direction that he faces would turn over."""
+    _, _, z, w = continuous(motion.rotations[:, 0]).T
+    return 2.0 * np.unwrap(np.arctan2(z, w))
 
 
 def _length(points: FloatArray) -> float:

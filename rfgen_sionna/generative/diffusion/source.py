@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.diffusion.captions import doing
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
-from rfgen_sionna.generative.diffusion.control import Keep, hold, on_grid
+from rfgen_sionna.generative.diffusion.control import Keep, hold, legs_of, on_grid
 from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
 from rfgen_sionna.generative.diffusion.features import PARTS, recentred
@@ -58,7 +58,8 @@ class DiffusionSource:
     """Poses per second of what comes out [Hz]."""
     refine: float | None = REFINED
     """Noise level (0 .. 1) from which a synthesised draft of the action is redone; None samples from noise, as is done
-    in any case where there is no draft: captured actions and manners, given parts, `rhythm=False`."""
+    in any case where there is no draft: captured actions and manners, `rhythm=False`. Around given poses and parts
+    there always is one; where nothing is synthesised, what is sampled from noise serves."""
 
     def __post_init__(self) -> None:
         if self.manner not in SOURCES:
@@ -141,8 +142,7 @@ class DiffusionSource:
             skeleton: of the person; None for a mean adult.
             speed: factor on the usual pace of a repeated action.
             rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
-            keep: given poses or parts of the body, in the result's own place and time; where there is a draft, it is
-                laid around them.
+            keep: given poses or parts of the body, in the result's own place and time; a draft is laid around them.
             path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
                 to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
             action: what the words are known to mean, one of the model's actions; None leaves that to the model.
@@ -209,8 +209,8 @@ class DiffusionSource:
                 raise ValueError(f"speed: {speed!r} with a path, whose length and duration tell it; allowed is 1")
             if kept := {"place", "pelvis"} & {part for each in keeps for part in each.parts}:
                 raise ValueError(f"keep: {', '.join(sorted(kept))} with a path, which says where they are")
-            legs_of = (skeleton or MEAN_ADULT).leg_length() / MEAN_ADULT.leg_length()
-            speed = pace(points, duration * legs_of)
+            longer = (skeleton or MEAN_ADULT).leg_length() / MEAN_ADULT.leg_length()
+            speed = pace(points, duration * longer)
             bend = partial(along, points=points, duration=duration, timed=not keeps)
             frames = frames if keeps else int(np.ceil(LONGER * duration * FRAME_RATE)) + 1
         with threads_for(len(prompts)):
@@ -237,10 +237,11 @@ class DiffusionSource:
                 legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
                 untouched[:size] = (given[:frames] != 1.0).all(axis=1)
             out = []
-            strength = self.refine or (1.0 if free else REFINED)
-            made = in_stretches(self.model, self.sampler, wishes, frames, strength)
-            if not free:
-                made = [moved_back(rows, first) for rows, first in zip(made, begun, strict=True)]
+            if free:
+                made = in_stretches(self.model, self.sampler, wishes, frames, self.refine or 1.0)
+            else:
+                whole = in_stretches(self.model, self.sampler, wishes, size, self.refine or REFINED)
+                made = [moved_back(each, first, frames) for each, first in zip(whole, begun, strict=True)]
             for k, rows in zip(lent, made[len(prompts) :], strict=True):
                 said = readings[k]
                 made[k] = replace_parts(made[k], rows, arms_of(said.arms, working_hand(said.arms, said.hand, seeds[k])))
@@ -263,7 +264,8 @@ class DiffusionSource:
         negative: str = "",
         skeleton: Skeleton | None = None,
     ) -> Motion:
-        """A draft noised part of the way and made anew: action, rhythm, orientation and path stay, the rest varies.
+        """A draft noised part of the way and made anew: action, rhythm, orientation and path, scaled
+        with the legs, stay; the rest varies.
 
         Args:
             draft: any motion with the body's joints, at most 8 s.
@@ -290,7 +292,7 @@ class DiffusionSource:
             wish = replace(wish, beat=beat_of(self.model, wish, start[:n]))
             made = replace(self.sampler, strength=strength)(self.model, [wish], n)[0]
         made = put_back(made, rows)
-        bend = partial(onto_way, other=draft)
+        bend = partial(onto_way, other=draft, scale=(skeleton or MEAN_ADULT).leg_length() / legs_of(draft))
         return replace(
             finish(made, self.model.hands, skeleton, self.frame_rate, bend=bend),
             prompt=prompt,

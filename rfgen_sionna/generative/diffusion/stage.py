@@ -68,7 +68,7 @@ def turning(rows: FloatArray) -> FloatArray:
         reach = round(3.0 * width * FRAME_RATE)
         share = maximum_filter1d(fast.astype(np.float64), 2 * reach + 1)
         share = gaussian_filter1d(share, 0.3 * reach, mode="nearest")
-        even = yaw + share * (gaussian_filter1d(yaw, width * FRAME_RATE, mode="nearest") - yaw)
+        even = even + share * (gaussian_filter1d(even, width * FRAME_RATE, mode="nearest") - even)
     turn = even - yaw
     if not turn.any():
         return rows
@@ -93,7 +93,6 @@ def calmed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> FloatArra
     others = np.setdiff1d(
         np.arange(rows.shape[1]), [*range(turns.start, turns.stop), *range(CONTACTS.start, CONTACTS.stop)]
     )
-    quaternions = to_quaternions(from_six(rows[:, turns].reshape(len(rows), -1, 6)))
     may = np.ones(len(rows))
     if free is not None and not free.all():
         may = np.clip(distance_transform_edt(free) / (_EASE * FRAME_RATE), 0.0, 1.0)
@@ -104,12 +103,13 @@ def calmed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> FloatArra
         reach = round(3.0 * width * FRAME_RATE)
         share = maximum_filter1d(fast.astype(np.float64), 2 * reach + 1)
         share = may * gaussian_filter1d(share, 0.3 * reach, mode="nearest")
-        out = rows.copy()
-        for values, columns in ((rows[:, others], others), (quaternions, turns)):
+        before, out = out, out.copy()  # what is spread already stays so
+        quaternions = to_quaternions(from_six(before[:, turns].reshape(len(rows), -1, 6)))
+        for values, columns in ((before[:, others], others), (quaternions, turns)):
             even = gaussian_filter1d(values, width * FRAME_RATE, axis=0, mode="nearest")
             new = values + share.reshape(-1, *[1] * (values.ndim - 1)) * (even - values)
             new = new if columns is others else _to_six(new)
-            out[:, columns] = np.where(share[:, None] > 0.0, new, rows[:, columns])
+            out[:, columns] = np.where(share[:, None] > 0.0, new, before[:, columns])
     return out
 
 

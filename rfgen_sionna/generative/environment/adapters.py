@@ -144,6 +144,9 @@ def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str 
     Raises:
         LoraError: it has layers that the base has not, or of other sizes.
     """
+    own = [key for key in state if key.startswith(f"{prefix}.") and _DOWN.match(key[len(prefix) + 1 :])]
+    if len({".lora_A." in key for key in own}) > 1:
+        raise LoraError(f"lora: {name} mixes old and new names of layers, of which half would be lost; train it anew")
     modules = dict(net.named_modules())
     checked = 0
     for key, weight in state.items():

@@ -42,7 +42,7 @@ class ControlRecipe:
     started: float = 0.5
     """Share of the noisy images that are made from the incomplete image, as image-to-image starts from it."""
     begun: str = ""
-    """Fingerprint of the ControlNet that training begins with."""
+    """Fingerprint of the ControlNet that training begins with; :func:`train_control` fills it in."""
 
 
 def condition_of(channels: np.ndarray) -> Tensor:

@@ -34,7 +34,7 @@ def main(
         int, typer.Option(min=1, help="Optimiser steps; more or fewer may be asked for when going on.")
     ] = ControlRecipe.steps,
     items: Annotated[int, typer.Option(min=1, help="Pairs a step.")] = ControlRecipe.items,
-    rate: Annotated[float, typer.Option(min=0.0, help="Learning rate.")] = ControlRecipe.rate,
+    rate: Annotated[float, typer.Option(min=1e-9, help="Learning rate.")] = ControlRecipe.rate,
     start: Annotated[Path | None, typer.Option(help="A trained ControlNet to begin with.")] = None,
     device: Device = "cpu",
     threads: Annotated[int, typer.Option(min=1, help="Threads on the CPU.")] = 2,

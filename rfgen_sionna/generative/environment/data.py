@@ -21,7 +21,7 @@ Images, (view, row, column):
 
 - `sketch_range`, `sketch_shell` float16 [m], `sketch_cosine` float16 [1], `sketch_place` float16 (view, row, column,
   axis), `sketch_kind` uint8 (255: nothing; else an index into its attribute `kinds`): the view of the layout built of
-  boxes, :mod:`rfgen_sionna.generative.environment.sketch`. People are not in it.
+  bricks, :mod:`rfgen_sionna.generative.environment.sketch`. People are not in it.
 
 Of each view, (view,): `place` (index into `places`), `caption`, `objects` and `absent` (JSON lists of kinds of
 furniture: in view, the largest first; usual there but not in this layout), `fov_deg` (view, 2) horizontal and vertical
@@ -46,7 +46,7 @@ from rfgen_sionna.generative.environment.sketch import encode, numbers
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.records import FloatArray, IntArray
 
-FORMAT, VERSION = "rfgen pir", 2
+FORMAT, VERSION = "rfgen pir", 3
 PLACES = (
     "living room",
     "bedroom",

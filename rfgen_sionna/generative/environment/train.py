@@ -88,7 +88,7 @@ def main(
         int, typer.Option(min=1, help="Optimiser steps; more or fewer may be asked for when going on.")
     ] = Recipe.steps,
     items: Annotated[int, typer.Option(min=1, help="Images a step.")] = Recipe.items,
-    rate: Annotated[float, typer.Option(min=0.0, help="Learning rate.")] = Recipe.rate,
+    rate: Annotated[float, typer.Option(min=1e-9, help="Learning rate.")] = Recipe.rate,
     average: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Decay of the running mean of the weights.")
     ] = Recipe.average,

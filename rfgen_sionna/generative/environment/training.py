@@ -51,7 +51,7 @@ class Recipe:
     be examined on a place that its base has never seen."""
     later_from: int = 0
     begun: str = ""
-    """Fingerprint of the network that training begins with."""
+    """Fingerprint of the network that training begins with; :func:`train` fills it in."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,9 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.motion.foreign import from_y_up
 from rfgen_sionna.generative.motion.loaders import ClipError
-from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import FloatArray, Motion
 
+_LOG = logging.getLogger(__name__)
 _NAMES: tuple[tuple[str, str], ...] = (
     ("hip", r"(?:thigh|upleg|upperleg|hipjoint|hip)$"),
     ("knee", r"(?:shin|calf|leg|lowleg|lowerleg|knee)$"),
@@ -36,6 +38,8 @@ _PREFIX = re.compile(r"^(?:bip\d*|mixamorig\d*|bone)[ _.-]+")
 """What programs put before every name."""
 _SUFFIX = re.compile(r"^(.*\D)[ _.-](l|r|left|right)$")
 """A side after the name, as Unreal and Blender have it."""
+_UPRIGHT = 0.7
+"""Cosine between spine and an axis from which that axis is up."""
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Rows times this: from z up to y up."""
 
@@ -58,7 +62,7 @@ def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, ac
         path: the file.
         unit: length of the file's unit [m]; None takes the one among m, dm, inch, cm and mm with which legs have about
             a human's length.
-        up: up axis of the file's world, "y" or "z"; None takes the one along which heads are over hips, on average.
+        up: up axis of the file's world, "y" or "z"; None takes the one along which the head is over the hips at rest.
         action: label.
 
     Raises:
@@ -70,7 +74,7 @@ def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, ac
     nodes, frames, rate = _parse(path.name, path.read_text(encoding="utf-8", errors="replace"))
     places = _positions(nodes, frames)
     if up is None:
-        up = _upright(places, _found(path.name, nodes))
+        up = _upright(path.name, nodes, places, _found(path.name, nodes))
     if up == "z":
         places = places @ _Z_UP
     positions = _ours(path.name, nodes, places)
@@ -139,21 +143,25 @@ def _nodes(words: list[str]) -> list[_Node]:
 def _positions(nodes: list[_Node], frames: FloatArray) -> FloatArray:
     """(frame, node, 3) in the file's unit."""
     world = np.empty((len(frames), len(nodes), 3, 3))
-    root = np.tile(nodes[0].offset, (len(frames), 1))
+    places = np.empty((len(frames), len(nodes), 3))
     column = 0
     for k, node in enumerate(nodes):
         local = np.tile(np.eye(3), (len(frames), 1, 1))
+        moved = np.tile(node.offset, (len(frames), 1))
         for channel in node.channels:
             values = frames[:, column]
             column += 1
             axis = channel[0].lower()
             if channel.endswith("rotation"):
                 local = local @ Rotation.from_euler(axis, values[:, None], degrees=True).as_matrix()
-            elif k == 0:
-                root[:, "xyz".index(axis)] = values
-        world[:, k] = local if node.parent < 0 else world[:, node.parent] @ local
-    parents = tuple(n.parent for n in nodes)
-    return forward_kinematics(world, root, np.stack([n.offset for n in nodes]), parents)
+            else:
+                moved[:, "xyz".index(axis)] = values
+        if k and node.channels and np.abs(np.median(moved, axis=0)).max() < 0.5 * np.abs(node.offset).max():
+            moved += node.offset  # most programs write the whole offset there, some what is added to it
+        parent = node.parent
+        world[:, k] = local if parent < 0 else world[:, parent] @ local
+        places[:, k] = moved if parent < 0 else places[:, parent] + np.einsum("fij,fj->fi", world[:, parent], moved)
+    return places
 
 
 def _side(word: str) -> str:
@@ -211,12 +219,21 @@ def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
     return found
 
 
-def _upright(places: FloatArray, found: dict[str, int]) -> str:
-    """The axis, of y and z, along which the head is over the hips on average; y where neither is."""
-    hips = 0.5 * (places[:, found["left_hip"]] + places[:, found["right_hip"]])
-    spine = places[:, found["head"]] - hips
-    mean = np.mean(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12), axis=0)
-    return "z" if mean[2] > max(abs(mean[1]), 0.5) else "y"
+def _upright(name: str, nodes: list[_Node], places: FloatArray, found: dict[str, int]) -> str:
+    """The axis, of y and z, along which the head is over the hips at rest, or on average where the rest pose doesn't
+    tell; y where neither does."""
+    rest = np.zeros((1, len(nodes), 3))
+    for k, node in enumerate(nodes):
+        rest[0, k] = node.offset + (rest[0, node.parent] if node.parent >= 0 else 0.0)
+    for poses in (rest, places):
+        hips = 0.5 * (poses[:, found["left_hip"]] + poses[:, found["right_hip"]])
+        spine = poses[:, found["head"]] - hips
+        _, y, z = np.mean(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12), axis=0)
+        if max(abs(y), z) > _UPRIGHT:
+            if z > abs(y):
+                _LOG.info("%s: read with z up, along which its head is over its hips; up='y' reads it otherwise", name)
+            return "z" if z > abs(y) else "y"
+    return "y"
 
 
 def _ours(name: str, nodes: list[_Node], places: FloatArray) -> FloatArray:

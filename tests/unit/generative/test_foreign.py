@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.foreign import load_any_motion, positions_of_humanml
@@ -125,8 +127,6 @@ def test_a_pickle_that_could_run_is_refused(tmp_path: Path) -> None:
 
 def bvh(motion: Motion, names: dict[str, str], up: str = "y") -> str:
     """A BVH file of a motion, in centimetres."""
-    from scipy.spatial.transform import Rotation
-
     axes = _Y_UP if up == "y" else np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # it faces -y
     local = axes @ to_matrices(motion.rotations[:, :NUM_BODY_JOINTS]) @ axes.T
     offsets = 100.0 * MEAN_ADULT.offsets[:NUM_BODY_JOINTS] @ axes.T
@@ -213,6 +213,30 @@ def test_a_bvh_file_with_z_up_is_the_same_motion(tmp_path: Path) -> None:
         load_any_motion(tmp_path / "y.bvh", up="x")
     lying = joints(load_any_motion(tmp_path / "z.bvh", up="y"))
     assert np.ptp(lying[..., 2], axis=1).mean() < 0.7 * np.ptp(one[..., 2], axis=1).mean()
+
+
+def test_a_bvh_file_of_one_who_crawls_has_y_up(tmp_path: Path) -> None:
+    """His head is ahead of his hips, along z; at rest it is over them, along y."""
+    crawling = Rotation.from_rotvec([0.0, 1.4, 0.0]) * Rotation.from_quat(WALK.rotations[:, 0])
+    rotations = WALK.rotations.copy()
+    rotations[:, 0] = crawling.as_quat()
+    path = tmp_path / "crawl.bvh"
+    path.write_text(bvh(replace(WALK, rotations=rotations), _CMU), encoding="utf-8")
+    np.testing.assert_array_equal(joints(load_any_motion(path)), joints(load_any_motion(path, up="y")))
+
+
+def test_a_bvh_file_whose_hips_are_no_root_travels(tmp_path: Path) -> None:
+    """A still root over everything, as game engines have it: the hips' own channels carry the way."""
+    text = bvh(WALK, _CMU)
+    head, rows = text.split("MOTION")
+    nested = (
+        head.replace("HIERARCHY\nROOT Hips", "HIERARCHY\nROOT Ground\n{\nOFFSET 0 0 0\nCHANNELS 0\nJOINT Hips") + "}\n"
+    )
+    (tmp_path / "own.bvh").write_text(text, encoding="utf-8")
+    (tmp_path / "nested.bvh").write_text(f"{nested}MOTION{rows}", encoding="utf-8")
+    own, other = (joints(load_any_motion(tmp_path / name)) for name in ("own.bvh", "nested.bvh"))
+    np.testing.assert_allclose(other, own, atol=1e-9)
+    assert np.ptp(other[:, 0, 0]) > 0.5
 
 
 def test_a_clip_that_never_stands_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, TURN, encode, joint_positions
+from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, PARTS, TURN, encode, joint_positions, turned
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, around
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.diffusion.stage import calmed
@@ -59,4 +59,26 @@ def test_drafts_go_on_from_given_poses_and_lead_to_them(walk: FloatArray) -> Non
         assert np.abs(rows[seam, LOCAL] - rows[seam - 1, LOCAL]).max() < 0.6
     only_arms = np.zeros((100, 6))
     only_arms[:, 4] = 1.0
-    np.testing.assert_array_equal(around(draft, known, only_arms), draft[:100])
+    rows = around(draft, known, only_arms)
+    arm = list(PARTS["left_arm"])
+    np.testing.assert_array_equal(rows[:, arm], known[:, arm])
+    np.testing.assert_array_equal(np.delete(rows, arm, axis=1), np.delete(draft[:100], arm, axis=1))
+
+
+def test_what_is_not_given_beside_given_legs_is_the_drafts(walk: FloatArray) -> None:
+    """Arms and trunk go along with a pelvis that is somewhere else and heads elsewhere."""
+    known, given = turned(walk[30:130], 0.7), np.zeros((100, 6))
+    given[:, :3] = 1.0  # place, pelvis, legs
+    rows = around(walk, known, given)
+    legs = [*PARTS["place"], *PARTS["pelvis"], *PARTS["legs"]]
+    np.testing.assert_array_equal(rows[:, legs], known[:, legs])
+    np.testing.assert_allclose(rows[:, PARTS["trunk"]], walk[:100, PARTS["trunk"]], atol=1e-9)
+    assert np.abs(rows[:, LOCAL]).max(axis=1).min() > 0.5
+
+
+def test_a_jump_that_has_been_spread_stays_so_beside_a_wider_one(walk: FloatArray) -> None:
+    """Two jumps of one who stands, one of half a metre and one of three: the smaller is gone after the first round."""
+    rows = np.repeat(walk[:1], 320, axis=0)
+    rows[80:, 0] += 0.6
+    rows[240:, 0] += 3.0
+    assert _fastest(calmed(rows)) < 9.0

@@ -64,6 +64,19 @@ def test_what_was_trained_is_what_is_read(
     assert any("conv" in k for k in layers) is convolutions
 
 
+def test_a_file_that_mixes_names_is_refused(lora: Path, model_folder: Path, tmp_path: Path) -> None:
+    """As files with convolutions were written once: attention under diffusers' old names, which would be lost."""
+    from safetensors.torch import load_file, save_file
+
+    state = load_file(lora)
+    first = next(key for key in state if "to_q" in key).split(".lora_")[0]
+    old = {k.replace(".lora_A.", ".lora.down.").replace(".lora_B.", ".lora.up.") if k.startswith(first) else k: v
+           for k, v in state.items()}  # fmt: skip
+    save_file(old, tmp_path / "mixed.safetensors")
+    with pytest.raises(LoraError, match="mixes old and new names"):
+        EnvironmentDiffusion(model_folder, tmp_path / "mixed.safetensors")
+
+
 def test_base_then_lora_then_control_net(lora: Path, model_folder: Path, corpus: Corpus) -> None:
     adapted, plain = (PathDiffusion(model_folder, lora=each, steps=2, samples=1) for each in (lora, None))
     mixed = EnvironmentDiffusion(model_folder, lora, steps=2).generate("a bedroom", seed=1)
