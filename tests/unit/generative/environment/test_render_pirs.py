@@ -36,7 +36,7 @@ def test_schema(folder):
     (file,) = shards(folder)
     with h5py.File(file) as shard:
         assert shard.attrs["format"] == "rfgen pir"
-        assert shard.attrs["version"] == 2
+        assert shard.attrs["version"] == 3
         assert shard.attrs["kind"] == "environment"
         assert list(shard.attrs["places"]) == list(PLACES)
         assert json.loads(shard.attrs["command"])["seed"] == 3
