@@ -27,7 +27,7 @@ from rfgen_sionna.generative.diffusion.stage import calmed, put_back, settled, t
 from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.threads import threads_for
-from rfgen_sionna.generative.diffusion.understanding import Understanding, understand
+from rfgen_sionna.generative.diffusion.understanding import Understanding, left_open, meant, understand
 from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.both_hands import both_hands
@@ -318,7 +318,7 @@ class DiffusionSource:
         left = said.alternatives if drawn and said.known else []
         if negative.strip():
             denied = self.read(negative)
-            left = _left_open(said, denied)
+            left = left_open(said, denied)
             for sentence in denied.warnings:
                 _LOG.warning(sentence.replace("prompt:", "negative:", 1))
             if not left and denied.action == said.action:
@@ -374,20 +374,6 @@ class DiffusionSource:
 def _check_seed(seed: int) -> None:
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ValueError(f"seed: {seed!r}; a whole number of at least 0 is needed")
-
-
-def meant(said: Understanding, action: str, arms: str) -> Understanding:
-    """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
-    other = said.rephrase or not said.known or (said.action, said.arms) != (action, arms)
-    return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
-
-
-def _left_open(said: Understanding, denied: Understanding) -> list[tuple[str, float]]:
-    """(action, probability) of what a prompt leaves open and the negative prompt doesn't rule out; empty where that
-    rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
-    options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]
-    left = [(a, s) for a, s in options if a not in denied.options]
-    return left if 0 < len(left) < len(options) else []
 
 
 def _plainly(said: Understanding) -> str:

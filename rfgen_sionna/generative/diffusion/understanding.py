@@ -242,3 +242,17 @@ def _wordings() -> Mapping[str, frozenset[str]]:
 def _stems(texts: Iterable[str]) -> frozenset[str]:
     plain = (re.sub(r"[<>\[\]?{}]", " ", text) for text in texts)
     return frozenset(stem(word) for text in plain for word in words(text))
+
+
+def meant(said: Understanding, action: str, arms: str) -> Understanding:
+    """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
+    other = said.rephrase or not said.known or (said.action, said.arms) != (action, arms)
+    return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
+
+
+def left_open(said: Understanding, denied: Understanding) -> list[tuple[str, float]]:
+    """(action, probability) of what a prompt leaves open and the negative prompt doesn't rule out; empty where that
+    rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
+    options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]
+    left = [(a, s) for a, s in options if a not in denied.options]
+    return left if 0 < len(left) < len(options) else []

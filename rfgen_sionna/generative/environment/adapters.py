@@ -142,7 +142,7 @@ def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str 
     """Hold a LoRA's layers (diffusers' names, under `prefix`) against those of its base.
 
     Raises:
-        LoraError: it has layers that the base has not, or of other sizes.
+        LoraError: it has layers that the base has not, or of other sizes, or names them in two ways.
     """
     own = [key for key in state if key.startswith(f"{prefix}.") and _DOWN.match(key[len(prefix) + 1 :])]
     if len({".lora_A." in key for key in own}) > 1:
@@ -185,10 +185,6 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     facts = read_facts(path)
     state = load_file(path)
     check_fits(state, unet, path.name)
-    if len({".lora." in key for key in state}) > 1:
-        raise LoraError(
-            f"lora: {path.name} mixes old and new names of layers, some of which would be lost; train it anew"
-        )
     layers = {k: v.to(next(unet.parameters()).dtype) for k, v in state.items() if k.startswith("unet.")}
     unet.load_lora_adapter(layers, prefix="unet", adapter_name="rf")
     unet.fuse_lora()

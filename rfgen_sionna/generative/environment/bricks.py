@@ -83,12 +83,12 @@ class Bricks:
         half = self.half[index]
         return np.divide(along, half, out=np.zeros_like(along), where=half > 1e-6)
 
-    def cast(self, position: Sequence[float], rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def cast(self, position: Sequence[float], rays: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where rays (ray, 3) from a position meet each brick.
 
         Returns:
-            (brick, ray) range at which each ray enters, inf for never; range at which it leaves; and cosine of
-            incidence. A ray that begins within a brick enters at 0 or less.
+            (brick, ray) range [m] at which each ray enters, inf for never, and cosine of incidence. A ray that begins
+            within a brick enters at 0 or less.
         """
         start = np.einsum("bij,bj->bi", self.axes, np.asarray(position) - self.centre)
         along = np.einsum("bij,rj->bir", self.axes, rays)
@@ -101,11 +101,12 @@ class Bricks:
             enters[self.round], leaves[self.round], facing[self.round] = _spheres(
                 start[self.round], along[self.round], self.half[self.round]
             )
-        return np.where((enters <= leaves) & (leaves > 0.0), enters, np.inf), leaves, facing
+        return np.where((enters <= leaves) & (leaves > 0.0), enters, np.inf), facing
 
 
 def _spheres(start: FloatArray, along: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """As :meth:`Bricks.cast`, of ellipsoids: the quadratic equation of unit spheres in half extents."""
+    """Where rays enter and leave ellipsoids, and cosine of incidence: the quadratic equation of unit spheres in half
+    extents, from where the rays (brick, ray) start, (brick, 3), and go along, (brick, 3, ray)."""
     s, d = start / half, along / half[..., None]
     square, mixed = (d**2).sum(axis=1), np.einsum("bi,bir->br", s, d)
     inside = mixed**2 - square * ((s**2).sum(axis=1)[:, None] - 1.0)

@@ -36,7 +36,7 @@ def shown(place: Place, view: View) -> Sketch:
     facing, front = np.zeros(len(rays)), np.full(len(rays), -1, np.intp)
     starts = np.searchsorted(place.owner, np.arange(len(place.kinds) + 1))
     for block in range(0, len(place.kinds), _BLOCK):
-        enters, _, cosine = place.wholes[block : block + _BLOCK].cast(view.position, rays)
+        enters, cosine = place.wholes[block : block + _BLOCK].cast(view.position, rays)
         for piece, (reach, own) in enumerate(zip(enters, cosine, strict=True), start=block):
             if piece < place.shell:
                 reach = np.where(reach > 0.0, reach, np.inf)
@@ -46,7 +46,7 @@ def shown(place: Place, view: View) -> Sketch:
                 if not len(met):
                     continue
                 parts = place.parts[starts[piece] : starts[piece + 1]]
-                each, _, cosines = parts.cast(view.position, rays[met])
+                each, cosines = parts.cast(view.position, rays[met])
                 each[each <= 0.0] = np.inf
                 best = each.argmin(axis=0)
                 reach, own = np.full(len(rays), np.inf), np.zeros(len(rays))

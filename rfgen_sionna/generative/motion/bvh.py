@@ -72,12 +72,10 @@ def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, ac
     if not path.is_file():
         raise FileNotFoundError(f"no motion file {path}")
     nodes, frames, rate = _parse(path.name, path.read_text(encoding="utf-8", errors="replace"))
-    places = _positions(nodes, frames)
-    if up is None:
-        up = _upright(path.name, nodes, places, _found(path.name, nodes))
-    if up == "z":
+    places, found = _positions(nodes, frames), _found(path.name, nodes)
+    if (up or _upright(path.name, nodes, places, found)) == "z":
         places = places @ _Z_UP
-    positions = _ours(path.name, nodes, places)
+    positions = _ours(path.name, found, places)
     legs = sum(
         float(np.median(np.linalg.norm(positions[:, JOINT[f"left_{b}"]] - positions[:, JOINT[f"left_{a}"]], axis=-1)))
         for a, b in (("hip", "knee"), ("knee", "ankle"))
@@ -236,9 +234,8 @@ def _upright(name: str, nodes: list[_Node], places: FloatArray, found: dict[str,
     return "y"
 
 
-def _ours(name: str, nodes: list[_Node], places: FloatArray) -> FloatArray:
+def _ours(name: str, found: dict[str, int], places: FloatArray) -> FloatArray:
     """(frame, 22, 3) positions of our joints, y up."""
-    found = _found(name, nodes)
     out = np.empty((len(places), NUM_BODY_JOINTS, 3))
     for joint, k in found.items():
         out[:, JOINT[joint]] = places[:, k]

@@ -140,7 +140,7 @@ def _load_npy(path: Path, index: int, action: str) -> Motion:
     _check_single(path.name, index)
     if not isinstance(data, np.ndarray) or data.dtype.kind not in "fiu":
         raise ClipError(f"{path.name}: holds {getattr(data, 'dtype', type(data).__name__)}; allowed are numbers")
-    if not len(data):
+    if not data.size:
         raise ClipError(f"{path.name}: no frames")
     if data.ndim == 2 and data.shape[1] == 263:
         positions = positions_of_humanml(data)

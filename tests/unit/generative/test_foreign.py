@@ -269,6 +269,13 @@ def test_other_endings_and_missing_files_are_named(tmp_path: Path) -> None:
         load_any_motion(tmp_path / "clip.fbx")
     with pytest.raises(FileNotFoundError, match="none"):
         load_any_motion(tmp_path / "none.bvh")
+    for empty in (np.zeros((0, 263)), np.zeros((0, 22, 3))):
+        np.save(tmp_path / "empty.npy", empty)
+        with pytest.raises(ClipError, match=r"empty\.npy: no frames"):
+            load_any_motion(tmp_path / "empty.npy")
+    np.save(tmp_path / "odd.npy", np.array(1.0))
+    with pytest.raises(ClipError, match="shape"):
+        load_any_motion(tmp_path / "odd.npy")
     np.save(tmp_path / "odd.npy", np.zeros((4, 5)))
     with pytest.raises(ClipError, match="shape"):
         load_any_motion(tmp_path / "odd.npy")

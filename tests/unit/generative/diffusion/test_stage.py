@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from rfgen_sionna.generative.diffusion.control import Keep, on_grid
 from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, PARTS, TURN, encode, joint_positions, turned
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, around
+from rfgen_sionna.generative.diffusion.paths import onto_way
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.diffusion.stage import calmed
 from rfgen_sionna.generative.motion import KinematicSource
@@ -82,3 +87,30 @@ def test_a_jump_that_has_been_spread_stays_so_beside_a_wider_one(walk: FloatArra
     rows[80:, 0] += 0.6
     rows[240:, 0] += 3.0
     assert _fastest(calmed(rows)) < 9.0
+
+
+def test_who_falls_keeps_facing_his_way() -> None:
+    """Two falls on the back that tremble differently: past the vertical, where somebody faces from above turns over,
+    and nobody spins for it."""
+    stand = KinematicSource(60.0)("standing", 3.0, 1)
+    n = len(stand.translation)
+    tilt = Rotation.from_rotvec(np.linspace(0.0, -1.8, n)[:, None] * [0.0, 1.0, 0.0])
+    falls = []
+    for yaw in 0.05 * np.random.default_rng(0).standard_normal((2, n)):
+        pelvis = Rotation.from_rotvec(yaw[:, None] * [0.0, 0.0, 1.0]) * tilt
+        rotations = np.concatenate([pelvis.as_quat()[:, None], stand.rotations[:, 1:]], axis=1)
+        falls.append(replace(stand, rotations=rotations))
+    moved = onto_way(*falls)
+    apart = Rotation.from_quat(moved.rotations[:, 0]) * Rotation.from_quat(falls[0].rotations[:, 0]).inv()
+    assert apart.magnitude().max() < 0.2
+
+
+def test_given_poses_begin_a_captured_action_of_eight_seconds() -> None:
+    """There is no synthesised draft of it, and one pose more than the network makes at once."""
+    source = DiffusionSource()
+    given = KinematicSource(20.0)("walk", 8.0, 1)
+    motion = source.generate("a person dances", duration=8.0, seed=2, keep=Keep(given, stop=2.0))
+    assert motion.duration == pytest.approx(8.0, abs=0.02)
+    made, kept = (joint_positions(on_grid(m, source.model.hands))[:41] for m in (motion, given))
+    np.testing.assert_allclose(made, kept, atol=1e-4)
+    assert _fastest(on_grid(motion, source.model.hands)) < 10.0

@@ -130,6 +130,10 @@ def test_the_paper_is_the_preset_and_two_per_cent_are_trained() -> None:
 def test_one_step_saving_and_loading_on_stable_diffusion(
     kind: str, corpus: Corpus, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
+    import torch
+
+    from rfgen_sionna.generative.environment.foreign import load_lora_into, load_pipeline
+
     folder = request.getfixturevalue(kind)
     recipe = LoraRecipe(frames=4, steps=1, items=1, text_encoder=True, word="rfpir")
     outcome = choose_rate(lambda: StableDiffusionBase(str(folder), "cpu"), corpus, corpus, tmp_path, recipe, [0.05])
@@ -138,6 +142,11 @@ def test_one_step_saving_and_loading_on_stable_diffusion(
     facts = read_facts(tmp_path / WEIGHT_NAME)
     assert (facts.codec, facts.word, facts.steps) == ("rfgen", "rfpir", 1)
     plain, adapted = (EnvironmentDiffusion(folder, each, steps=2) for each in (None, tmp_path))
+    pipeline = load_pipeline(str(folder), torch.float32)
+    before = {name: values.clone() for name, values in pipeline.text_encoder.state_dict().items()}
+    load_lora_into(pipeline, tmp_path)
+    after = pipeline.text_encoder.state_dict()
+    assert any(not torch.equal(after[name], values) for name, values in before.items()), "the text encoder's half"
     a, b = (each.generate("a bedroom", seed=1) for each in (plain, adapted))
     assert a.energy.shape == (64, 64)
     assert not np.array_equal(a.time_of_arrival, b.time_of_arrival, equal_nan=True)

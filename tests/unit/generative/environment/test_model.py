@@ -211,6 +211,8 @@ def test_training_begins_with_what_a_trained_model_knows(
             torch.testing.assert_close(value, before[name], atol=1e-4, rtol=1e-3)  # kept in half precision
     assert went_on.facts["start"] == model.facts
     control = train_control(corpus, went_on, tmp_path, ControlRecipe(**gently), start=model.control)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="use another folder"):  # what was begun with one start goes on with no other
+        train_control(corpus, went_on, tmp_path, ControlRecipe(**gently))  # type: ignore[arg-type]
     kept = read_model(path, control).control.state_dict()
     for name, value in model.control.state_dict().items():
         torch.testing.assert_close(kept[name], value, atol=1e-4, rtol=1e-3)
