@@ -111,8 +111,7 @@ class Run(Generic[Net]):
     def _pace(self, step: int) -> float:
         """Share of the learning rate."""
         steps = self.recipe.steps
-        rise = min(1.0, (step + 1) / min(self._warmup, max(1, steps // 4)))
-        return rise * float(np.clip((steps - step) / max(1.0, 0.4 * steps), 0.01, 1.0))
+        return min(1.0, (step + 1) / min(self._warmup, max(1, steps // 4))) * cool(step, steps)
 
     @torch.no_grad()
     def _follow(self, step: int) -> None:
@@ -130,6 +129,11 @@ class Run(Generic[Net]):
             "recipe": asdict(self.recipe),
         }
         write(self._checkpoint, state)
+
+
+def cool(step: int, steps: int) -> float:
+    """Share of the learning rate in a step: it falls over the last 40 % of the `steps`."""
+    return float(np.clip((steps - step) / max(1.0, 0.4 * steps), 0.01, 1.0))
 
 
 def precision(device: str | torch.device = "cpu") -> AbstractContextManager[Any]:

@@ -1,12 +1,14 @@
-"""Train a base that has never seen a PIR: `python tests/benchmarks/ordinary_base.py --out BASE`.
+"""Train a base that has never seen a PIR: `python tests/benchmarks/ordinary_base.py --out BASE --compile`.
 
 The embedded model's network on ordinary pictures, for the examination of RF LoRA as it is used on Stable Diffusion:
 
-    python -m rfgen_sionna.generative.environment.evaluate --data DATA --out REPORT --lora-base BASE \\
-        --lora-steps 250 --lora-convolutions
+    python -m rfgen_sionna.generative.environment.evaluate --data DATA --out REPORT --seeds 0 --view-count 0 \\
+        --lora-base BASE/environment.safetensors --lora-steps 250 --lora-rank 5 --lora-convolutions \\
+        --lora-rate 5e-3 --lora-rate 1e-2
 
 No pictures of others are needed: dead leaves (discs that cover each other, with sizes of a power law) have the edges,
-the spectra and the marginals of photographs (Lee, Mumford and Huang, "Occlusion Models for Natural Images", 2001).
+the spectra and the marginals of photographs (Lee, Mumford and Huang, "Occlusion Models for Natural Images", 2001). As
+photographs do, they differ in contrast, colourfulness, sharpness, grain, and in how near they were taken.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 import torch
 import typer
 from diffusers.models.attention_processor import AttnProcessor
+from scipy.ndimage import gaussian_filter
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.forward import even_loss
@@ -32,6 +35,8 @@ from rfgen_sionna.records import FloatArray
 _EDGE = 64
 _SMALLEST, _LARGEST = 2.0, 40.0
 """Radii of discs [pixels]; their number falls with the cube of it."""
+_NEAREST = 8.0
+"""How much nearer the nearest pictures are taken than the farthest."""
 _DISCS = 400
 
 
@@ -39,7 +44,7 @@ _DISCS = 400
 class Recipe:
     """What decides the outcome."""
 
-    steps: int = 600
+    steps: int = 2500
     items: int = 32
     rate: float = 6e-4
     seed: int = 0
@@ -50,17 +55,21 @@ class Recipe:
 def dead_leaves(rng: np.random.Generator) -> FloatArray:
     """(3, 64, 64) colours in −1 … 1."""
     share = rng.uniform(size=_DISCS)
+    smallest = _SMALLEST * np.exp(rng.uniform(0.0, np.log(_NEAREST)))
     # the inverse of the share of discs up to a radius r whose density falls as r^-3
-    radius = (_SMALLEST**-2 + share * (_LARGEST**-2 - _SMALLEST**-2)) ** -0.5
+    radius = (smallest**-2 + share * (_LARGEST**-2 - smallest**-2)) ** -0.5
     place = rng.uniform(-_LARGEST, _EDGE + _LARGEST, (_DISCS, 2))
     row, column = np.mgrid[:_EDGE, :_EDGE]
     inside = (row - place[:, 0, None, None]) ** 2 + (column - place[:, 1, None, None]) ** 2 < radius[:, None, None] ** 2
     first = inside.argmax(axis=0)
     # those of one picture belong together
-    colours = np.clip(rng.normal(rng.uniform(-0.5, 0.5, 3), 0.35, (_DISCS, 3)), -1.0, 1.0)
-    shade = rng.normal(0.0, 0.3, 2) @ np.stack([row, column]).reshape(2, -1) / _EDGE
-    picture = np.moveaxis(colours[first], -1, 0) + shade.reshape(_EDGE, _EDGE)
-    return np.clip(picture + rng.normal(0.0, 0.02, picture.shape), -1.0, 1.0)
+    grey, hue = rng.normal(0.0, 0.35, (_DISCS, 1)), rng.normal(0.0, 0.35 * rng.uniform(), (_DISCS, 3))
+    colours = rng.uniform(-0.7, 0.7, 3) + np.exp(rng.uniform(np.log(0.15), 0.0)) * (grey + hue)
+    # each leaf has a shade of its own, from one side to the other
+    slope = rng.normal(0.0, 0.3 * rng.uniform(), (2, _DISCS)) / _EDGE
+    shade = slope[0][first] * row + slope[1][first] * column
+    picture = gaussian_filter(np.moveaxis(colours[first], -1, 0) + shade, (0.0, *[rng.uniform(0.0, 1.5)] * 2))
+    return np.clip(picture + rng.normal(0.0, 0.02 * rng.uniform(), picture.shape), -1.0, 1.0)
 
 
 def some_view(rng: np.random.Generator) -> ViewFacts:
@@ -74,6 +83,9 @@ def main(
     steps: Annotated[int, typer.Option(help="Optimiser steps.")] = Recipe.steps,
     seed: Annotated[int, typer.Option(help="Seed of everything.")] = Recipe.seed,
     threads: Annotated[int, typer.Option(help="Threads on the CPU.")] = 2,
+    compiled: Annotated[
+        bool, typer.Option("--compile/--no-compile", help="Compile the network: quicker, and needs a C++ compiler.")
+    ] = False,
 ) -> None:
     """Train the base, or go on with it."""
     torch.set_num_threads(threads)
@@ -88,6 +100,8 @@ def main(
     run.net.set_attn_processor(AttnProcessor())
     for net in (run.net, run.mean):
         net.spread.copy_(latents.std(dim=(0, 2, 3)))
+
+    guess_of = torch.compile(run.net) if compiled else run.net
 
     def keep(step: int, hours: float) -> None:
         facts = {**asdict(recipe), "steps": step, "hours": hours, "pictures of": "dead leaves"}
@@ -106,7 +120,7 @@ def main(
             tokens = own.text.embed(texts, [some_view(rng) for _ in clean])
             noisy, times, target = diffuse(clean, torch.Generator().manual_seed(seed * 1_000_003 + step))
             with precision():
-                guess = run.net(noisy, times, tokens).sample
+                guess = guess_of(noisy, times, tokens).sample
             run.learn(even_loss(guess, target, times, run.net.spread[:, None, None].expand(clean.shape)))
 
 

@@ -16,7 +16,7 @@ from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts,
 from rfgen_sionna.generative.environment.bases import Base, target_of
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.text import ViewFacts
-from rfgen_sionna.generative.learning import precision, resume, write
+from rfgen_sionna.generative.learning import cool, precision, resume, write
 
 JUDGED = 64
 """Validation views that a learning rate is chosen on."""
@@ -95,7 +95,7 @@ def choose_rate(
         learn, judge: training and validation views.
         out: folder of checkpoints and the result, `pytorch_lora_weights.safetensors`.
         recipe: what to do.
-        rates: learning rates to try.
+        rates: learning rates to try; each falls over the last 40 % of the steps.
         progress: called with (rate, step, loss).
 
     Raises:
@@ -178,6 +178,8 @@ def train_lora(
         views = [corpus.view(i, m) for i, m in zip(index, mirrored, strict=True)]
         with precision(device):
             loss = _loss(base, scheduler, clean, texts, views, torch.Generator().manual_seed(recipe.seed * 7919 + step))
+        for group in optimiser.param_groups:
+            group["lr"] = rate * cool(step, recipe.steps)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(trained, 1.0)
