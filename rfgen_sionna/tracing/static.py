@@ -42,6 +42,8 @@ class Dimmed(NamedTuple):
     """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of their corners."""
+    missed: float
+    """Estimated error for what is not known of shadows' edges, relative to what that of :class:`StaticTrace` is."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class StaticTrace:
     @property
     def bright(self) -> Dimmed:
         """What is left where there are no actors."""
-        return Dimmed(np.ones(len(self.facets)), np.zeros(0, np.intp), np.zeros((0, 3, 3)))
+        return Dimmed(np.ones(len(self.facets)), np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0.0)
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray], passing: Passing) -> tuple[Dimmed, int]:
         """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
@@ -147,7 +149,8 @@ class StaticTrace:
             level=self.returns.level,
         )
         left[chosen] = found.fraction
-        return Dimmed(left, chosen[found.owner], found.pieces), sent + found.rays
+        missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
+        return Dimmed(left, chosen[found.owner], found.pieces, missed), sent + found.rays
 
     def shadows(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[Shadow, Shadow]:
         """What is missing of static paths with what is left at each of the `knots` [s]: as it changes, and as it is."""

@@ -61,7 +61,8 @@ class TraceReport:
     """Estimated error of the return of the static scene or of an actor, relative to itself, whichever is larger.
 
     It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of shadows' edges
-    (:mod:`rfgen_sionna.tracing.sampling`), of direct returns; where actors' shadows fall on the room is not in it."""
+    (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
+    kept by each of the two."""
 
 
 @dataclass(frozen=True)
@@ -324,12 +325,13 @@ class Tracer:
                 first += each.paths.num_paths
             return tuple(shadow for shadow in found if shadow.paths.num_paths)
 
+        edges = max((each.missed for each in shares.values()), default=0.0)
         report = TraceReport(
             facets=len(static.facets) + moving.facets,
             rays=sum(sent) + moving.rays,
             instants=len(instants),
             knots=len(knots),
-            error=max(static.error + sum(each.error for each in beyond), moving.error),
+            error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
         )
         return Traced(self._still, shadows, moving.paths, report, moving.places)
 
