@@ -22,7 +22,7 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_kind, set_up
+from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, Imagining, check_kind, set_up
 from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.render import check_view
@@ -54,7 +54,9 @@ def generate(
     environment: str | None = None,
     surroundings: str = "auto",
     negative_environment: str = "",
-    refine: bool | None = None,
+    refine: bool | float | None = None,
+    environment_model: str | PathLike[str] | None = None,
+    environment_lora: str | PathLike[str] | None = None,
     radar: str | PathLike[str] | Radar = "awr1843",
     preset: str | None = None,
     duration: float = 3.0,
@@ -95,8 +97,12 @@ def generate(
     negative_environment
         What an imagined place is without.
     refine
-        Whether path diffusion completes what is traced and imagined; None does where surroundings are imagined. False
-        leaves it unloaded.
+        Whether path diffusion completes what is traced and imagined, or its strength, 0 … 1; None does where
+        surroundings are imagined and the radar stands. False leaves it unloaded.
+    environment_model, environment_lora
+        What imagines them: an environment model or a Stable Diffusion base, and an RF LoRA of it (files, folders, hub
+        names; see :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`); None is the model that
+        ships with the package, without a LoRA.
     radar
         Name or TOML file of a radar, or a placed Radar.
     preset
@@ -155,15 +161,19 @@ def generate(
     for name, value in (("overwrite", overwrite), ("noise", noise)):
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
+    imagining = Imagining(
+        negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
+    )
     device = chosen_device(device)
     source = motion_source(motion)
     said, asked = _read(prompt, negative, environment, seed, distance, surroundings, source)
-    kind = check_kind(surroundings, asked, negative=negative_environment, refine=refine)
+    kind = check_kind(surroundings, asked, imagining)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
     resolution, fov = _view(pir_resolution, fov_deg, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
+    imagining.check(moves=radar.trajectory is not None)
     impairments = _receiver(receiver, radar, noise)
     place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
     if place > radar.max_range:
@@ -175,9 +185,7 @@ def generate(
     _check_size(duration, radar, resolution, target)
     # What they refuse is refused before a scene is read, and before a body is built.
     count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
-    setting = set_up(
-        asked, kind, radar, seed=seed, negative=negative_environment, refine=refine, fov_deg=fov, resolution=resolution
-    )
+    setting = set_up(asked, kind, radar, seed=seed, imagining=imagining, fov_deg=fov, resolution=resolution)
     scene = setting.scene
     Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces, transmission=transmission)
 

@@ -68,6 +68,16 @@ def generate(
         bool | None,
         typer.Option(help="Whether path diffusion completes imagined surroundings (default: yes).", show_default=False),
     ] = None,
+    strength: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="How far path diffusion goes, 0 to 1 (default: 1).")
+    ] = None,
+    environment_model: Annotated[
+        str | None,
+        typer.Option(help="What imagines: a trained model, a Stable Diffusion folder or hub name (default: ours)."),
+    ] = None,
+    environment_lora: Annotated[
+        str | None, typer.Option(help="RF LoRA of that model: a file, folder or hub name.")
+    ] = None,
     radar: Annotated[str, typer.Option(help="A radar of `rfgen radars`, or the path of a TOML file.")] = "awr1843",
     preset: Annotated[str | None, typer.Option(help="Configuration of that radar (default: its own choice).")] = None,
     duration: Annotated[float, typer.Option(help="Length of the recording in seconds.")] = 3.0,
@@ -101,6 +111,10 @@ def generate(
         str | None,
         typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images (default: 128x128, imagined 64x64)."),
     ] = None,
+    fov: Annotated[
+        float | None,
+        typer.Option(help="Horizontal field of view of the images in degrees (default: 60, imagined 90)."),
+    ] = None,
     max_bounces: Annotated[
         int,
         typer.Option(min=1, max=3, help="Most surfaces on a path; 2 and 3 have ghosts and corners, and take longer."),
@@ -115,7 +129,7 @@ def generate(
         str, typer.Option(help='Where the person meets walls or furniture: "error", "warn" or "ignore".')
     ] = "error",
     device: Annotated[
-        str, typer.Option(help='What sums the paths: "cpu", "cuda" or "auto", CUDA where there is one.')
+        str, typer.Option(help='What imagines and sums the paths: "cpu", "cuda" or "auto", CUDA where there is one.')
     ] = "auto",
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
@@ -127,6 +141,8 @@ def generate(
         if surroundings not in ("auto", "none"):
             raise ValueError(f"--surroundings is {surroundings!r}, but --no-environment wants none: leave one out")
         surroundings = "none"
+    if strength is not None and refine is False:
+        raise ValueError(f"--strength is {strength:g}, but --no-refine wants no path diffusion: leave one out")
     resolution = None if pir_resolution is None else _resolution(pir_resolution)
     place, target_point = _point("--radar-position", radar_position), _point("--look-at", look_at)
     read = read_prompt(prompt, negative, seed=seed, source=motion)
@@ -145,7 +161,9 @@ def generate(
             environment=environment,
             surroundings=surroundings,
             negative_environment=negative_environment,
-            refine=refine,
+            refine=refine if strength is None else strength,
+            environment_model=environment_model,
+            environment_lora=environment_lora,
             radar=radar,
             preset=preset,
             duration=duration,
@@ -159,6 +177,7 @@ def generate(
             radar_position=place,
             look_at=target_point,
             pir_resolution=resolution,
+            fov_deg=fov,
             max_bounces=max_bounces,
             transmission=transmission,
             motion=motion,

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
+from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 from rfgen_sionna.generative.body_prompt import PromptError
@@ -28,8 +29,6 @@ IMAGE_FOV = 90.0
 """Field of view [degrees] of an imagined image: what lies outside of it returns nothing."""
 IMAGE_PIXELS = (64, 64)
 """Rows and columns that an imagined image is drawn in."""
-STRENGTH = 1.0
-"""How far path diffusion goes from the image that is traced and imagined."""
 _LOG = logging.getLogger(__name__)
 _FILE_ALONE = "is a scene of a file alone; surroundings='scene' has it"
 
@@ -56,10 +55,11 @@ class _Repair:
     prompt: str
     negative: str
     seed: int
+    strength: float
 
     def refine_sequence(self, frames: Sequence[Pir]) -> Sequence[Pir]:
         return self.model.refine_sequence(
-            frames, self.prompt, negative=self.negative, strength=STRENGTH, seed=self.seed
+            frames, self.prompt, negative=self.negative, strength=self.strength, seed=self.seed
         )
 
 
@@ -68,7 +68,39 @@ def missing_packages() -> tuple[str, ...]:
     return tuple(name for name in NEEDED if find_spec(name) is None)
 
 
-def check_kind(kind: str, asked: EnvironmentPrompt | None, *, negative: str, refine: bool | None) -> str:
+@dataclass(frozen=True)
+class Imagining:
+    """How surroundings are imagined, where they are."""
+
+    negative: str = ""
+    """What the place is without."""
+    refine: bool | float | None = None
+    """Whether path diffusion completes images of actors and surroundings, or with what strength, 0 … 1; None does
+    unless the radar moves."""
+    model: str | PathLike[str] | None = None
+    """Environment model or Stable Diffusion base; None is the one that ships with the package."""
+    lora: str | PathLike[str] | None = None
+    """RF LoRA on top."""
+    device: str | None = None
+    """Where to compute; None is CUDA where there is one."""
+
+    @property
+    def strength(self) -> float | None:
+        """That of path diffusion; None where nothing was said."""
+        return None if self.refine is None else float(self.refine)
+
+    def check(self, *, moves: bool) -> None:
+        """Raises ValueError where what is said is out of its range, or the radar `moves` and refinement is wanted."""
+        strength = self.strength
+        if strength is not None and not 0.0 <= strength <= 1.0:
+            raise ValueError(f"refine is {self.refine!r}: True, False, None or a strength of 0 … 1 is needed")
+        if strength and moves:
+            raise ValueError(
+                f"refine is {self.refine!r}, but the radar moves: images are completed for one that stands"
+            )
+
+
+def check_kind(kind: str, asked: EnvironmentPrompt | None, imagining: Imagining) -> str:
     """Where surroundings come from: "scene", "furnished", "diffusion", or "none" where there are none.
 
     "auto" is "diffusion" where a place is described that can be imagined. A scene that is called by its own name
@@ -84,7 +116,12 @@ def check_kind(kind: str, asked: EnvironmentPrompt | None, *, negative: str, ref
     """
     if kind not in KINDS:
         raise ValueError(f"surroundings is {kind!r}; allowed are {', '.join(map(repr, KINDS))}")
-    wishes = {"negative_environment": negative, "refine": refine}
+    wishes = {
+        "negative_environment": imagining.negative,
+        "refine": imagining.refine,
+        "environment_model": imagining.model,
+        "environment_lora": imagining.lora,
+    }
     wished = next((f"{name} is {value!r}" for name, value in wishes.items() if value), None)
     if asked is None or kind == "none":
         found = "none"
@@ -131,8 +168,7 @@ def set_up(
     radar: Radar,
     *,
     seed: int,
-    negative: str = "",
-    refine: bool | None = None,
+    imagining: Imagining = Imagining(),
     fov_deg: float | tuple[float, float] = IMAGE_FOV,
     resolution: tuple[int, int] = IMAGE_PIXELS,
 ) -> Setting:
@@ -146,10 +182,8 @@ def set_up(
         Placed; an image is drawn as it sees it.
     seed
         Of the layout, or of the drawing.
-    negative
-        What an imagined place is without.
-    refine
-        Whether path diffusion completes images of actors and surroundings; None does unless the radar moves.
+    imagining
+        How a place is imagined.
     fov_deg, resolution
         Field of view and (rows, columns) of an imagined image.
     """
@@ -166,9 +200,7 @@ def set_up(
         size = f"{layout.x[1] - layout.x[0]:.1f} x {layout.y[1] - layout.y[0]:.1f} m"
         what = f"{place} of {size} with {sum(layout.kinds.values())} pieces"
         return Setting(room, f"furnished {place}", decisions=(Decision("place", what, drawn(seed)),))
-    return _imagined(
-        asked, place, radar, seed=seed, negative=negative, refine=refine, fov_deg=fov_deg, resolution=resolution
-    )
+    return _imagined(asked, place, radar, seed=seed, imagining=imagining, fov_deg=fov_deg, resolution=resolution)
 
 
 def _imagined(
@@ -177,18 +209,18 @@ def _imagined(
     radar: Radar,
     *,
     seed: int,
-    negative: str,
-    refine: bool | None,
+    imagining: Imagining,
     fov_deg: float | tuple[float, float],
     resolution: tuple[int, int],
 ) -> Setting:
     from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 
+    model, lora = (None if each is None else fspath(each) for each in (imagining.model, imagining.lora))
     here = radar if radar.trajectory is None else radar.at(0.0)
     words = f"{'an' if place[0] in 'aeiou' else 'a'} {place}" if asked.text == asked.scene else asked.text
-    image = EnvironmentDiffusion().generate(
+    image = EnvironmentDiffusion(model, lora, imagining.device).generate(
         words,
-        negative=negative,
+        negative=imagining.negative,
         fov_deg=fov_deg,
         resolution=resolution,
         position=here.position,
@@ -197,9 +229,12 @@ def _imagined(
     )
     decisions = [Decision("place", f"imagined as {words!r}", drawn(seed))]
     refiner: Any = None
-    if radar.trajectory is None and refine is not False:
+    strength = imagining.strength
+    if radar.trajectory is None and strength != 0:
         from rfgen_sionna.generative.environment.refine import PathDiffusion
 
-        refiner = _Repair(PathDiffusion(), words, negative, seed)
-        decisions.append(Decision("paths", "completed by path diffusion", argument("refine") if refine else DEFAULT))
+        far = 1.0 if strength is None else strength
+        refiner = _Repair(PathDiffusion(device=imagining.device), words, imagining.negative, seed, far)
+        how = "completed by path diffusion" + ("" if far == 1 else f", strength {far:g}")
+        decisions.append(Decision("paths", how, DEFAULT if strength is None else argument("refine")))
     return Setting(load_scene(None), f"imagined {place}", image, refiner, tuple(decisions))

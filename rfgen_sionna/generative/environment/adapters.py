@@ -13,6 +13,8 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from rfgen_sionna.generative.learning import fingerprint
+
 FORMAT = "rfgen-lora-1"
 WEIGHT_NAME = "pytorch_lora_weights.safetensors"
 """What diffusers calls such files."""
@@ -39,6 +41,8 @@ class LoraFacts:
     seed: int = 0
     word: str = ""
     """Word that prompts begin with; empty where there is none."""
+    weights: str = ""
+    """Fingerprint of the base's U-Net; empty where it isn't known."""
 
 
 def add_lora(net: Any, rank: int, *, convolutions: bool = False, seed: int = 0) -> list[nn.Parameter]:
@@ -163,16 +167,30 @@ def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str 
             raise LoraError(
                 f"lora: {name} was trained on another base: this one has no layer {where}; take the LoRA's own base"
             )
-        wanted = weight.shape[1]
-        there = getattr(layer, "in_features", getattr(layer, "in_channels", None))
-        if there != wanted:
+        partner = state.get(_up(key))
+        if partner is None:
+            raise LoraError(f"lora: {name} is incomplete: {key} has no second half; fetch or train it anew")
+        there = tuple(_size(layer, side) for side in ("in", "out"))
+        if there != (wanted := (weight.shape[1], partner.shape[0])) or partner.shape[1] != weight.shape[0]:
             raise LoraError(
-                f"lora: {name} was trained on another base: {where} takes {wanted} inputs there and {there} "
-                "here; take the LoRA's own base"
+                f"lora: {name} was trained on another base: {where} takes {wanted[0]} inputs to {wanted[1]} there and "
+                f"{there[0]} to {there[1]} here; take the LoRA's own base"
             )
+        if not (torch.isfinite(weight).all() and torch.isfinite(partner).all()):
+            raise LoraError(f"lora: {name} holds values that are not finite in {where}; its training went astray")
         checked += 1
     if not checked:
         raise LoraError(f"lora: {name} holds no LoRA of a U-Net (no layers under {prefix!r})")
+
+
+def _up(key: str) -> str:
+    """Name of the second half of the layer whose first half is named `key`."""
+    return key.replace(".lora_A", ".lora_B").replace("lora.down", "lora.up")
+
+
+def _size(layer: nn.Module, side: str) -> int | None:
+    """How many numbers a layer takes ("in") or gives ("out")."""
+    return getattr(layer, f"{side}_features", getattr(layer, f"{side}_channels", None))
 
 
 def load_lora(unet: Any, source: str | Path) -> LoraFacts:
@@ -185,6 +203,11 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     facts = read_facts(path)
     state = load_file(path)
     check_fits(state, unet, path.name)
+    if facts.weights and facts.weights != fingerprint(unet):
+        raise LoraError(
+            f"lora: {path.name} was trained on another base: the weights of {facts.base!r} were others; take the "
+            "LoRA's own base, or train it anew"
+        )
     layers = {k: v.to(next(unet.parameters()).dtype) for k, v in state.items() if k.startswith("unet.")}
     unet.load_lora_adapter(layers, prefix="unet", adapter_name="rf")
     unet.fuse_lora()

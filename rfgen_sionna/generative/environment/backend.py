@@ -16,7 +16,7 @@ from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.imagining import Wish, facts_of, imagine
 from rfgen_sionna.generative.environment.model import EnvironmentModel, read_model
 from rfgen_sionna.generative.environment.rooms import Wanted
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, noise_like
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -90,8 +90,9 @@ def load_embedded(
     if lora is not None:
         from rfgen_sionna.generative.environment.adapters import load_lora
 
-        load_lora(own.unet, lora)
-    own.to(place, precision(place, half))
+        own = replace(own, word=load_lora(own.unet, lora).word)
+    with memory_of(place):
+        own.to(place, precision(place, half))
     if compiled:
         own.unet.compile()
         if own.control is not None:
@@ -152,7 +153,8 @@ class EmbeddedBackend:
                 stacklevel=5,
             )
         facts = [facts_of(view)]
-        return self.model.text.embed([prompt], facts), self.model.text.embed([negative], facts)
+        words = f"{self.model.word} {prompt}".strip()
+        return self.model.text.embed([words], facts), self.model.text.embed([negative], facts)
 
     def draw(
         self,
@@ -186,7 +188,7 @@ class EmbeddedBackend:
         """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""
         image = torch.from_numpy(self.model.codec.encode(pir, clip=True))[None]
         vae = self.model.vae
-        with torch.no_grad():
+        with torch.no_grad(), memory_of(str(vae.device)):
             latents: Tensor = vae.encode(image.to(vae.device)).latent_dist.mode()
         return latents.float()
 

@@ -16,6 +16,7 @@ from rfgen_sionna.generative.environment.backend import is_embedded
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.learning import fingerprint
 from rfgen_sionna.pir.codec import PirCodec
 
 
@@ -23,6 +24,8 @@ class Base(Protocol):
     """What a LoRA is trained on."""
 
     name: str
+    weights: str
+    """Fingerprint of the U-Net before anything is added to it; empty for bases that are too large for one."""
     unet: Any
     text_encoders: list[Any]
     """Those that a LoRA may be given as well."""
@@ -51,6 +54,7 @@ class EmbeddedBase:
         self.device, self.codec, self.text_encoders = device, own.codec, []
         self.unet, self.vae, self.text = own.unet.to(device), own.vae, own.text
         self.scheduler: Any = make_scheduler()
+        self.weights = fingerprint(own.unet)
         if torch.device(device).type == "cpu":
             self.unet.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
 
@@ -82,7 +86,7 @@ class StableDiffusionBase:
         pipeline = load_pipeline(name, torch.float16 if torch.device(device).type == "cuda" else torch.float32)
         pipeline.to(device)
         self.pipeline, self.name, self.device, self.codec = pipeline, name, device, PirCodec()
-        self.unet = pipeline.unet
+        self.unet, self.weights = pipeline.unet, ""
         self.edge = edge or pipeline.unet.config.sample_size * pipeline.vae_scale_factor
         if self.edge % (8 * pipeline.vae_scale_factor):
             raise ValueError(f"edge: {self.edge} pixels; multiples of {8 * pipeline.vae_scale_factor} are needed")
@@ -91,6 +95,8 @@ class StableDiffusionBase:
         self.text_encoders = [each for each in encoders if each is not None]
         for part in (pipeline.vae, *self.text_encoders):
             part.requires_grad_(False)
+        if getattr(pipeline.vae.config, "force_upcast", False):
+            pipeline.vae.float()  # SDXL's overflows in half precision
 
     @property
     def scheduler(self) -> Any:

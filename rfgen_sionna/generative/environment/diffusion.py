@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rfgen_sionna.generative.environment.views import NATIVE, imagined_so_far, resized
+from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar.pose import Vector, vector
@@ -98,7 +99,8 @@ class EnvironmentDiffusion:
         position, orientation
             Viewpoint [m] and its yaw, pitch, roll [rad].
         seed
-            The same prompt, view and seed give the same image.
+            The same prompt, views and seed give the same images; later views depend on those that were asked for
+            before them.
         progress
             Called with (step, steps).
 
@@ -106,17 +108,22 @@ class EnvironmentDiffusion:
         ------
         ValueError
             If an argument is out of its range.
+        DeviceMemoryError
+            If the device's memory doesn't suffice.
         """
         rows, columns, fov = check_view(resolution, fov_deg)
         view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
-        self._check(prompt, view)
-        kept = self._kept.setdefault(json.dumps([prompt, negative, seed, asdict(self.sampler)]), [])
+        self._check(prompt, negative, view)
+        check_seed(seed)
+        kept = self._kept.setdefault(json.dumps([prompt, negative, int(seed), asdict(self.sampler)]), [])
         for pir in kept:
             if View.of(pir) == view:
                 return resized(pir, (rows, columns))
         known = imagined_so_far(kept, view) if kept else None
         first = View.of(kept[0]) if kept else None
-        (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [seed], known, first, progress)
+        (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [int(seed)], known, first, progress)
+        for channel in (pir.energy, pir.time_of_arrival, pir.velocity):
+            channel.flags.writeable = False  # it is what the next view is drawn around
         kept.append(pir)
         return resized(pir, (rows, columns))
 
@@ -144,18 +151,24 @@ class EnvironmentDiffusion:
             )
         rows, columns, fov = check_view(resolution, fov_deg)
         view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
-        for prompt in prompts:
-            self._check(prompt, view)
+        for prompt, seed in zip(prompts, seeds, strict=True):
+            self._check(prompt, negative, view)
+            check_seed(seed)
         out: list[Pir] = []
         for start in range(0, len(prompts), max(1, batch)):
             part = slice(start, start + max(1, batch))
-            drawn = self._backend.draw(prompts[part], negative, view, self.sampler, seeds[part], None, None, None)
+            some = [int(seed) for seed in seeds[part]]
+            drawn = self._backend.draw(prompts[part], negative, view, self.sampler, some, None, None, None)
             out += [resized(pir, (rows, columns)) for pir in drawn]
             if progress is not None:
                 progress(len(out), len(prompts))
         return out
 
-    def _check(self, prompt: str, view: View) -> None:
+    def _check(self, prompt: str, negative: str, view: View) -> None:
         if not isinstance(prompt, str) or not prompt.strip():
             raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
+        if not isinstance(negative, str):
+            raise ValueError(f"negative is {negative!r}: words for what isn't there are needed, or '' for none")
+        if not view.position[2] > 0:
+            raise ValueError(f"position: {view.position[2]:g} m high, and the floor is z = 0; above it is needed")
         self._backend.check_view(view)

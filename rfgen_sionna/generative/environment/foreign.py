@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 
 from rfgen_sionna.generative.environment.adapters import LoraError, LoraFacts, check_fits, find_lora, read_facts
 from rfgen_sionna.generative.environment.backend import Progress, precision
-from rfgen_sionna.generative.environment.sampling import DeviceMemoryError, Sampler
+from rfgen_sionna.generative.environment.sampling import Sampler, memory_of
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.pir.codec import AuthorsCodec, PirCodec
 from rfgen_sionna.pir.view import View
@@ -69,7 +69,10 @@ def load_lora_into(pipeline: Any, source: str | Path) -> LoraFacts:
     except (ValueError, KeyError) as error:
         raise LoraError(f"lora: {path.name} has weights that diffusers doesn't know: {error}") from error
     check_fits(converted[0], pipeline.unet, path.name)
-    pipeline.load_lora_weights(str(path.parent), weight_name=path.name)
+    try:
+        pipeline.load_lora_weights(str(path.parent), weight_name=path.name)
+    except (RuntimeError, ValueError) as error:
+        raise LoraError(f"lora: {path.name} was trained on another base: {_first_line(error)}") from error
     pipeline.fuse_lora()
     pipeline.unload_lora_weights()
     return facts
@@ -92,7 +95,8 @@ class StableDiffusionBackend:
         facts = LoraFacts() if lora is None else load_lora_into(self.pipeline, lora)
         self.facts = facts
         self.codec: PirCodec | AuthorsCodec = AuthorsCodec() if facts.codec == "authors" else PirCodec()
-        self.pipeline.to(device)
+        with memory_of(device):
+            self.pipeline.to(device)
         if compiled:
             self.pipeline.unet.compile()
 
@@ -145,7 +149,7 @@ class StableDiffusionBackend:
             settings["callback_on_step_end"] = _reporter(progress, sampler.steps)
         pipe.scheduler = sampler.scheduler(pipe.scheduler)
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
-        try:
+        with memory_of(str(pipe.device)):
             if known is not None:
                 from diffusers import AutoPipelineForImage2Image
 
@@ -158,10 +162,6 @@ class StableDiffusionBackend:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", DeprecationWarning)
                 image = pipe(**settings).images[0]
-        except torch.OutOfMemoryError as error:
-            raise DeviceMemoryError(
-                f"device {pipe.device}: out of memory while drawing; close what else uses it, or take device='cpu'"
-            ) from error
         channels = _shrunk(np.asarray(image, dtype=np.float64).transpose(2, 0, 1)) * 2 - 1
         pir = self.codec.decode(channels, like, clip=True)
         if known is not None:
@@ -175,8 +175,14 @@ class StableDiffusionBackend:
 
 
 def _shrunk(image: FloatArray) -> FloatArray:
-    """(3, 64, 64) middle values of the blocks of a larger picture: means would invent ranges at edges."""
+    """(3, 64, 64) middle values of the blocks of a larger picture: means would invent ranges at edges. Of pictures that
+    aren't so many times larger, the nearest pixels."""
     channels, rows, columns = image.shape
+    if rows % NATIVE[0] or columns % NATIVE[1]:
+        row, column = (
+            ((np.arange(n) + 0.5) * size / n).astype(np.intp) for n, size in zip(NATIVE, (rows, columns), strict=True)
+        )
+        return np.asarray(image[:, row[:, None], column])
     blocks = image.reshape(channels, NATIVE[0], rows // NATIVE[0], NATIVE[1], columns // NATIVE[1])
     return np.asarray(np.median(blocks, axis=(2, 4)))
 

@@ -99,16 +99,16 @@ def choose_rate(
         progress: called with (rate, step, loss).
 
     Raises:
-        ValueError: no rate, one out of range, or a text encoder where there is none.
+        ValueError: no rate, one out of range or too high for any good, or a text encoder where there is none.
     """
     if not rates or not all(0 < rate < 1 for rate in rates):
         raise ValueError(f"rate: {list(rates)}; learning rates above 0 and below 1 are needed")
     losses: dict[float, float] = {}
     best: tuple[dict[str, Tensor], float] = {}, 0.0
-    before, name = np.nan, ""
+    before, name, lowest = np.nan, "", np.inf
     for rate in rates:
         base = fresh_base()
-        name = base.name
+        name, weights = base.name, base.weights
         if np.isnan(before):
             before = validation_loss(base, judge, recipe)
         state, share = train_lora(
@@ -120,11 +120,13 @@ def choose_rate(
             progress=None if progress is None else partial(progress, rate),
         )
         losses[rate] = validation_loss(base, judge, recipe)
-        if losses[rate] == min(losses.values()):
-            best = state, share
-            facts = LoraFacts("rfgen", name, recipe.steps, rate, recipe.seed, recipe.word)
+        if losses[rate] < lowest:
+            lowest, best = losses[rate], (state, share)
+            facts = LoraFacts("rfgen", name, recipe.steps, rate, recipe.seed, recipe.word, weights)
             save_lora(out / WEIGHT_NAME, state, facts)
-    winner = min(losses, key=lambda rate: losses[rate])
+    if lowest == np.inf:
+        raise ValueError(f"rate: {list(rates)}; training went astray with each of them, lower ones are needed")
+    winner = min(rate for rate in losses if losses[rate] == lowest)
     return LoraOutcome(winner, best[1], losses, before, recipe, name, best[0])
 
 
@@ -156,7 +158,7 @@ def train_lora(
     share = sum(p.numel() for p in trained) / everything
     optimiser = torch.optim.AdamW(trained, lr=rate, weight_decay=0.01)
     device = str(base.unet.device)
-    run = _Run({**asdict(recipe), "steps": 0}, base.name, rate, recipe.steps)
+    run = _Run({**asdict(recipe), "steps": 0}, f"{base.name} {base.weights}".strip(), rate, recipe.steps)
     saved = out / f"checkpoint-{rate:g}.pt"
     out.mkdir(parents=True, exist_ok=True)
     first = 0

@@ -80,6 +80,8 @@ class EnvironmentModel:
     """What is done to drawn images."""
     expectation: Expectation | None = None
     """What sketches tell; a model without it draws from words alone."""
+    word: str = ""
+    """Word that prompts begin with, for the sake of an RF LoRA that was merged in."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
     """Of the ControlNet; `share` and `doubt` say how far its gains hold (:class:`Doubt` in doubt.py)."""

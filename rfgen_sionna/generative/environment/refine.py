@@ -16,8 +16,10 @@ from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_em
 from rfgen_sionna.generative.environment.control_training import condition_of
 from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, resized
+from rfgen_sionna.generative.prompts import check_seed
+from rfgen_sionna.pir.surroundings import check_image
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
 
@@ -112,7 +114,8 @@ class PathDiffusion:
         Where something returns already its energy is multiplied by a bounded gain, and its time of arrival and velocity
         stay as they are. Where nothing did, energy may appear, which stands still. Images that look complete are
         changed less (:class:`~rfgen_sionna.generative.environment.doubt.Doubt`). All frames share their noise, and a
-        pixel that stands still keeps one gain as long as it does, so that it has no Doppler.
+        pixel that stands still keeps one gain as long as it does, so that it has no Doppler. What moves has one gain
+        all over and all along: a body's phase stays what it was.
 
         Parameters
         ----------
@@ -121,7 +124,8 @@ class PathDiffusion:
         prompt, negative
             The surroundings, and what isn't there.
         strength
-            0 gives the frames back; up to 1, how much of the drawing is made anew.
+            0 gives the frames back; up to 1, how much noise the drawing starts from. Where no number of steps has just
+            that much, gains are smaller by as much as there is more.
         seed
             Of the noise.
         progress
@@ -129,39 +133,56 @@ class PathDiffusion:
 
         Raises
         ------
-        ValueError
-            If the frames' views differ, or an argument is out of its range.
+        TypeError, ValueError
+            If the frames' views differ, one holds what no radar receives, or an argument is out of its range.
+        DeviceMemoryError
+            If the device's memory doesn't suffice.
         """
-        if isinstance(strength, bool) or not 0.0 <= strength <= 1.0:
+        if isinstance(strength, bool) or not isinstance(strength, (int, float)) or not 0.0 <= strength <= 1.0:
             raise ValueError(f"strength: {strength!r}; 0 … 1 is allowed")
+        if not isinstance(prompt, str) or not prompt.strip():
+            raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
+        check_seed(seed)
         if not frames:
             raise ValueError("frames: none are given")
+        for number, frame in enumerate(frames):
+            check_image(f"frames[{number}]", frame)
         views = [View.of(frame) for frame in frames]
         if any(view != views[0] for view in views):
             raise ValueError("frames: their views differ; refine each view by itself")
         self.backend.check_view(views[0])
-        if int(self.sampler.steps * strength) == 0:
+        if strength == 0:
             return list(frames)
         small = [resized(frame, NATIVE) for frame in frames]
         guesses: list[_Guess] = []
         for start in range(0, len(frames), max(1, _BATCH // self.samples)):
             part = small[start : start + max(1, _BATCH // self.samples)]
-            guesses += self._guess(part, prompt, negative, strength, seed)
+            guesses += self._guess(part, prompt, negative, strength, int(seed))
             if progress is not None:
                 progress(len(guesses), len(frames))
         believed = self.doubt([guess.gain for guess in guesses], [frame.energy > 0 for frame in small])
-        guesses = [replace(guess, gain=believed * guess.gain) for guess in guesses]
-        return [self._applied(frame, guess) for frame, guess in zip(frames, _held(small, guesses), strict=True)]
+        believed *= strength / self._noise(strength)
+        held = _held(small, [replace(guess, gain=believed * guess.gain) for guess in guesses])
+        common = _common(small, held)
+        return [self._applied(frame, guess, common) for frame, guess in zip(frames, held, strict=True)]
+
+    def _noise(self, strength: float) -> float:
+        """The share of the schedule that drawings are started from: the least from `strength` on that as many steps
+        get to the end of."""
+        return self.sampler.steps / int(self.sampler.steps / strength + 1e-9)
 
     def _guess(self, frames: Sequence[Pir], prompt: str, negative: str, strength: float, seed: int) -> list[_Guess]:
         model, codec = self.backend.model, self.backend.model.codec
+        device = str(model.unet.device)
         channels = np.stack([codec.encode(frame, clip=True) for frame in frames])
         tokens, against = self.backend.tokens(prompt, negative, View.of(frames[0]))
-        sampler = self.sampler
+        noise = self._noise(strength)
+        sampler = replace(self.sampler, steps=round(self.sampler.steps / noise))
         if negative.strip() and sampler.guidance < 1.5:
             sampler = replace(sampler, guidance=1.5)
         many = len(frames) * self.samples
-        start = torch.cat([self.backend.encode(frame) for frame in frames])
+        with memory_of(device):
+            start = torch.cat([self.backend.encode(frame) for frame in frames])
         begun = start.repeat_interleave(self.samples, 0)
         drawn = draw(
             model,
@@ -173,11 +194,11 @@ class PathDiffusion:
             Guide(
                 condition_of(channels).repeat_interleave(self.samples, 0),
                 begun,
-                strength,
+                noise + 1e-9,
                 expected=None if self.spread is None else Expected(begun, self.spread.expand(begun.shape)),
             ),
         )
-        with torch.no_grad():
+        with torch.no_grad(), memory_of(device):
             kept = model.vae.decode(start).sample.float().clamp(-1, 1).cpu().numpy()
         drawn = drawn.reshape(len(frames), self.samples, *drawn.shape[1:])
         return [self._compare(frame, old, new) for frame, old, new in zip(frames, kept, drawn, strict=True)]
@@ -201,15 +222,16 @@ class PathDiffusion:
             np.where(appears, when, np.nan),
         )
 
-    def _applied(self, frame: Pir, guess: _Guess) -> Pir:
-        """`frame` with the gains, and the new energy, of a guess at the model's own resolution."""
+    def _applied(self, frame: Pir, guess: _Guess, common: float) -> Pir:
+        """`frame` with the gains, and the new energy, of a guess at the model's own resolution, and the gain `common`
+        to all that moves [dB]."""
         rows, columns = frame.energy.shape
         where = np.meshgrid(
             (np.arange(rows) + 0.5) * NATIVE[0] / rows - 0.5,
             (np.arange(columns) + 0.5) * NATIVE[1] / columns - 0.5,
             indexing="ij",
         )
-        gain = map_coordinates(guess.gain, where, order=1, mode="nearest")
+        gain = np.where(frame.velocity != 0, common, map_coordinates(guess.gain, where, order=1, mode="nearest"))
         nearest = tuple(np.clip(np.rint(w), 0, NATIVE[k] - 1).astype(np.intp) for k, w in enumerate(where))
         added = (frame.energy <= 0) & (guess.level[nearest] > _FLOOR_DB)
         share = NATIVE[0] * NATIVE[1] / (rows * columns)
@@ -246,6 +268,17 @@ def _held(frames: Sequence[Pir], guesses: Sequence[_Guess]) -> list[_Guess]:
         )
         for k in range(len(frames))
     ]
+
+
+def _common(frames: Sequence[Pir], guesses: Sequence[_Guess]) -> float:
+    """The gain [dB] of what moves: the mean over pixels and frames, by energy."""
+    gain, weight = (np.stack(each) for each in ([g.gain for g in guesses], [_moving(frame) for frame in frames]))
+    return float((gain * weight).sum() / max(float(weight.sum()), np.finfo(np.float64).tiny))
+
+
+def _moving(frame: Pir) -> FloatArray:
+    """(row, column) energy of what moves."""
+    return np.where((frame.velocity != 0) & (frame.energy > 0), frame.energy, 0.0)
 
 
 def _means(values: FloatArray, label: NDArray[np.intp]) -> FloatArray:

@@ -7,7 +7,8 @@ patches that stay, and an image to start from together with a ControlNet.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +19,25 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.model import LATENT_SIZE, EnvironmentModel
 from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.errors import BackendError
 
 SAMPLERS = ("ddim", "dpm", "euler")
 
 
-class DeviceMemoryError(RuntimeError):
+class DeviceMemoryError(BackendError):
     """The device ran out of memory."""
+
+
+@contextmanager
+def memory_of(device: str) -> Iterator[None]:
+    """Within it a device that runs out of memory is a :class:`DeviceMemoryError`, which says what helps."""
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        raise DeviceMemoryError(
+            f"device {device}: out of memory; draw fewer images at once, close what else uses the device, or take "
+            "device='cpu'"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -119,13 +133,8 @@ def draw(
         DeviceMemoryError: the device's memory doesn't suffice.
     """
     guide = guide or Guide()
-    try:
+    with memory_of(str(model.unet.device)):
         return _draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
-    except torch.OutOfMemoryError as error:
-        raise DeviceMemoryError(
-            f"device {model.unet.device}: out of memory while drawing {len(tokens)} images; draw fewer at once, close "
-            "what else uses the device, or take device='cpu'"
-        ) from error
 
 
 def _draw(

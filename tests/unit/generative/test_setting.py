@@ -14,13 +14,13 @@ import pytest
 import rfgen_sionna as rfgen
 from rfgen_sionna.generative import setting
 from rfgen_sionna.generative.prompts import PromptError, parse_environment
-from rfgen_sionna.generative.setting import IMAGE_PIXELS, check_kind, set_up
+from rfgen_sionna.generative.setting import IMAGE_PIXELS, Imagining, check_kind, set_up
 from rfgen_sionna.generative.surroundings import in_words
 from rfgen_sionna.scene.furnished import FurnishedScene
 
 
 def kind(environment: str | None, surroundings: str = "auto", negative: str = "", refine: bool | None = None) -> str:
-    return check_kind(surroundings, parse_environment(environment), negative=negative, refine=refine)
+    return check_kind(surroundings, parse_environment(environment), Imagining(negative, refine))
 
 
 @pytest.fixture
@@ -166,14 +166,64 @@ def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None
     pytest.importorskip("diffusers", reason="the models need it")
     code = f"""
 import sys
-from rfgen_sionna.generative.setting import set_up
+from rfgen_sionna.generative.setting import Imagining, set_up
 from rfgen_sionna.generative.surroundings import parse_environment
 from rfgen_sionna.radar import Radar
 radar = Radar.load({str(tiny_toml)!r}, position=(0, 0, 1), look_at=(3, 0, 1))
-made = set_up(parse_environment("an office"), "diffusion", radar, seed=0, refine=False)
+made = set_up(parse_environment("an office"), "diffusion", radar, seed=0, imagining=Imagining(refine=False))
 assert made.environment is not None and made.refiner is None
 assert "rfgen_sionna.generative.environment.diffusion" in sys.modules
 assert "rfgen_sionna.generative.environment.refine" not in sys.modules
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_what_is_said_of_imagining_reaches_the_models(tiny_toml: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("diffusers", reason="the models need it")
+    from rfgen_sionna.generative.environment import diffusion, refine
+
+    told: dict[str, Any] = {}
+
+    class Rooms:
+        def __init__(self, *args: Any) -> None:
+            told["rooms"] = args
+
+        def generate(self, words: str, **options: Any) -> str:
+            told["words"], told["negative"] = words, options["negative"]
+            return "image"
+
+    class Paths:
+        def __init__(self, **options: Any) -> None:
+            told["paths"] = options
+
+        def refine_sequence(self, frames: Any, *_: Any, **options: Any) -> Any:
+            told["strength"] = options["strength"]
+            return frames
+
+    monkeypatch.setattr(diffusion, "EnvironmentDiffusion", Rooms)
+    monkeypatch.setattr(refine, "PathDiffusion", Paths)
+    radar = rfgen.Radar.load(str(tiny_toml), position=(0, 0, 1), look_at=(3, 0, 1))
+    asked = parse_environment("an office with a desk")
+    how = Imagining("sofa", 0.25, Path("model"), "owner/lora", "cpu")
+    made: Any = set_up(asked, "diffusion", radar, seed=0, imagining=how)
+    made.refiner.refine_sequence([])
+    assert told == {
+        "rooms": ("model", "owner/lora", "cpu"), "words": "an office with a desk", "negative": "sofa",
+        "paths": {"device": "cpu"}, "strength": 0.25,
+    }  # fmt: skip
+    assert [each.value for each in made.decisions if each.name == "paths"] == [
+        "completed by path diffusion, strength 0.25"
+    ]
+    assert set_up(asked, "diffusion", radar, seed=0, imagining=Imagining(refine=0.0)).refiner is None
+
+
+def test_wishes_without_effect_are_refused() -> None:
+    with pytest.raises(ValueError, match="refine is True, but the radar moves"):
+        Imagining(refine=True).check(moves=True)
+    Imagining(refine=False).check(moves=True)
+    with pytest.raises(ValueError, match=r"refine is 1\.5: .* 0 … 1"):
+        Imagining(refine=1.5).check(moves=False)
+    for how in (Imagining(model="folder"), Imagining(lora="folder"), Imagining(refine=0.5)):
+        with pytest.raises(ValueError, match="only imagined surroundings take it"):
+            check_kind("furnished", parse_environment("an office"), how)

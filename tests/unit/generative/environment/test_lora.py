@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -98,12 +99,72 @@ def test_training_goes_on_where_it_was_stopped(corpus: Corpus, model_folder: Pat
 
 
 def test_a_lora_of_another_base_is_refused(lora: Path, model: Any, corpus: Corpus, tmp_path: Path) -> None:
-    from dataclasses import replace
-
     shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
     write_model(tmp_path / BASE_FILE, replace(model, unet=shape.unet(), shape=shape))
     with pytest.raises(LoraError, match=r"another base.*own base"):
         EnvironmentDiffusion(tmp_path, lora)
+
+
+def test_a_lora_of_other_weights_is_refused(lora: Path, model: Any, tmp_path: Path) -> None:
+    """Of the same shape, and of no use there."""
+    import torch
+
+    torch.manual_seed(5)
+    write_model(tmp_path / BASE_FILE, replace(model, unet=model.shape.unet()))
+    with pytest.raises(LoraError, match=r"weights of 'model\d*' were others.*own base"):
+        EnvironmentDiffusion(tmp_path, lora)
+
+
+def test_a_lora_that_is_broken_is_refused(lora: Path, model_folder: Path, tmp_path: Path) -> None:
+    from safetensors.torch import load_file, save_file
+
+    state = load_file(lora)
+    up = next(key for key in state if ".lora_B." in key)
+    for broken, match in (
+        ({k: v for k, v in state.items() if k != up}, "incomplete"),
+        ({**state, up: state[up][:-1].contiguous()}, "another base"),
+        ({**state, up: state[up] * np.nan}, "not finite"),
+    ):
+        save_file(broken, tmp_path / "broken.safetensors")
+        with pytest.raises(LoraError, match=match):
+            EnvironmentDiffusion(model_folder, tmp_path / "broken.safetensors")
+
+
+def test_a_lora_s_word_is_said(corpus: Corpus, model_folder: Path, tmp_path: Path) -> None:
+    for word in ("", "rfpir"):
+        recipe = LoraRecipe(frames=8, steps=1, items=2, word=word)
+        choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), corpus, corpus, tmp_path / word, recipe, [1e-9])
+    own = [EnvironmentDiffusion(model_folder, tmp_path / word, steps=2, sketched=False) for word in ("", "rfpir")]
+    silent, said = (each.generate("a bedroom", seed=1) for each in own)
+    assert not np.array_equal(silent.energy, said.energy)
+    np.testing.assert_array_equal(own[0].generate("rfpir a bedroom", seed=1).energy, said.energy)
+
+
+def test_a_rate_that_leads_astray_is_not_chosen(corpus: Corpus, model_folder: Path, tmp_path: Path) -> None:
+    recipe = LoraRecipe(frames=8, steps=3, items=2)
+    learn = corpus
+    bad = replace(corpus, images=np.full_like(corpus.images, np.nan))
+    with pytest.raises(ValueError, match=r"rate: \[0\.001\].*lower ones"):
+        choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), bad, corpus, tmp_path / "bad", recipe, [1e-3])
+    assert not (tmp_path / "bad" / WEIGHT_NAME).exists()
+    found = choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), learn, corpus, tmp_path, recipe, [0.9, 1e-4])
+    assert found.losses[found.rate] == np.nanmin(list(found.losses.values()))
+    assert read_facts(tmp_path / WEIGHT_NAME).rate == found.rate
+
+
+def test_training_does_not_go_on_with_another_base(
+    model: Any, corpus: Corpus, model_folder: Path, tmp_path: Path
+) -> None:
+    import torch
+
+    recipe = LoraRecipe(frames=8, steps=1, items=2)
+    train_lora(EmbeddedBase(model_folder, "cpu"), corpus, tmp_path / "out", recipe, 1e-3)
+    torch.manual_seed(5)
+    other = tmp_path / model_folder.name
+    other.mkdir()
+    write_model(other / BASE_FILE, replace(model, unet=model.shape.unet()))
+    with pytest.raises(ValueError, match="use another folder"):
+        train_lora(EmbeddedBase(other, "cpu"), corpus, tmp_path / "out", recipe, 1e-3)
 
 
 def test_a_lora_that_is_not_there_is_told(tmp_path: Path, lora: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,9 +28,12 @@ from rfgen_sionna.generative.environment.model import (
     Shape,
     read_model,
 )
+from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import DeviceMemoryError, Guide, Sampler, draw, noise_like
 from rfgen_sionna.generative.environment.text import TOKENS, ViewFacts, train_text, view_tokens
 from rfgen_sionna.generative.environment.training import Recipe, train
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import Pir
 
 VIEW = ViewFacts((60.0, 60.0), 1.0, 0.1, 0.3)
 STEPS = 3
@@ -132,6 +136,20 @@ def test_running_out_of_memory_says_what_to_do(model: EnvironmentModel, monkeypa
     monkeypatch.setattr(type(model.unet), "forward", full)
     with pytest.raises(DeviceMemoryError, match=r"device='cpu'"):
         ours(model)
+
+
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+@pytest.mark.parametrize(("part", "method"), [(EnvironmentModel, "to"), (PatchAutoencoder, "encode")])
+def test_so_it_does_while_a_model_moves_or_reads(
+    model_folder: Path, wall: Callable[..., Pir], monkeypatch: pytest.MonkeyPatch, part: type, method: str
+) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise torch.OutOfMemoryError("CUDA out of memory")
+
+    view = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    monkeypatch.setattr(part, method, full)
+    with pytest.raises(DeviceMemoryError, match=r"device='cpu'"):
+        PathDiffusion(model_folder).refine(wall(4.0, view), "a bedroom")
 
 
 def test_files_of_other_kinds_are_refused(model_folder: Path, tmp_path: Path) -> None:

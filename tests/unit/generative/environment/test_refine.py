@@ -84,6 +84,57 @@ def test_what_stands_still_keeps_one_gain(refiner: PathDiffusion, wall: Callable
     assert np.ptp(loose[:, :, 32:], axis=0).max() > 1e-6
 
 
+def test_what_moves_keeps_its_phase(refiner: PathDiffusion, wall: Callable[..., Pir]) -> None:
+    """One gain all over a body and all along: whatever its parts add up to only gets stronger or weaker."""
+    frames = []
+    for k in range(3):
+        pir = wall(4.0, VIEW)
+        energy, arrival, velocity = pir.energy.copy(), pir.time_of_arrival.copy(), pir.velocity.copy()
+        body = np.s_[10:50, 20 + 3 * k : 34 + 3 * k]
+        energy[body] = 1e-11 * np.linspace(0.2, 2.0, 14)
+        arrival[body], velocity[body] = 1.5e-8, 0.4
+        frames.append(replace(pir, energy=energy, time_of_arrival=arrival, velocity=velocity, time=0.1 * k))
+    refined = refiner.refine_sequence(frames, "a bedroom", seed=1)
+    gains = np.stack([10 * np.log10(r.energy / f.energy) for r, f in zip(refined, frames, strict=True)])
+    moves = np.stack([frame.velocity != 0 for frame in frames])
+    assert np.ptp(gains[moves]) < 1e-9
+    assert abs(gains[moves].mean()) > 0.01
+    assert np.ptp(gains[~moves]) > 0.1
+
+
+def test_strength_has_every_level(refiner: PathDiffusion, mixed: Pir) -> None:
+    there = mixed.energy > 0
+    still = replace(mixed, velocity=np.zeros(VIEW.resolution))
+    levels = (0.01, 0.1, 0.3, 0.5, 0.75, 0.99, 1.0)
+    refined = [refiner.refine(still, "a bedroom", strength=level).energy for level in levels]
+    changes = [float(np.abs(10 * np.log10(energy[there] / mixed.energy[there])).mean()) for energy in refined]
+    assert len({round(change, 9) for change in changes}) == len(levels)
+    assert 0 < changes[0] < 0.1 * changes[-1]
+    assert changes[-2] == pytest.approx(changes[-1], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("channel", "value", "allowed"),
+    [("energy", np.nan, "0 … 1"), ("energy", -1e-12, "0 … 1"), ("energy", -140.0, "0 … 1"), ("energy", 1e3, "0 … 1"),
+     ("time_of_arrival", 4.0, "0 … 1e-3 s"), ("time_of_arrival", np.nan, "0 … 1e-3 s"), ("velocity", np.inf, "m/s")],
+)  # fmt: skip
+def test_images_of_the_wrong_range_are_refused(
+    refiner: PathDiffusion, wall: Callable[..., Pir], channel: str, value: float, allowed: str
+) -> None:
+    frames = [wall(4.0, VIEW), wall(4.0, VIEW)]
+    values = getattr(frames[1], channel).copy()
+    values[40, 7] = value
+    frames[1] = replace(frames[1], **{channel: values})
+    with pytest.raises(ValueError, match=rf"frames\[1\]\.{channel}\[40, 7\] is .*{allowed}"):
+        refiner.refine_sequence(frames, "a bedroom")
+    with pytest.raises(TypeError, match="a Pir is needed"):
+        refiner.refine(values, "a bedroom")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="prompt is None"):
+        refiner.refine(frames[0], None)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="seed is -1"):
+        refiner.refine(frames[0], "a bedroom", seed=-1)
+
+
 def test_gains_that_look_like_chance_are_not_believed(refiner: PathDiffusion, mixed: Pir) -> None:
     """Complete images ask for little, everywhere alike: what is fitted on such pairs leaves them nearly alone."""
     rng = np.random.default_rng(0)

@@ -87,6 +87,16 @@ def test_views_of_one_environment_agree_where_they_overlap(model_folder: Path) -
 
 
 @pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+def test_what_is_kept_is_nobody_s_to_change(model_folder: Path) -> None:
+    rooms = EnvironmentDiffusion(model_folder, steps=2)
+    first = rooms.generate("a bedroom", seed=3)
+    with pytest.raises(ValueError, match="read-only"):
+        first.energy[:] = 0.0
+    again = rooms.generate("a bedroom", seed=np.int64(3))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(first.energy, again.energy)
+
+
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
 def test_many_at_once_are_the_same_as_one_by_one(model_folder: Path) -> None:
     rooms = EnvironmentDiffusion(model_folder, steps=2)
     many = rooms.generate_many(["a bedroom", "an office"], seeds=[3, 4], batch=2)
