@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
+from rfgen_sionna.generative.environment.captions import OUTDOORS
 from rfgen_sionna.generative.environment.control_training import condition_of
 from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, memory_of, noise_like
-from rfgen_sionna.generative.environment.views import NATIVE, resized
+from rfgen_sionna.generative.environment.views import NATIVE, PATCH, resized
 from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.surroundings import check_image
 from rfgen_sionna.pir.view import View
@@ -29,6 +30,8 @@ MOST_GAIN_DB = 15.0
 """By how much existing energy is raised or lowered at most."""
 CHANGED_DB, CHANGED_RANGE = 3.0, 0.3
 """What a pixel's level and range [m] may do from frame to frame and still count as standing still."""
+_FILLED = Sampler("ddim", 10, 1.0)
+"""How what lacks a return is drawn."""
 _BATCH = 32
 _FLOOR_DB = -300.0
 
@@ -112,7 +115,8 @@ class PathDiffusion:
         """Images of one view over time, completed coherently.
 
         Where something returns already its energy is multiplied by a bounded gain, and its time of arrival and velocity
-        stay as they are. Where nothing did, energy may appear, which stands still. Images that look complete are
+        stay as they are. Where nothing did, energy may appear, which stands still: in rooms, which are closed on all
+        sides, whatever lacks a return is drawn anew around what is there. Images that look complete are
         changed less (:class:`~rfgen_sionna.generative.environment.doubt.Doubt`). All frames share their noise, and a
         pixel that stands still keeps one gain as long as it does, so that it has no Doppler. What moves has one gain
         all over and all along: a body's phase stays what it was.
@@ -161,10 +165,12 @@ class PathDiffusion:
             if progress is not None:
                 progress(len(guesses), len(frames))
         believed = self.doubt([guess.gain for guess in guesses], [frame.energy > 0 for frame in small])
+        if self.backend.model.text.place_of(prompt)[0] not in OUTDOORS:
+            guesses = [self._filled(*each, prompt, int(seed)) for each in zip(small, guesses, strict=True)]
         believed *= strength / self._noise(strength)
         held = _held(small, [replace(guess, gain=believed * guess.gain) for guess in guesses])
         common = _common(small, held)
-        return [self._applied(frame, guess, common) for frame, guess in zip(frames, held, strict=True)]
+        return [self._applied(frame, guess, common, strength) for frame, guess in zip(frames, held, strict=True)]
 
     def _noise(self, strength: float) -> float:
         """The share of the schedule that drawings are started from: the least from `strength` on that as many steps
@@ -203,28 +209,55 @@ class PathDiffusion:
         drawn = drawn.reshape(len(frames), self.samples, *drawn.shape[1:])
         return [self._compare(frame, old, new) for frame, old, new in zip(frames, kept, drawn, strict=True)]
 
+    def _filled(self, frame: Pir, guess: _Guess, prompt: str, seed: int) -> _Guess:
+        """With energy wherever a room of that kind would return some: patches without are drawn around the others."""
+        empty = (frame.energy <= 0).reshape(NATIVE[0] // PATCH, PATCH, NATIVE[1] // PATCH, PATCH).any(axis=(1, 3))
+        if not empty.any():
+            return guess
+        model, many = self.backend.model, self.samples
+        with memory_of(str(model.unet.device)):
+            known = self.backend.encode(frame).repeat(many, 1, 1, 1)
+        tokens, against = (each.repeat(many, 1, 1) for each in self.backend.tokens(prompt, "", View.of(frame)))
+        drawn = draw(
+            model,
+            self.backend.scheduler,
+            _FILLED,
+            tokens,
+            against,
+            noise_like(many, model, seed),
+            Guide(known=known, keep=torch.from_numpy(~empty)[None, None]),
+        )
+        votes, level, when = self._mean(drawn)
+        new = (frame.energy <= 0) & (votes > 0.5)
+        return replace(guess, level=np.where(new, level, guess.level), arrival=np.where(new, when, guess.arrival))
+
+    def _mean(self, drawn: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(row, column) share of the drawings (sample, 3, row, column) in which something returns, and of those the
+        mean level [dB] and arrival [s]."""
+        energy, arrival, _ = self.backend.model.codec.decode_arrays(drawn, clip=True)
+        there = energy > 0
+        count = np.maximum(there.sum(axis=0), 1)
+        level = np.where(there, _decibels(energy), 0.0).sum(axis=0) / count
+        return there.mean(axis=0), level, np.where(there, np.nan_to_num(arrival), 0.0).sum(axis=0) / count
+
     def _compare(self, frame: Pir, old: FloatArray, new: FloatArray) -> _Guess:
         """Gains from what the model drew (sample, 3, row, column), against what it would have drawn unchanged."""
         codec = self.backend.model.codec
         before, _, _ = codec.decode_arrays(old, clip=True)
-        energy, arrival, _ = codec.decode_arrays(new, clip=True)
-        there = energy > 0
-        votes = there.mean(axis=0)
-        level = np.where(there, _decibels(energy), 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        votes, level, when = self._mean(new)
         was = frame.energy > 0
         known = was & (before > 0) & (votes > 0)
         gain = np.where(known, level - _decibels(before), 0.0)
         appears = ~was & (votes > 0.5)
-        when = np.where(there, np.nan_to_num(arrival), 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         return _Guess(
             np.clip(gain, -self.most_gain_db, self.most_gain_db),
             np.where(appears, level, _FLOOR_DB),
             np.where(appears, when, np.nan),
         )
 
-    def _applied(self, frame: Pir, guess: _Guess, common: float) -> Pir:
-        """`frame` with the gains, and the new energy, of a guess at the model's own resolution, and the gain `common`
-        to all that moves [dB]."""
+    def _applied(self, frame: Pir, guess: _Guess, common: float, strength: float) -> Pir:
+        """`frame` with the gains, and `strength` times the new energy, of a guess at the model's own resolution, and
+        the gain `common` to all that moves [dB]."""
         rows, columns = frame.energy.shape
         where = np.meshgrid(
             (np.arange(rows) + 0.5) * NATIVE[0] / rows - 0.5,
@@ -234,7 +267,7 @@ class PathDiffusion:
         gain = np.where(frame.velocity != 0, common, map_coordinates(guess.gain, where, order=1, mode="nearest"))
         nearest = tuple(np.clip(np.rint(w), 0, NATIVE[k] - 1).astype(np.intp) for k, w in enumerate(where))
         added = (frame.energy <= 0) & (guess.level[nearest] > _FLOOR_DB)
-        share = NATIVE[0] * NATIVE[1] / (rows * columns)
+        share = strength * NATIVE[0] * NATIVE[1] / (rows * columns)
         energy = np.where(added, share * 10 ** (guess.level[nearest] / 10), frame.energy * 10 ** (gain / 10))
         return replace(
             frame,

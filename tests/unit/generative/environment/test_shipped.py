@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -61,6 +62,34 @@ def test_rooms_are_closed_and_fields_open(rooms: EnvironmentDiffusion) -> None:
     level = 10 * np.log10(np.median(room.energy[room.energy > 0]))
     assert -150 < level < -125
     assert not room.velocity.any()
+
+
+def test_what_a_room_lacks_is_drawn_around_the_rest_and_the_sky_stays_empty(rooms: EnvironmentDiffusion) -> None:
+    """A hole of 12 x 12 pixels in a room gets a return near what was cut out, and keeps it over time; a street's sky
+    none, as little as other pixels change."""
+    paths = PathDiffusion()
+    for place in ("an office", "a corridor"):
+        whole = rooms.generate(place, seed=2)
+        hole = np.zeros(whole.energy.shape, np.bool_)
+        hole[16:28, 20:32] = True
+        cut = replace(
+            whole,
+            energy=np.where(hole, 0.0, whole.energy),
+            time_of_arrival=np.where(hole, np.nan, whole.time_of_arrival),
+        )
+        first, second = paths.refine_sequence([cut, replace(cut, time=0.5)], place, seed=1)
+        assert (first.energy[hole] > 0).all()
+        assert np.median(np.abs(distance(first) - distance(whole))[hole]) < 0.6
+        assert np.median(np.abs(10 * np.log10(first.energy[hole] / whole.energy[hole]))) < 4.0
+        np.testing.assert_array_equal(first.time_of_arrival[~hole], whole.time_of_arrival[~hole])
+        np.testing.assert_array_equal(first.energy, second.energy)
+        weak = paths.refine(cut, place, seed=1, strength=0.1).energy[hole]
+        np.testing.assert_allclose(weak, 0.1 * paths.refine(cut, place, seed=1).energy[hole])
+    street = rooms.generate("a street", seed=2)
+    refined = paths.refine(street, "a street", seed=1)
+    sky = street.energy <= 0
+    assert sky.sum() > 300
+    assert (refined.energy[sky] > 0).mean() < 0.1
 
 
 def test_height_and_pitch_move_the_floor(rooms: EnvironmentDiffusion) -> None:
