@@ -70,9 +70,14 @@ class Material:
             raise MaterialError(
                 f"material {self.name!r}: scattering_coefficient {self.scattering_coefficient}, allowed are 0 … 1"
             )
-
         if not 0.0 <= self.xpd_coefficient <= 1.0:
             raise MaterialError(f"material {self.name!r}: xpd_coefficient {self.xpd_coefficient}, allowed are 0 … 1")
+        mu = complex(self.permeability)
+        if not (np.isfinite(mu) and mu.real > 0 and mu.imag <= 0):
+            raise MaterialError(
+                f"material {self.name!r}: permeability {self.permeability}, a finite one with a real part above 0 and "
+                "an imaginary part of at most 0 (loss) is needed"
+            )
 
     @property
     def valid_ranges_hz(self) -> tuple[Range, ...]:
@@ -95,7 +100,13 @@ class Material:
         values = _frequencies(frequency)
         if self.outside == "raise":
             self.check(values)
-        return complex_permittivity(self.model, values, self.outside)
+        found = complex_permittivity(self.model, values, self.outside)
+        if (wrong := np.isnan(found) | (found.imag > 0)).any():
+            raise MaterialError(
+                f"material {self.name!r}: permittivity {found[wrong][0]} at {values[wrong][0]:g} Hz, a number with an "
+                "imaginary part of at most 0 (loss) is needed"
+            )
+        return found
 
     def relative_permeability(self, frequency: ArrayLike) -> ComplexArray:
         """Complex relative permeability, shaped as `frequency` [Hz]."""

@@ -32,6 +32,8 @@ SLOPED = 0.2
 TANGENTS = ((1, 1), (2, 1), (3, 2), (3, 3), (4, 4), (5, 5))
 """Expansions by slopes, the cheapest first: coefficients over the band and nodes."""
 MAX_DEGREE = 6
+INNER = 12
+"""Pairs that are tried at most beside the outermost ones."""
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which gains are tried and returns compared."""
 SHARE = 0.3
@@ -132,15 +134,15 @@ class BandTracer:
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
         that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
-        by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs,
-        and then for those at the band's ends. Of very many facets the strongest tell it. Not `coherent`, the
-        error is relative to what the facets return without interfering, where that is more.
+        by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
+        and some between, and then for those at the band's ends. Of very many facets the strongest tell it. Not
+        `coherent`, the error is relative to what the facets return without interfering, where that is more.
         """
         if len(facets) > self.enough:
             once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
             strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), self.enough)[: self.enough])
             facets, weight = facets.take(strongest), weight[strongest]
-        pairs = self._outermost()
+        pairs = self._telling()
         middle = np.zeros(len(pairs))
         ends = np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
@@ -267,12 +269,14 @@ class BandTracer:
         tx, rx = np.divmod(pairs, len(self._rx))
         return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
 
-    def _outermost(self) -> IntArray:
-        """Pairs at the corners of the array and furthest apart, at most nine."""
+    def _telling(self) -> IntArray:
+        """Pairs at the corners of the array and furthest apart, at most nine, and some others; all of a small one."""
         found = set()
         for angle in np.arange(8) * (np.pi / 4):
             found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
         found.add(int(np.argmax((self._difference**2).sum(axis=1))))
+        # What goes through the outermost ones may stray between them.
+        found.update(np.random.default_rng(0).permutation(len(self._sum))[:INNER].tolist())
         return np.array(sorted(found), dtype=np.int32)
 
     def _basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:

@@ -267,7 +267,7 @@ class MovingParts:
         gains = self._band(facets, self._materials, expansion)
         found = [
             measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q), usual=self._level)
-            for p, q in ((0, 0), (gains.shape[1] - 1, gains.shape[2] - 1))
+            for p, q in {(0, 0), (gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)}
         ]
         error = np.max([each.error for each in found], axis=0)
         # Where the return fades no facets are asked for that it does not need elsewhere.

@@ -8,9 +8,11 @@ plate as much as it does directly, at the image's distance.
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +27,15 @@ from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.mirrors import WIDTH
 from rfgen_sionna.tracing.obliquity import strongest_reflection
-from rfgen_sionna.tracing.plates import Plate, find_flats
+from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 PLATE = 1.0
 """How many wavelengths a flat part that others show is wide at least; narrower ones count as bent."""
+MEETING = 1e-4
+"""Corners of plates are in one place when they are so near to each other [m]."""
 SKIPPED = 0.5
 """Share of the tolerance that all that is left out may make up."""
 
@@ -95,14 +99,15 @@ def trace_static_bounces(
     corners = np.concatenate([view[None], *points])
     reach = min(radar.max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
     least = WIDTH * 0.5 * np.sqrt(radar.wavelength * reach)
+    mirrors_of = [number for number, plate in enumerate(plates) if plate is not None]
     wide = [
         number
-        for number, (flat, plate) in enumerate(zip(flats, plates, strict=True))
-        if plate is not None
+        for number in mirrors_of
+        if (plate := plates[number]) is not None
         and float((plate.high - plate.low).min()) >= least
-        and flat.area >= least * float((plate.high - plate.low).max())
+        and flats[number].area >= least * float((plate.high - plate.low).max())
     ]
-    if not wide or len(facets) == 0:
+    if not mirrors_of or len(facets) == 0:
         return None
     allowed = SKIPPED * rtol * static.level
     shower = Shower(rays, plates, owner, view, facets, radar.max_range)
@@ -111,25 +116,33 @@ def trace_static_bounces(
     starts = np.searchsorted(own[order], np.arange(-1, len(flats) + 1))
     of_flat = [order[starts[f + 1] : starts[f + 2]] for f in range(len(flats))]
     bent = order[starts[0] : starts[1]]
-    levels = _Images(plates, wide, radar, band)
-    lit = np.zeros((len(flats), len(facets)), np.bool_)
-    for m in wide:
-        lit[m, shower.candidates(m)] = True
+    levels = _Images(plates, mirrors_of, radar, band)
+
+    @cache
+    def lit(mirror: int) -> NDArray[np.bool_]:
+        """(facet,) whether the mirror may show each."""
+        found = np.zeros(len(facets), np.bool_)
+        found[shower.candidates(mirror)] = True
+        return found
+
     once: list[Landing] = []
     twice: list[Landing] = []
     area = np.array([flat.area for flat in flats])
-    present = np.array([f for f in range(len(flats)) if plates[f] is not None and len(of_flat[f])], dtype=np.intp)
+    present = np.array([f for f in mirrors_of if len(of_flat[f])], dtype=np.intp)
+    # Three bounces by way of two narrow plates matter in corner reflectors, where these meet.
+    across = _meeting(flats, points)
     for m in wide:
+        across[m].update(wide)
+    for m in mirrors_of:
         smaller = present[(area[present] < area[m]) | ((area[present] == area[m]) & (present > m))]
         for f in smaller[levels(smaller, m, DIRECT) > allowed].tolist():
-            once.append(shower.land(of_flat[f][lit[m, of_flat[f]]], m, DIRECT))
-        if most > 2:
-            for other in wide:
-                if other < m:
-                    continue
+            once.append(shower.land(of_flat[f][lit(m)[of_flat[f]]], m, DIRECT))
+    if most > 2:
+        for m in mirrors_of:
+            for other in sorted(each for each in {m, *across[m]} if each >= m and plates[each] is not None):
                 others = present[(present != m) & (present != other)]
                 for f in others[levels(others, m, other) > allowed].tolist():
-                    found = shower.land(of_flat[f][(lit[m] & lit[other])[of_flat[f]]], m, other)
+                    found = shower.land(of_flat[f][(lit(m) & lit(other))[of_flat[f]]], m, other)
                     twice += [found] if other == m else [found, found.swapped()]
     for number in np.unique(facets.surface[bent]):
         index = bent[facets.surface[bent] == number]
@@ -138,9 +151,9 @@ def trace_static_bounces(
         strong = static.levels[number] * relative > allowed
         for m, each in zip(wide, strong, strict=True):
             if each[0]:
-                once.append(shower.land(index[lit[m, index]], m, DIRECT))
+                once.append(shower.land(index[lit(m)[index]], m, DIRECT))
             if each[1]:
-                twice.append(shower.land(index[lit[m, index]], m, m))
+                twice.append(shower.land(index[lit(m)[index]], m, m))
     return _integrated(surfaces, radar, static, rtol, shower, plates, (joined(once), joined(twice)))
 
 
@@ -177,6 +190,22 @@ def _integrated(
     return StaticBounces(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
 
 
+def _meeting(flats: Sequence[FlatPart], points: Sequence[FloatArray]) -> list[set[int]]:
+    """(flat,) which others have two corners or more in common with each."""
+    at: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    for number, flat in enumerate(flats):
+        for place in {
+            tuple(each) for each in np.rint(points[flat.surface][flat.vertices] / MEETING).astype(int).tolist()
+        }:
+            at[place].append(number)
+    shared = Counter(pair for each in at.values() for pair in permutations(each, 2))
+    found: list[set[int]] = [set() for _ in flats]
+    for (one, other), count in shared.items():
+        if count > 1:
+            found[one].add(other)
+    return found
+
+
 class _Images:
     """Roughly how strong the radar sees itself by two or three flat parts."""
 
@@ -192,6 +221,9 @@ class _Images:
         self._middle = np.stack(middle) - np.einsum("fai,i->fa", self._axes, self._view)
         self._half = np.stack([0.5 * (each.high - each.low) for each in filled])
         self._size = 4.0 * self._half.prod(axis=1)
+        signs = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+        places = self._middle[:, None] + signs * self._half[:, None]
+        self._corners = places @ self._axes - (self._height[:, None] * self._normal)[:, None]
         materials = [each.material for each in filled]
         every = np.arange(len(filled), dtype=np.int32)
         angles = np.array([1.0, 0.7, 0.4, 0.15])
@@ -215,6 +247,14 @@ class _Images:
         tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(outside, 1e-12))
         return np.asarray(np.minimum(tail, 1.0).prod(axis=1))
 
+    def _face(self, flat: NDArray[np.intp], plate: int) -> NDArray[np.bool_]:
+        """(flat,) whether each has points in front of the `plate`, and that in front of it: two sides of a box have
+        not."""
+        least = 0.1 * self._wavelength
+        before = (self._corners[flat] @ self._normal[plate]).max(axis=1) + self._height[plate]
+        beyond = (self._corners[plate] @ self._normal[flat].T).max(axis=0) + self._height[flat]
+        return np.asarray((before > least) & (beyond > least))
+
     def __call__(self, flat: NDArray[np.intp], first: int, last: int) -> FloatArray:
         """(flat,) levels of radar, plate `first`, flat parts, plate `last` or straight, radar."""
         tx = -2.0 * self._height[first] * self._normal[first]
@@ -223,6 +263,8 @@ class _Images:
         to_tx, to_rx = normal @ tx + height, normal @ rx + height
         # Both images in front of the flat part, on the same side: else the image does not light it.
         sees = (to_tx > 0) & (to_rx > 0)
+        for plate in {first, last} - {DIRECT}:
+            sees &= self._face(flat, plate)
         behind = rx - 2.0 * to_rx[:, None] * normal
         length = np.maximum(np.linalg.norm(behind - tx, axis=1), self._wavelength)
         q = tx + (to_tx / np.maximum(to_tx + to_rx, 1e-9))[:, None] * (behind - tx)
@@ -230,7 +272,8 @@ class _Images:
         for plate, image in ((first, tx), (last, rx)):
             if plate == DIRECT:
                 continue
-            before = q @ self._normal[plate] + self._height[plate]
+            # Of a right angle the point of reflection is on its edge, give or take what coordinates are rounded by.
+            before = q @ self._normal[plate] + self._height[plate] + self._wavelength
             part = self._height[plate] / np.maximum(before + self._height[plate], 1e-9)
             crossing = image + part[:, None] * (q - image)
             share = share * np.where(before > 0, self._beside(plate, crossing, length), 0.0)

@@ -219,9 +219,9 @@ def test_a_ball_alone_has_no_second_bounce():
     assert set(bounced(radar_of(77), [ball], rtol=1e-2).bounces) == {1}
 
 
-def room_corner(gigahertz=77, size=0.1, distance=3.0, tilt=7):
-    """A dihedral of static plates, and the same as an actor."""
-    actor, sides = placed("dihedral", size, distance, Rotation.from_euler("z", tilt, degrees=True))
+def room_corner(gigahertz=77, size=0.1, distance=3.0, tilt=7, kind="dihedral"):
+    """A corner of static plates, and the same as an actor."""
+    actor, sides = placed(kind, size, distance, Rotation.from_euler("z", tilt, degrees=True))
     plates = {
         f"plate{number}": (
             [side.corner, side.corner + side.u, side.corner + side.u + side.v, side.corner + side.v],
@@ -242,6 +242,53 @@ def test_static_plates_return_as_an_actor_s():
     one, other = (channel(each.select(each.bounces == 2)) for each in (here, there))
     assert abs(one / other - 1).max() < 0.01
     assert set(bounced(radar, [], scene=scene, max_bounces=1).bounces) == {1}
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "tilt"),
+    [("dihedral", 0.05, 0), ("dihedral", 0.1, 4), ("dihedral", 0.1, 12), ("dihedral", 0.4, 0), ("dihedral", 0.4, 2),
+     ("dihedral", 0.4, 8), ("square", 0.1, 0), ("square", 0.1, 5), ("square", 0.2, 3)],
+)  # fmt: skip
+def test_corner_reflectors_that_stay_return_what_an_actor_s_do(kind, size, tilt):
+    """However narrow, and wherever the edge lies against what coordinates are rounded by."""
+    radar = radar_of(77)
+    actor, scene = room_corner(size=size, tilt=tilt, kind=kind)
+    count = 2 if kind == "dihedral" else 3
+    here, there = (
+        Simulator(where, radar, actors, rtol=1e-2, max_bounces=3).paths()
+        for where, actors in ((scene, []), (None, [actor]))
+    )
+    one, other = (channel(each.select(each.bounces == count)) for each in (here, there))
+    # Which of two equal plates is the other's mirror is chance, and physical optics differs by that much.
+    assert abs(one / other - 1).max() < 0.1
+
+
+@pytest.mark.parametrize(("x", "y"), [(4.0, 1.5), (3.3, 2.2), (5.0, 2.0)])
+@pytest.mark.parametrize(("position", "yaw"), [((0.0, 0.0, 1.0), 0.0), ((0.1, 0.2, 1.3), 0.3)])
+def test_a_room_s_corner_shows_the_radar_its_image(x, y, position, yaw):
+    """Two walls at right angles: the image of the image, at twice the distance of their edge."""
+    radar = replace(radar_of(77), position=position, orientation=(yaw, 0.0, 0.0))
+    walls = {
+        "ahead": ([[x, -3, 0], [x, y, 0], [x, y, 3], [x, -3, 3]], "metal", 0.1),
+        "aside": ([[-1, y, 0], [-1, y, 3], [x, y, 3], [x, y, 0]], "metal", 0.1),
+    }
+    paths = bounced(radar, [], scene=load_scene(scene_of(77e9, **walls).sionna), count=2, rtol=1e-2)
+    distance = np.hypot(x - position[0], y - position[1])
+    assert decibels(channel(paths)[0, 0]) == pytest.approx(decibels(radar.wavelength / (8 * np.pi * distance)), abs=0.3)
+
+
+def test_two_sides_of_a_box_show_nothing_of_one_another():
+    box = trimesh.creation.box((0.4, 0.4, 0.4))
+    faces = {}
+    corners = np.add(box.vertices, (3.0, 0.0, 0.0))
+    for number, (axis, sign) in enumerate(((0, -1), (1, -1), (1, 1))):
+        side = corners[np.isclose(box.vertices[:, axis], 0.2 * sign)]
+        around = np.delete(side - side.mean(axis=0), axis, axis=1)
+        faces[f"side{number}"] = (side[np.argsort(np.arctan2(around[:, 1], around[:, 0]))], "metal", 0.01)
+    scene = load_scene(scene_of(77e9, **faces).sionna)
+    for yaw in (0.0, 0.5):
+        radar = replace(radar_of(77), position=(3 - 3 * np.cos(yaw), 3 * np.sin(yaw), 0.1), orientation=(-yaw, 0, 0))
+        assert set(Simulator(scene, radar, [], rtol=1e-2, max_bounces=3).paths().bounces) == {1}
 
 
 def test_a_body_before_static_plates_hides_what_they_return():

@@ -18,6 +18,7 @@ from rfgen_sionna.generative.environment.model import EnvironmentModel, read_mod
 from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
+from rfgen_sionna.generative.environment.wishes import refuse_negation
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
@@ -25,8 +26,10 @@ Progress = Callable[[int, int], None]
 
 FOV_DEG = (35.0, 110.0)
 """Fields of view that the embedded model draws [degrees]; it was shown 40 … 100."""
-UNSURE = 0.5
-"""Probability of the likeliest place under which a prompt is warned about."""
+
+
+class UnknownThingWarning(UserWarning):
+    """A negative prompt excludes something that the model doesn't know."""
 
 
 class UnknownPlaceWarning(UserWarning):
@@ -144,17 +147,18 @@ class EmbeddedBackend:
 
     def tokens(self, prompt: str, negative: str, view: View) -> tuple[Tensor, Tensor]:
         """(1, token, WIDTH) what is wanted, and what guidance leads away from."""
-        place, chance = self.model.text.place_of(prompt)
-        if chance < UNSURE and place not in prompt.lower():
+        refuse_negation(prompt)
+        text = self.model.text
+        if not text.read(prompt).places:
             warnings.warn(
-                f"environment prompt {prompt!r} names no place that the model knows; the nearest is taken: {place} "
-                f"(of {', '.join(self.model.text.places)})",
+                f"environment prompt {prompt!r} names no place that the model knows; the nearest is taken: "
+                f"{text.place_of(prompt)[0]} (of {', '.join(text.places)})",
                 UnknownPlaceWarning,
                 stacklevel=5,
             )
         facts = [facts_of(view)]
         words = f"{self.model.word} {prompt}".strip()
-        return self.model.text.embed([words], facts), self.model.text.embed([negative], facts)
+        return text.embed([words], facts), text.embed([negative], facts)
 
     def draw(
         self,
@@ -177,8 +181,15 @@ class EmbeddedBackend:
         noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
         wishes = None
         if self.sketched:
-            text, without = self.model.text, self.model.text.things_in(negative)
-            wanted = [Wanted(text.place_of(prompt)[0], text.things_in(prompt), without) for prompt in prompts]
+            text, denied = self.model.text, self.model.text.read(negative)
+            if denied.rest:
+                warnings.warn(
+                    f"negative prompt {negative!r}: {', '.join(map(repr, denied.rest))} names nothing that can be left "
+                    "out of a place; it leads the drawing alone",
+                    UnknownThingWarning,
+                    stacklevel=3,
+                )
+            wanted = [Wanted(text.place_of(prompt)[0], text.things_in(prompt), denied.things) for prompt in prompts]
             wishes = [Wish(wish, view, seed, first) for wish, seed in zip(wanted, seeds, strict=True)]
         drawn = imagine(self.model, self.scheduler, sampler, wishes, tokens, against, noise, guide, progress=progress)
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))

@@ -5,7 +5,7 @@ A table is a top and four legs, a tree a stem and a crown, a car its wheels and 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _OUT_OF_WALL = 0.12
 """Openings lie this far within their walls [m], whose bricks are whole: theirs are thicker."""
 _OPENINGS = ("door", "window", "garage door")
+_BEFORE_OTHERS = (*_OPENINGS, "path")
+"""Parts of the shell that lie on others, which are whole without them."""
 _SMALL, _SMALL_SHARE = 0.25, 0.3
 """Bodies that are smaller than this [m], and than this share of the piece, are built together: books, leaves."""
 _MOST = 48
@@ -156,6 +158,22 @@ class Place:
             parts.append(built(points, faces, axes))
         owner = np.repeat(np.arange(len(parts)), [len(each) for each in parts])
         return cls(Bricks.joined(wholes), tuple(kinds), shell, Bricks.joined(parts), owner)
+
+    def without(self, kinds: Collection[str]) -> Place:
+        """The same place without pieces of some kinds; floor and walls stay. Nothing stands on pieces of furniture:
+        what does, as books on shelves, is part of them."""
+        left_out = np.array([kind in kinds for kind in self.kinds], bool)
+        left_out[: self.shell] &= [kind in _BEFORE_OTHERS for kind in self.kinds[: self.shell]]
+        if not left_out.any():
+            return self
+        kept, parts = np.flatnonzero(~left_out), ~left_out[self.owner]
+        return Place(
+            self.wholes[kept],
+            tuple(self.kinds[piece] for piece in kept),
+            int(np.sum(kept < self.shell)),
+            self.parts[parts],
+            np.searchsorted(kept, self.owner[parts]),
+        )
 
     @classmethod
     def plain(cls, bricks: Bricks, kinds: tuple[str, ...], shell: int = 0) -> Place:

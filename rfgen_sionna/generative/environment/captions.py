@@ -76,7 +76,7 @@ TEMPLATES = (
 OUTDOORS = ("street", "playground", "open field")
 _INSIDE = ("the inside of", "furnished")
 _PLURAL = ("tyres",)
-_BACKGROUND = ("floor", "ceiling", "ground", "wall", "skirting board", "pavement", "kerb", "person")
+BACKGROUND = ("floor", "ceiling", "ground", "wall", "skirting board", "pavement", "kerb", "person")
 """What every such place has: no caption names it."""
 
 
@@ -87,7 +87,7 @@ def named(objects: Sequence[str]) -> list[str]:
 
 
 def _words() -> set[str]:
-    return {word for kind in _BACKGROUND for word in kind.split()}
+    return {word for kind in BACKGROUND for word in kind.split()}
 
 
 def article(noun: str) -> str:
@@ -95,6 +95,16 @@ def article(noun: str) -> str:
     if noun in _PLURAL:
         return noun
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
+def inflected(noun: str) -> str:
+    """A pattern of a noun's singular and plural: "shelves", "chests of drawers"."""
+    head, of, rest = noun.partition(" of ")
+    if noun in _PLURAL:
+        head = head.removesuffix("s")
+    if head.endswith("f"):
+        head = f"{head.removesuffix('f')}(?:f|ve)"
+    return f"{head}(?:e?s)?{of}{rest}"
 
 
 def listed(things: Sequence[str]) -> str:

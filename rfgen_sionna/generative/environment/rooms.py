@@ -43,7 +43,13 @@ class Wanted:
     things: tuple[str, ...] = ()
     """That should be in view."""
     without: tuple[str, ...] = ()
-    """That should not."""
+    """That are not there."""
+
+    def excludes(self, kind: str) -> bool:
+        """Whether a kind is not there: an office chair is a chair, too, unless it is wanted itself."""
+        return kind in self.without or (
+            kind not in self.things and any(kind.endswith(f" {excluded}") for excluded in self.without)
+        )
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ class Room:
 
 @lru_cache(maxsize=256)
 def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False) -> Room:
-    """The place that shows most of what is wanted, of a few.
+    """The place that shows most of what is wanted, of a few, without what is excluded.
 
     Args:
         wanted: what is wanted.
@@ -72,10 +78,12 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
     """
     rng = np.random.default_rng([seed, 107])
     best: tuple[float, Room] | None = None
-    enough = float(len(wanted.things))
+    things = [thing for thing in wanted.things if not wanted.excludes(thing)]
+    enough = float(len(things))
     for number in range(LAYOUTS):
         scene = furnished(wanted.place, FIRST_SEED + LAYOUTS * seed + number)
         place = Place.of(scene)
+        place = place.without([kind for kind in set(place.kinds) if wanted.excludes(kind)])
         offset = (0.0, 0.0)
         if anywhere or not _may_stand(scene, view):
             found = _spot(scene, view, rng)
@@ -85,7 +93,7 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
         room = Room(place, offset)
         sketch = room.seen(replace(view, resolution=_COARSE))
         kinds = sketch.kinds(place)
-        score = sum(thing in kinds for thing in wanted.things) - 2.0 * sum(thing in kinds for thing in wanted.without)
+        score = float(sum(thing in kinds for thing in things))
         reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
         if reach.min() < NEAREST or np.median(reach) < SPACE:
             score -= 10.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
 
 from rfgen_sionna.generative.diffusion.text import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
 from rfgen_sionna.generative.diffusion.text_training import roughened
+from rfgen_sionna.generative.environment import wishes
 from rfgen_sionna.generative.environment.captions import named
 
 TOKENS = MAX_WORDS + 2
@@ -92,22 +93,28 @@ class PlaceEncoder(SentenceEncoder):
         tokens = reading.tokens / self.spread[1] * said
         return torch.cat([view_tokens(views).to(pooled), pooled, tokens], dim=1)
 
+    def read(self, text: str) -> wishes.Named:
+        """What a text names by its words: of the places, those that are told apart here."""
+        said = wishes.read(text, self.things)
+        return replace(said, places=tuple(place for place in said.places if place in self.places))
+
     @torch.no_grad()
     def place_of(self, text: str) -> tuple[str, float]:
-        """The likeliest place of a sentence, and its probability."""
-        chances = self.named(self(tokenise([text]).to(self.place.device)).pooled).softmax(dim=-1)[0]
-        best = int(chances.argmax())
-        return self.places[best], float(chances[best])
+        """The likeliest place of a sentence, among those that its words name if they name any, and its probability."""
+        chances = self.named(self(tokenise([text]).to(self.place.device)).pooled).softmax(dim=-1)[0].tolist()
+        every = dict(zip(self.places, chances, strict=True))
+        best = max(self.read(text).places or self.places, key=every.__getitem__)
+        return best, every[best]
 
     @torch.no_grad()
     def things_in(self, text: str) -> tuple[str, ...]:
-        """The furniture that a sentence mentions."""
-        if not text.strip():
-            return ()
-        chances = self.mentioned(self(tokenise([text]).to(self.place.device)).pooled).sigmoid()[0]
-        return tuple(
-            named([thing for thing, chance in zip(self.things, chances.tolist(), strict=True) if chance > 0.5])
-        )
+        """The furniture that a text names, and that the encoder hears in it where it is a caption: one of a place."""
+        said = self.read(text)
+        if not said.places:
+            return said.things
+        chances = self.mentioned(self(tokenise([text]).to(self.place.device)).pooled).sigmoid()[0].tolist()
+        heard = named([thing for thing, chance in zip(self.things, chances, strict=True) if chance > 0.5])
+        return tuple(sorted({*said.things, *heard}))
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """Materials have the permittivities of their sources, and say where those end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.constants import epsilon_0
@@ -144,3 +146,24 @@ def test_arrays_keep_their_shape_and_losses_match_the_conductivity():
     assert eps.shape == f.shape
     np.testing.assert_allclose(-eps.imag * 2 * np.pi * f * epsilon_0, 0.0462 * (f / GHZ) ** 0.7822)
     assert material("concrete").relative_permeability(f).shape == f.shape
+
+
+@pytest.mark.parametrize("mu", [0.0, np.inf, np.nan, -1.0, 2.0 + 0.5j])
+def test_permeabilities_that_nothing_has_are_refused(mu):
+    with pytest.raises(MaterialError, match=r"'skin': permeability .* is needed"):
+        replace(material("skin"), permeability=mu)
+
+
+@pytest.mark.parametrize("found", [(np.nan, 0.0), (2.0, np.nan), (2.0, -1.0)])
+def test_so_are_permittivities(found):
+    """NaN would count as a perfect conductor, and what amplifies returns more than it gets."""
+
+    class Odd:
+        ranges = ((1e9, 1e12),)
+
+        def evaluate(self, frequency, outside):
+            return found
+
+    odd = replace(material("skin"), name="odd", model=Odd())
+    with pytest.raises(MaterialError, match=r"'odd': permittivity .* at 7.7e\+10 Hz"):
+        odd.relative_permittivity(77e9)

@@ -1,0 +1,173 @@
+"""What words name: places and furniture by the words themselves, and what is excluded is in no sketch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative.environment.backend import UnknownPlaceWarning, UnknownThingWarning
+from rfgen_sionna.generative.environment.bricks import Place
+from rfgen_sionna.generative.environment.captions import NAMES, USUAL, article, caption
+from rfgen_sionna.generative.environment.data import PLACES
+from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.model import read_model
+from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
+from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.environment.wishes import read, refuse_negation
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.scene.furnished import furnished
+
+AHEAD = View((32, 32), (90.0, 90.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+NOUNS = sorted({noun for nouns in USUAL.values() for noun in nouns})
+PLURALS = {
+    "bookshelf": "bookshelves",
+    "shelf": "shelves",
+    "bench": "benches",
+    "workbench": "workbenches",
+    "bush": "bushes",
+    "chest of drawers": "chests of drawers",
+    "tyres": "tyres",
+}
+"""All others end in an s."""
+
+
+@pytest.fixture(scope="module")
+def text() -> PlaceEncoder:
+    return read_model().text
+
+
+def wanted(text: PlaceEncoder, prompt: str, negative: str = "") -> Wanted:
+    """As the model's drawings have it."""
+    return Wanted(text.place_of(prompt)[0], text.things_in(prompt), text.things_in(negative))
+
+
+@pytest.mark.parametrize("noun", NOUNS)
+def test_a_noun_is_itself_alone(text: PlaceEncoder, noun: str) -> None:
+    plural = PLURALS.get(noun, f"{noun}s")
+    for words in (noun, article(noun), f"the {noun}", plural, f"some {plural}", plural.upper()):
+        assert text.things_in(words) == (noun,), words
+    assert text.things_in("tyre") == ("tyres",)
+
+
+def test_several_nouns_are_told_apart(text: PlaceEncoder) -> None:
+    assert text.things_in("sofas, a coffee table and the garage door") == ("coffee table", "garage door", "sofa")
+    said = read("a low coffee-table, a unicorn")
+    assert (said.things, said.rest) == (("coffee table",), ("low", "unicorn"))
+
+
+def test_words_that_say_nothing_known_exclude_nothing(text: PlaceEncoder) -> None:
+    for words in ("couch", "blurry, low quality", "the woods", "", "floor, walls"):
+        assert text.things_in(words) == ()
+
+
+def test_captions_name_what_they_name(text: PlaceEncoder) -> None:
+    rng = np.random.default_rng(5)
+    for place, nouns in USUAL.items():
+        for _ in range(10):
+            said = caption(place, rng.permutation(np.array(nouns)).tolist(), rng, people=int(rng.integers(2)))
+            named = {noun for noun in nouns if article(noun) in said}
+            # "a table" is in no "a coffee table", but "a car" in "a car garage"
+            assert named - {"car"} <= set(text.things_in(said)), said
+            assert text.place_of(said)[0] == place, said
+
+
+def test_every_name_of_a_place_names_it() -> None:
+    for place, names in NAMES.items():
+        for name in names:
+            assert read(f"in {article(name)}").places == (place,)
+            assert read(name).things == ()
+    for words, place in (("a bed room", "bedroom"), ("hallways", "corridor"), ("a parlour", "living room")):
+        assert read(words).places == (place,)
+
+
+@pytest.mark.parametrize("words", ["the woods", "a parking lot", "a kitchen with a table", "a garage door", "Munich"])
+def test_other_places_are_not_named(text: PlaceEncoder, words: str) -> None:
+    assert text.read(words).places == ()
+
+
+def test_a_named_place_is_taken_whatever_else_is_said(text: PlaceEncoder) -> None:
+    assert text.place_of("a swing, a slide, a tree, a hedge and a bench in an office")[0] == "office"
+
+
+@pytest.mark.parametrize("prompt", ["a living room without a sofa", "an office, no desk", "a street but not a car"])
+def test_a_negation_is_refused(prompt: str) -> None:
+    with pytest.raises(ValueError, match=r"negates something .* negative="):
+        refuse_negation(prompt)
+    refuse_negation(prompt.split()[-1])
+
+
+@pytest.mark.parametrize("seeds", [2, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("place", "thing"),
+    [("living room", "sofa"), ("bedroom", "bed"), ("office", "desk"), ("classroom", "desk"), ("garage", "car")],
+)
+def test_what_is_excluded_is_in_no_sketch(text: PlaceEncoder, place: str, thing: str, seeds: int) -> None:
+    wish = wanted(text, article(place), thing)
+    assert wish.without == (thing,)
+    for seed in range(seeds):
+        room = choose_room(wish, AHEAD, seed)
+        assert thing not in room.place.kinds
+        assert thing not in room.seen(AHEAD).kinds(room.place, 0.0)
+
+
+def test_the_rest_of_a_room_stays_as_it_is_without_a_thing(text: PlaceEncoder) -> None:
+    whole = choose_room(wanted(text, "an office"), AHEAD, 2)
+    less = choose_room(wanted(text, "an office", "desks"), AHEAD, 2)
+    assert less.offset == whole.offset
+    assert less.place.kinds == tuple(kind for kind in whole.place.kinds if kind != "desk")
+    before, after = whole.seen(AHEAD), less.seen(AHEAD)
+    kind = np.array([*whole.place.kinds, ""])[before.piece]
+    assert (kind == "desk").mean() > 0.01
+    np.testing.assert_array_equal(after.range[kind != "desk"], before.range[kind != "desk"])
+    assert (after.range[kind == "desk"] > before.range[kind == "desk"]).all()
+
+
+def test_a_kind_goes_with_what_it_is_unless_it_is_wanted() -> None:
+    """An office chair is a chair."""
+    assert Wanted("office", (), ("chair",)).excludes("office chair")
+    assert not Wanted("office", ("office chair",), ("chair",)).excludes("office chair")
+    assert Wanted("office", ("chair",), ("chair",)).excludes("chair")
+    assert not Wanted("lab", (), ("bench",)).excludes("workbench")
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_floor_and_walls_stay_where_everything_else_is_left_out(name: str) -> None:
+    place = Place.of(furnished(name, 3))
+    assert place.without(()) is place
+    bare = place.without(set(place.kinds))
+    assert len(bare.kinds) == bare.shell == len(bare.wholes) == len(bare.parts)
+    assert not {"door", "window", "garage door", "path"} & set(bare.kinds)
+    assert {kind for kind in place.kinds if kind.split()[-1] in ("floor", "ground", "wall", "ceiling", "road")} - {
+        "tool wall"
+    } <= set(bare.kinds)
+    np.testing.assert_array_equal(bare.owner, np.arange(bare.shell))
+
+
+def test_doors_leave_whole_walls() -> None:
+    view = replace(AHEAD, orientation=(0.5, 0.0, 0.0))
+    place = Place.of(furnished("corridor", 3))
+    less = Place.of(furnished("corridor", 3)).without(["door"])
+    assert less.shell == place.shell - place.kinds.count("door")
+    room, bare = (choose_room(Wanted("corridor", (), kinds), view, 1) for kinds in ((), ("door",)))
+    before, after = room.seen(view), bare.seen(view)
+    doors = np.array([*room.place.kinds, ""])[before.piece] == "door"
+    assert doors.mean() > 0.01
+    assert np.isfinite(after.range).all()
+    assert (after.range >= before.range - 1e-9).all()
+
+
+@pytest.fixture(scope="module")
+def rooms() -> EnvironmentDiffusion:
+    return EnvironmentDiffusion(steps=1, sampler="dpm", device="cpu")
+
+
+def test_drawing_refuses_negations_and_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> None:
+    with pytest.raises(ValueError, match="negates something"):
+        rooms.generate("a living room without a sofa")
+    with pytest.warns(UnknownPlaceWarning, match=r"the woods.* nearest is taken: garage .*open field"):
+        rooms.generate("the woods")
+    with pytest.warns(UnknownThingWarning, match="'couch' names nothing"):
+        rooms.generate("a garage", negative="car, couch")
+    rooms.generate("a garage", negative="a car")  # warnings are errors
