@@ -24,8 +24,8 @@ def channel(paths, tx, rx, u):
 
 
 def errors(actor, radar, rtol, quadrature, pairs=None):
-    """Error over element pairs (the first and the last one if None) and three frequencies, relative to the return's root
-    mean square, and the report.
+    """Error over element pairs (the first and the last one if None) and three frequencies, relative to the return's
+    root mean square, and the report.
 
     `quadrature(*elements, frequency, permittivity)` is the dense reference.
     """
