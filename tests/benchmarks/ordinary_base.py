@@ -4,7 +4,7 @@ The embedded model's network on ordinary pictures, for the examination of RF LoR
 
     python -m rfgen_sionna.generative.environment.evaluate --data DATA --out REPORT --seeds 0 --view-count 0 \\
         --lora-base BASE/environment.safetensors --lora-steps 250 --lora-rank 5 --lora-convolutions \\
-        --lora-rate 5e-3 --lora-rate 1e-2
+        --lora-rate 5e-3 --lora-rate 1e-2 --lora-rate 2e-2
 
 No pictures of others are needed: dead leaves (discs that cover each other, with sizes of a power law) have the edges,
 the spectra and the marginals of photographs (Lee, Mumford and Huang, "Occlusion Models for Natural Images", 2001). As
