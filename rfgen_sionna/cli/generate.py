@@ -111,7 +111,7 @@ def generate(
         str | None,
         typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images (default: 128x128, imagined 64x64)."),
     ] = None,
-    fov: Annotated[
+    fov_deg: Annotated[
         float | None,
         typer.Option(help="Horizontal field of view of the images in degrees (default: 60, imagined 90)."),
     ] = None,
@@ -177,7 +177,7 @@ def generate(
             radar_position=place,
             look_at=target_point,
             pir_resolution=resolution,
-            fov_deg=fov,
+            fov_deg=fov_deg,
             max_bounces=max_bounces,
             transmission=transmission,
             motion=motion,

@@ -78,6 +78,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml"),
         *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu", "--max-bounces", "2", "--transmission"),
         *("--surroundings", "diffusion", "--negative-environment", "sofa", "--no-refine"),
+        *("--environment-model", "folder", "--environment-lora", "owner/lora", "--fov-deg", "80"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -90,6 +91,8 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "surroundings": "diffusion",
         "negative_environment": "sofa",
         "refine": False,
+        "environment_model": "folder",
+        "environment_lora": "owner/lora",
         "radar": "awr1843",
         "preset": "di_gesture",
         "duration": 1.5,
@@ -103,6 +106,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "radar_position": (-1.0, 0.5, 1.2),
         "look_at": (3.0, 0.0, 1.0),
         "pir_resolution": (32, 64),
+        "fov_deg": 80.0,
         "max_bounces": 2,
         "transmission": True,
         "motion": "diffusion",
@@ -113,6 +117,15 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
     assert "wrote arm.h5" in out
     assert "warning: a word was not understood" in err
     assert "warning: another one neither" in err
+
+
+def test_a_strength_is_how_far_images_are_refined(rfgen: Rfgen) -> None:
+    code, _, err = rfgen("generate", "a person walking", "--strength", "0.25", "--no-pictures")
+    assert code == 0, err
+    assert rfgen.calls[0]["refine"] == 0.25
+    code, _, err = rfgen("generate", "a person walking", "--strength", "0.25", "--no-refine", "--no-pictures")
+    assert code == 2
+    assert "--strength is 0.25, but --no-refine" in err
 
 
 def test_a_prompt_beyond_the_grammar_is_read_by_the_source_of_motion(rfgen: Rfgen) -> None:
@@ -258,7 +271,7 @@ def test_every_option_is_one_of_the_pipeline() -> None:
 
     from rfgen_sionna.pipeline import generate
 
-    shown = set(signature(cli.generate).parameters) - {"pictures", "no_environment"}
+    shown = set(signature(cli.generate).parameters) - {"pictures", "no_environment", "strength"}
     assert shown <= set(signature(generate).parameters)
 
 
