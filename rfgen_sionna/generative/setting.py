@@ -91,10 +91,9 @@ class Imagining:
 
     def check(self, *, moves: bool) -> None:
         """Raises ValueError where what is said is out of its range, or the radar `moves` and refinement is wanted."""
-        strength = self.strength
-        if strength is not None and not 0.0 <= strength <= 1.0:
+        if self.refine is not None and not (isinstance(self.refine, (int, float)) and 0 <= self.refine <= 1):
             raise ValueError(f"refine is {self.refine!r}: True, False, None or a strength of 0 … 1 is needed")
-        if strength and moves:
+        if self.refine and moves:
             raise ValueError(
                 f"refine is {self.refine!r}, but the radar moves: images are completed for one that stands"
             )

@@ -197,7 +197,9 @@ def trace_static(
         before = found.total
         # More of the same is no use where the error hardly falls, or where it would take too long.
         if attempt == MAX_ROUNDS - 1 or before > 0.5 * earlier or effort * before / rtol > MAX_EFFORT:
-            _LOG.warning("the return of the static scene is right to %.2g of itself (rtol: %g)", found.total, rtol)
+            _LOG.warning(
+                "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
+            )
             break
         fineness[coarse] *= finer(np.array(found.total), rtol)
     gains *= seen.fraction

@@ -99,15 +99,15 @@ def trace_static_bounces(
     corners = np.concatenate([view[None], *points])
     reach = min(radar.max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
     least = WIDTH * 0.5 * np.sqrt(radar.wavelength * reach)
-    mirrors_of = [number for number, plate in enumerate(plates) if plate is not None]
+    possible = [number for number, plate in enumerate(plates) if plate is not None]
     wide = [
         number
-        for number in mirrors_of
+        for number in possible
         if (plate := plates[number]) is not None
         and float((plate.high - plate.low).min()) >= least
         and flats[number].area >= least * float((plate.high - plate.low).max())
     ]
-    if not mirrors_of or len(facets) == 0:
+    if not possible or len(facets) == 0:
         return None
     allowed = SKIPPED * rtol * static.level
     shower = Shower(rays, plates, owner, view, facets, radar.max_range)
@@ -116,7 +116,7 @@ def trace_static_bounces(
     starts = np.searchsorted(own[order], np.arange(-1, len(flats) + 1))
     of_flat = [order[starts[f + 1] : starts[f + 2]] for f in range(len(flats))]
     bent = order[starts[0] : starts[1]]
-    levels = _Images(plates, mirrors_of, radar, band)
+    levels = _Images(plates, possible, radar, band)
 
     @cache
     def lit(mirror: int) -> NDArray[np.bool_]:
@@ -128,17 +128,17 @@ def trace_static_bounces(
     once: list[Landing] = []
     twice: list[Landing] = []
     area = np.array([flat.area for flat in flats])
-    present = np.array([f for f in mirrors_of if len(of_flat[f])], dtype=np.intp)
-    # Three bounces by way of two narrow plates matter in corner reflectors, where these meet.
-    across = _meeting(flats, points)
-    for m in wide:
-        across[m].update(wide)
-    for m in mirrors_of:
+    present = np.array([f for f in possible if len(of_flat[f])], dtype=np.intp)
+    for m in possible:
         smaller = present[(area[present] < area[m]) | ((area[present] == area[m]) & (present > m))]
         for f in smaller[levels(smaller, m, DIRECT) > allowed].tolist():
             once.append(shower.land(of_flat[f][lit(m)[of_flat[f]]], m, DIRECT))
     if most > 2:
-        for m in mirrors_of:
+        # By way of two narrow plates these matter in corner reflectors, where they meet.
+        across = _meeting(flats, points)
+        for m in wide:
+            across[m].update(wide)
+        for m in possible:
             for other in sorted(each for each in {m, *across[m]} if each >= m and plates[each] is not None):
                 others = present[(present != m) & (present != other)]
                 for f in others[levels(others, m, other) > allowed].tolist():

@@ -58,7 +58,8 @@ class TraceReport:
     knots: int
     """Knots of the delays."""
     error: float
-    """Estimated error of the return of the static scene or of an actor, relative to itself, whichever is larger.
+    """Estimated error of an actor's return, relative to itself, or of the static scene's, relative to its strongest
+    surface's or to what all of it returns without interfering; whichever is larger.
 
     It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of shadows' edges
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is

@@ -17,7 +17,7 @@ from rfgen_sionna.generative.environment.captions import OUTDOORS
 from rfgen_sionna.generative.environment.control_training import condition_of
 from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, memory_of, noise_like
+from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, PATCH, resized
 from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.surroundings import check_image
@@ -175,7 +175,8 @@ class PathDiffusion:
     def _noise(self, strength: float) -> float:
         """The share of the schedule that drawings are started from: the least from `strength` on that as many steps
         get to the end of."""
-        return self.sampler.steps / int(self.sampler.steps / strength + 1e-9)
+        steps = self.sampler.steps
+        return steps / min(MOST_STEPS, int(steps / strength + 1e-9))
 
     def _guess(self, frames: Sequence[Pir], prompt: str, negative: str, strength: float, seed: int) -> list[_Guess]:
         model, codec = self.backend.model, self.backend.model.codec

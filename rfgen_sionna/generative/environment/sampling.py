@@ -22,6 +22,8 @@ from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.errors import BackendError
 
 SAMPLERS = ("ddim", "dpm", "euler")
+MOST_STEPS = 1000
+"""The forward process has no more."""
 
 
 class DeviceMemoryError(BackendError):
@@ -59,8 +61,8 @@ class Sampler:
             raise ValueError(f"spread: {self.spread!r}; above 0 and up to 1.5 is allowed")
         if self.kind not in SAMPLERS:
             raise ValueError(f"sampler: {self.kind!r}; allowed are {', '.join(SAMPLERS)}")
-        if not 1 <= self.steps <= 1000:
-            raise ValueError(f"steps: {self.steps!r}; 1 … 1000 are allowed")
+        if not 1 <= self.steps <= MOST_STEPS:
+            raise ValueError(f"steps: {self.steps!r}; 1 … {MOST_STEPS} are allowed")
         if not 1.0 <= self.guidance <= 20.0:
             raise ValueError(f"guidance: {self.guidance!r}; 1 … 20 are allowed")
 

@@ -222,8 +222,9 @@ def test_wishes_without_effect_are_refused() -> None:
     with pytest.raises(ValueError, match="refine is True, but the radar moves"):
         Imagining(refine=True).check(moves=True)
     Imagining(refine=False).check(moves=True)
-    with pytest.raises(ValueError, match=r"refine is 1\.5: .* 0 … 1"):
-        Imagining(refine=1.5).check(moves=False)
+    for wrong in (1.5, -0.1, float("nan"), "yes"):
+        with pytest.raises(ValueError, match=rf"refine is {wrong!r}: .* 0 … 1"):
+            Imagining(refine=wrong).check(moves=False)  # type: ignore[arg-type]
     for how in (Imagining(model="folder"), Imagining(lora="folder"), Imagining(refine=0.5)):
         with pytest.raises(ValueError, match="only imagined surroundings take it"):
             check_kind("furnished", parse_environment("an office"), how)
