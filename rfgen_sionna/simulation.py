@@ -89,8 +89,7 @@ class Simulator:
         Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
     max_bounces
         Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
-        make of actors on the way there or back, 3 those on both. None is 3, but 1 for a radar that moves, which
-        has no ghosts yet. Ghosts weaker than `rtol` are left out.
+        make of actors on the way there or back, 3 those on both. None is 3. Ghosts weaker than `rtol` are left out.
     environment
         Image of surroundings, such as a diffusion model's, for which there is no `scene`: diffuse paths, which hide the
         actors and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
@@ -141,7 +140,7 @@ class Simulator:
             raise ValueError(f"collisions is {collisions!r}: allowed are {', '.join(map(repr, POLICIES))}")
         if not isinstance(transmission, (bool, np.bool_)):
             raise TypeError(f"transmission is {transmission!r}: True or False is needed")
-        self.max_bounces = check_max_bounces(max_bounces, radar, stacklevel=2)
+        self.max_bounces = check_max_bounces(max_bounces)
         self.transmission = bool(transmission)
         self.scene = load_scene(scene)
         self.radar = tabulated(radar)

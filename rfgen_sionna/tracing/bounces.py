@@ -4,6 +4,9 @@ Of two surfaces on a path one is the mirror (geometrical optics: the image of th
 mirror's outline), the other is integrated (physical optics): radar, mirror, facet, radar and the same backwards. Of
 three the middle one is integrated, for the images of Tx and Rx behind the two others. So Tx and Rx may be changed over
 without changing anything. Of two flat parts the larger is the mirror.
+
+A radar that moves sees the scene move (:mod:`rfgen_sionna.tracing.relative`): walls are plates then, and ghosts in
+them, furniture and corners of the room are traced here as well.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats, least_widths
+from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats, least_widths, meeting, wide_plates
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 SKIPPED = 0.5
@@ -48,7 +51,7 @@ class Bounced:
 
 
 class Bounces:
-    """Finds and traces what plates show of moving surfaces, but for what the ghosts in walls are.
+    """Finds and traces what plates show of moving surfaces, but for what the ghosts in walls that stay are.
 
     Parameters
     ----------
@@ -77,10 +80,13 @@ class Bounces:
         self._viewpoint = np.asarray(radar.position)
         self._flats: tuple[FlatPart, ...] | None = None
         self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
+        self._meeting: list[set[int]] = []  # (plate,) those that it has an edge in common with
         self._stretch = 0
         # Until when what is too weak is left alone: plates, and kind, surface and plates of groups.
         self._until: dict[tuple[int, ...], int] = {}
         self._plates: dict[float, tuple[Plate | None, ...]] = {}
+        # (surface,) of those that move: whether it is the radar that does.
+        self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
         names = surfaces.object_names, surfaces.part_names
         self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, LandingBand)
 
@@ -94,6 +100,8 @@ class Bounces:
             every = (*self._surfaces.static, *self._surfaces.moving)
             counts = len(self._surfaces.static), len(self._surfaces.moving)
             self._flats = find_flats(every, vertices, least_widths(*counts, self._radar.wavelength))
+            if self._still.any():
+                self._meeting = meeting(self._flats, vertices)
         return len(self._flats) > 0
 
     def followed(self, vertices: Sequence[FloatArray], t: float) -> list[FloatArray]:
@@ -115,7 +123,7 @@ class Bounces:
         if t not in self._plates:
             count, moving = len(self._surfaces.static), self._positions(t)
             self._plates[t] = tuple(
-                self._still[number] if flat.surface < count else flat.at(moving[flat.surface - count], self._viewpoint)
+                self._fixed[number] if flat.surface < count else flat.at(moving[flat.surface - count], self._viewpoint)
                 for number, flat in enumerate(self.flats)
             )
         return self._plates[t]
@@ -130,7 +138,7 @@ class Bounces:
         return [Plate(f.name, f.material, f.faces[:0], up, 0.0, np.eye(3)[:2], none, none, ()) for f in self.flats]
 
     @cached_property
-    def _still(self) -> list[Plate | None]:
+    def _fixed(self) -> list[Plate | None]:
         points, view = self._surfaces.static_vertices, self._viewpoint
         return [flat.at(points[flat.surface], view) if flat.surface < len(points) else None for flat in self.flats]
 
@@ -145,11 +153,12 @@ class Bounces:
 
     @cached_property
     def _roles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.intp]]:
-        """(plate,) whether it is a wall that ghosts are traced by, whether it stays, and its rank: of two flat parts
-        the one of the higher rank is the mirror."""
+        """(plate,) whether it is a wall that ghosts are traced by, whether it stays in the world, and its rank: of two
+        flat parts the one of the higher rank is the mirror."""
         of_walls = {int(number) for wall in self._walls() for number in wall.faces}
         wall = np.array([int(flat.faces[0]) in of_walls for flat in self.flats], np.bool_)
-        still = np.array([flat.surface < len(self._surfaces.static) for flat in self.flats], np.bool_)
+        every = (*self._surfaces.static, *self._surfaces.moving)
+        still = np.array([every[flat.surface].still for flat in self.flats], np.bool_)
         area = np.array([flat.area for flat in self.flats])
         rank = np.empty(len(area), np.intp)
         rank[np.lexsort((-np.arange(len(area)), np.round(np.log10(area), 6), wall))] = np.arange(len(area))
@@ -175,18 +184,36 @@ class Bounces:
                 once.append(shower.land(self._strong(chosen, facets, number, DIRECT), number, DIRECT))
         twice = []
         if self._max_bounces > 2:
+            across = self._across(t)
             for number, first in lit.items():
                 for other, last in lit.items():
-                    # Among things that stay, only one and the same: by two walls a body is not followed.
-                    if other < number or (still[number] and still[other] and (number != other or wall[number])):
+                    walls = still[number] and still[other]
+                    if other < number or (walls and (wall[number] or other not in across[number])):
                         continue
                     both = np.intersect1d(first, last, assume_unique=True)
+                    if walls and number != other:  # by two walls a body is not followed
+                        both = both[self._still[facets.surface[both]]]
                     found = shower.land(self._strong(both, facets, number, other), number, other)
                     twice.append(found)
                     if other != number:
                         twice.append(found.swapped())
         looked_at = sum(len(each) for each in lit.values())
         return Bounced(joined(once), joined(twice), looked_at, shower.sent)
+
+    def _across(self, t: float) -> list[set[int]]:
+        """(plate,) by way of which plates that stay in the world, together with each of them, others are shown: itself,
+        and to a radar that moves those that it meets, as in corner reflectors, and among wide ones all others."""
+        found = [{number} for number in range(len(self.flats))]
+        if not self._still.any():
+            return found
+        for number, others in enumerate(self._meeting):
+            found[number] |= others
+        scene = [points for points, still in zip(self._positions(t), self._still, strict=True) if still]
+        radar = self._radar
+        wide = wide_plates(self.flats, self.at(t), scene, self._viewpoint, radar.wavelength, radar.max_range)
+        for number in wide:
+            found[number].update(wide)
+        return found
 
     def _strong(self, index: NDArray[np.intp], facets: Facets, first: int, last: int) -> NDArray[np.intp]:
         """Those of the facets `index` whose surface was not too weak by these plates lately."""
@@ -212,6 +239,7 @@ class Bounces:
         `facets` and `seen` are those of each of the `instants` [s]; delays are for the `knots` [s].
         """
         middle, paths, error, used = len(instants) // 2, [], 0.0, set[int]()
+        usual = self._shared(usual)
         weak, usual = self._weak(float(instants[middle]), facets[middle], seen[middle], usual)
         for way in WAYS:
             landings = [each.twice if all(way) else each.once for each in seen]
@@ -239,6 +267,10 @@ class Bounces:
                 self._until[key] = self._stretch + REST + sum(key) % REST
         return paths, error
 
+    def _shared(self, usual: FloatArray) -> FloatArray:
+        """(surface,) levels that errors are relative to: for what stays in the world the strongest one's."""
+        return np.where(self._still, usual[self._still].max(initial=0.0), usual)
+
     def _weak(
         self, t: float, facets: Facets, seen: Bounced, usual: FloatArray
     ) -> tuple[tuple[set[tuple[int, ...]], set[tuple[int, ...]]], FloatArray]:
@@ -257,12 +289,15 @@ class Bounces:
             found.append(
                 (np.column_stack([np.full(len(groups), all(way)), groups]), times * np.maximum(coherent, single))
             )
+        usual = self._shared(usual)
         weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]] = (set(), set())
         if found:
             groups, levels = (np.concatenate([each[part] for each in found]) for part in (0, 1))
-            for surface, level in enumerate(usual):
-                index = np.flatnonzero(groups[:, 1] == surface)
+            lot = np.where(self._still, -1, np.arange(len(usual)))  # what stays shares one tolerance
+            for each in np.unique(lot):
+                index = np.flatnonzero(lot[groups[:, 1]] == each)
                 index = index[np.argsort(levels[index], kind="stable")]
+                level = usual[lot == each].max()
                 for number in index[np.cumsum(levels[index]) <= SKIPPED * self._rtol * level]:
                     weak[groups[number, 0]].add(tuple(groups[number, 1:].tolist()))
         return weak, usual

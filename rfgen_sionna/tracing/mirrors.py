@@ -69,7 +69,7 @@ def find_mirrors(
     seen: NDArray[np.int64],
     viewpoint: FloatArray,
     wavelength: float,
-    reach: float,
+    max_range: float,
 ) -> tuple[Mirror, ...]:
     """Flat parts that the radar sees and that are wide against the Fresnel zone.
 
@@ -83,10 +83,10 @@ def find_mirrors(
         (3,) phase centre of the radar [m].
     wavelength
         [m].
-    reach
-        Length of the longest way from the radar by a mirror to a body [m]: half way the zone is widest.
+    max_range
+        Where the radar's range window ends [m].
     """
-    least = WIDTH * 0.5 * np.sqrt(wavelength * reach)
+    least = fresnel_width(vertices, viewpoint, wavelength, max_range)
     found = []
     for surface, points in zip(surfaces, vertices, strict=True):
         numbers = seen[(seen >= surface.first_facet) & (seen < surface.first_facet + len(surface.faces))]
@@ -98,6 +98,14 @@ def find_mirrors(
             if mirror is not None:
                 found.append(mirror)
     return tuple(found)
+
+
+def fresnel_width(vertices: Sequence[FloatArray], viewpoint: FloatArray, wavelength: float, max_range: float) -> float:
+    """Least width of a mirror [m] in a scene of such (vertex, 3) positions [m]: half way on the longest way that there
+    is, as far as the range window, the zone is widest."""
+    corners = np.concatenate([viewpoint[None], *vertices])
+    reach = min(max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
+    return float(WIDTH * 0.5 * np.sqrt(wavelength * reach))
 
 
 def flat_groups(points: FloatArray, surface: Surface, crease: float = np.pi) -> tuple[NDArray[np.int32], FloatArray]:

@@ -7,15 +7,17 @@ are kept as convex windows, so that facets can be cut to that shadow exactly (:m
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.mirrors import FLAT, Mirror, flat_groups
+from rfgen_sionna.tracing.mirrors import FLAT, Mirror, flat_groups, fresnel_width
 from rfgen_sionna.tracing.surfaces import Surface
 
 WIDTH = 1.0
@@ -27,6 +29,8 @@ CREASE = np.radians(25.0)
 """Faces that meet at a smaller angle stand for one bent surface, which is no mirror."""
 SMOOTH = 0.1
 """Share of a plate's outline that may go over into a bent surface."""
+MEETING = 1e-4
+"""Corners of plates are in one place when they are so near to each other [m]."""
 MAX_WINDOWS = 64
 """Convex parts of an outline; what is more ragged is no plate."""
 
@@ -147,6 +151,42 @@ def find_flats(
 def least_widths(static: int, moving: int, wavelength: float) -> list[float]:
     """Widths [m] for :func:`find_flats` of so many surfaces that stay and that move."""
     return [2.0 * float(np.sqrt(wavelength * LEG))] * static + [WIDTH * wavelength] * moving
+
+
+def meeting(flats: Sequence[FlatPart], points: Sequence[FloatArray]) -> list[set[int]]:
+    """(flat,) which others have two corners or more in common with each."""
+    at: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    for number, flat in enumerate(flats):
+        for place in {
+            tuple(each) for each in np.rint(points[flat.surface][flat.vertices] / MEETING).astype(int).tolist()
+        }:
+            at[place].append(number)
+    shared = Counter(pair for each in at.values() for pair in permutations(each, 2))
+    found: list[set[int]] = [set() for _ in flats]
+    for (one, other), count in shared.items():
+        if count > 1:
+            found[one].add(other)
+    return found
+
+
+def wide_plates(
+    flats: Sequence[FlatPart],
+    plates: Sequence[Plate | None],
+    points: Sequence[FloatArray],
+    viewpoint: FloatArray,
+    wavelength: float,
+    max_range: float,
+) -> list[int]:
+    """Which of the `plates`, those of `flats`, are wide against the Fresnel zone half way through a scene of vertices
+    `points` (vertex, 3) [m] of each surface."""
+    least = fresnel_width(points, viewpoint, wavelength, max_range)
+    return [
+        number
+        for number, (flat, plate) in enumerate(zip(flats, plates, strict=True))
+        if plate is not None
+        and float((plate.high - plate.low).min()) >= least
+        and flat.area >= least * float((plate.high - plate.low).max())
+    ]
 
 
 def _windows(place: FloatArray, used: NDArray[np.intp], faces: IntArray, area: float) -> tuple[NDArray[np.intp], ...]:

@@ -8,11 +8,9 @@ plate as much as it does directly, at the image's distance.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +23,14 @@ from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
-from rfgen_sionna.tracing.mirrors import WIDTH
 from rfgen_sionna.tracing.obliquity import strongest_reflection
-from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats
+from rfgen_sionna.tracing.plates import Plate, find_flats, meeting, wide_plates
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 PLATE = 1.0
 """How many wavelengths a flat part that others show is wide at least; narrower ones count as bent."""
-MEETING = 1e-4
-"""Corners of plates are in one place when they are so near to each other [m]."""
 SKIPPED = 0.5
 """Share of the tolerance that all that is left out may make up."""
 
@@ -96,17 +91,8 @@ def trace_static_bounces(
     owner = np.full(sum(len(each.faces) for each in (*surfaces.static, *surfaces.moving)), -1, np.int32)
     for number, flat in enumerate(flats):
         owner[flat.faces] = number
-    corners = np.concatenate([view[None], *points])
-    reach = min(radar.max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
-    least = WIDTH * 0.5 * np.sqrt(radar.wavelength * reach)
     possible = [number for number, plate in enumerate(plates) if plate is not None]
-    wide = [
-        number
-        for number in possible
-        if (plate := plates[number]) is not None
-        and float((plate.high - plate.low).min()) >= least
-        and flats[number].area >= least * float((plate.high - plate.low).max())
-    ]
+    wide = wide_plates(flats, plates, points, view, radar.wavelength, radar.max_range)
     if not possible or len(facets) == 0:
         return None
     allowed = SKIPPED * rtol * static.level
@@ -135,7 +121,7 @@ def trace_static_bounces(
             once.append(shower.land(of_flat[f][lit(m)[of_flat[f]]], m, DIRECT))
     if most > 2:
         # By way of two narrow plates these matter in corner reflectors, where they meet.
-        across = _meeting(flats, points)
+        across = meeting(flats, points)
         for m in wide:
             across[m].update(wide)
         for m in possible:
@@ -188,22 +174,6 @@ def _integrated(
     if not paths:
         return None
     return StaticBounces(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
-
-
-def _meeting(flats: Sequence[FlatPart], points: Sequence[FloatArray]) -> list[set[int]]:
-    """(flat,) which others have two corners or more in common with each."""
-    at: dict[tuple[int, ...], list[int]] = defaultdict(list)
-    for number, flat in enumerate(flats):
-        for place in {
-            tuple(each) for each in np.rint(points[flat.surface][flat.vertices] / MEETING).astype(int).tolist()
-        }:
-            at[place].append(number)
-    shared = Counter(pair for each in at.values() for pair in permutations(each, 2))
-    found: list[set[int]] = [set() for _ in flats]
-    for (one, other), count in shared.items():
-        if count > 1:
-            found[one].add(other)
-    return found
 
 
 class _Images:

@@ -34,6 +34,8 @@ class Surface:
     """Whether it is known to enclose a volume, looking outwards: then a face that looks away is hidden by another."""
     smooth: Smoothing | None
     """Normals of the smooth surface that it samples; None where it is flat."""
+    still: bool
+    """Whether it stays in the world; seen from a radar that moves it moves all the same."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +82,14 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
                 # A room may look inwards or outwards: rays alone decide which of its faces are seen.
                 closed=False,
                 smooth=smoothing(np.asarray(thing.vertices, dtype=np.float64), thing.faces),
+                still=True,
             )
         )
         vertices.append(np.asarray(thing.vertices, dtype=np.float64))
         names.append(thing.name)
         facets += len(thing.faces)
     for actor in actors:
+        still = getattr(actor, "static", False)
         labels = np.array([part(name) for name in actor.part_names], dtype=np.int32)
         moving.append(
             Surface(
@@ -95,8 +99,9 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
                 material=actor.properties,
                 parts=labels[actor.face_parts],
                 first_facet=facets,
-                closed=not getattr(actor, "static", False) and is_closed(actor.faces),
+                closed=not still and is_closed(actor.faces),
                 smooth=smoothing(actor.vertices(0.0), actor.faces),
+                still=still,
             )
         )
         names.append(actor.name)

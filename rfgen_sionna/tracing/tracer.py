@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -122,7 +121,7 @@ class Tracer:
         Number of surfaces on a path, 1 … 3: 1 is direct returns alone, 2 has those by way of a wall or another flat
         thing on the way there or back, such as ghosts and the returns of dihedrals, 3 on both, such as trihedrals'.
         Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna pattern, are left
-        out. If the radar moves it is 1.
+        out.
     transmission
         Whether slabs, surfaces of a material with a thickness, are seen through.
     """
@@ -146,7 +145,7 @@ class Tracer:
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol, seed)
-        self.max_bounces = max_bounces if radar.trajectory is None else 1
+        self.max_bounces = max_bounces
         self.transmission = transmission
         self._positions: dict[float, list[FloatArray]] = {}
         self._rays_time: float | None = None
@@ -179,12 +178,9 @@ class Tracer:
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
         """Flat parts of the static scene, wide against the Fresnel zone, that the radar sees: ghosts appear in them."""
-        corners = np.concatenate([self._viewpoint[None], *self.surfaces.static_vertices])
-        reach = min(self.radar.max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
         surfaces, seen = self.surfaces, np.unique(self.static.facets.number).astype(np.int64)
-        return find_mirrors(
-            surfaces.static, surfaces.static_vertices, seen, self._viewpoint, self.radar.wavelength, reach
-        )
+        radar, points = self.radar, surfaces.static_vertices
+        return find_mirrors(surfaces.static, points, seen, self._viewpoint, radar.wavelength, radar.max_range)
 
     @cached_property
     def _static_rays(self) -> RayScene | None:
@@ -270,8 +266,8 @@ class Tracer:
         paths = RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
         if self.radar.trajectory is None:
             return paths
-        direction = to_world(paths.direction, self.radar, t)
-        return replace(paths, direction=direction, arrival=direction)
+        direction, arrival = (to_world(each, self.radar, t) for each in (paths.direction, paths.arrival))
+        return replace(paths, direction=direction, arrival=arrival)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
         """The ray scene as it stands at `t` [s], each object's vertices [m], and their velocities [m/s] or None."""
@@ -344,24 +340,16 @@ class Tracer:
         return self._rays
 
 
-def check_max_bounces(value: int | None, radar: Radar, stacklevel: int = 1) -> int:
+def check_max_bounces(value: int | None) -> int:
     """What `max_bounces` of a :class:`Tracer` is to be; None is as many as there are.
-
-    Warns where a moving radar is to have ghosts.
 
     Raises
     ------
     ValueError
         If it is neither None nor 1 … 3.
     """
-    moves = radar.trajectory is not None
     if value is None:
-        return 1 if moves else MOST_BOUNCES
+        return MOST_BOUNCES
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= MOST_BOUNCES:
         raise ValueError(f"max_bounces is {value!r}: None or 1 … {MOST_BOUNCES} is needed")
-    if moves and value > 1:
-        warnings.warn(
-            f"max_bounces is {value}: what a moving radar sees is traced with direct returns alone, without ghosts",
-            stacklevel=stacklevel + 1,
-        )
-    return 1 if moves else int(value)
+    return int(value)

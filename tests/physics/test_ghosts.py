@@ -279,7 +279,4 @@ def test_max_bounces_says_what_it_cannot_do(radar, ball):
     for wrong in (0, 4, 1.5, True, "2"):
         with pytest.raises(ValueError, match="max_bounces"):
             Simulator(None, radar, [ball], max_bounces=wrong)
-    moving = replace(radar, trajectory=lambda t: np.array([0.1 * t, 0, 0]))
-    with pytest.warns(UserWarning, match="max_bounces is 3.*direct returns alone"):
-        assert Simulator(None, moving, [ball], max_bounces=3).max_bounces == 1
-    assert Simulator(None, moving, [ball]).max_bounces == 1
+    assert Simulator(None, radar, [ball], max_bounces=None).max_bounces == 3
