@@ -99,9 +99,9 @@ class Simulator:
 
     transmission
         Whether surfaces of a material with a thickness (walls, glass, clothing) are seen through, with the loss and the
-        delay of a slab; metal and bodies stay opaque, and so do slabs for what is seen by way of two surfaces and more.
-        False, the default, lets them hide what is behind: it takes several times as long in a furnished room to see
-        through all of it.
+        delay of a slab, on every leg of ghosts and corners of actors as well; metal and bodies stay opaque, and so do
+        slabs for what surfaces of the scene show of one another. False, the default, lets them hide what is behind: it
+        takes several times as long in a furnished room to see through all of it.
 
     Raises
     ------

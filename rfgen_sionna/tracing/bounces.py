@@ -22,6 +22,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.mirrors import Mirror
@@ -88,7 +89,7 @@ class Bounces:
         # (surface,) of those that move: whether it is the radar that does.
         self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
         names = surfaces.object_names, surfaces.part_names
-        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, LandingBand)
+        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, self._band)
 
     def follow(self, positions: Callable[[float], Sequence[FloatArray]], t: float) -> bool:
         """Take the vertices of the moving surfaces from `positions` for a stretch of time that `t` [s] is in; whether
@@ -167,7 +168,7 @@ class Bounces:
     def see(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> Bounced:
         """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
         wall, still, rank = self._roles
-        shower = Shower(rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range)
+        shower, seen = self._shower(t, rays, facets), self._straight(facets, fraction)
         own = self._owner[facets.number]
         lit, once = {}, []
         for number, plate in enumerate(self.at(t)):
@@ -180,7 +181,7 @@ class Bounces:
             lit[number] = reached
             if not wall[number]:
                 of = own[reached]
-                chosen = reached[(fraction[reached] > 0) & ((of < 0) | (rank[of] < rank[number]))]
+                chosen = reached[seen[reached] & ((of < 0) | (rank[of] < rank[number]))]
                 once.append(shower.land(self._strong(chosen, facets, number, DIRECT), number, DIRECT))
         twice = []
         if self._max_bounces > 2:
@@ -198,7 +199,29 @@ class Bounces:
                     if other != number:
                         twice.append(found.swapped())
         looked_at = sum(len(each) for each in lit.values())
-        return Bounced(joined(once), joined(twice), looked_at, shower.sent)
+        return Bounced(self._joined(once), self._joined(twice), looked_at, shower.sent)
+
+    # What these are is another thing where slabs are seen through.
+
+    def _shower(self, t: float, rays: RayScene, facets: Facets) -> Shower:
+        return Shower(rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range)
+
+    def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+        """(facet,) which may be seen the straight way."""
+        return np.asarray(fraction > 0)
+
+    def _joined(self, landings: Sequence[Landing]) -> Landing:
+        return joined(landings)
+
+    def _shown(
+        self, facets: Sequence[Facets], keys: NDArray[np.int64], landings: Sequence[Landing], swapped: bool
+    ) -> Sequence[LandedFacets]:
+        """Facets by `keys` as they are seen at each of some instants."""
+        both = zip(facets, landings, strict=True)
+        return [LandedFacets.landed(there, keys, landing, swapped) for there, landing in both]
+
+    def _band(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
+        return LandingBand(radar, rtol, mirrors, tx, rx)
 
     def _across(self, t: float) -> list[set[int]]:
         """(plate,) by way of which plates that stay in the world, together with each of them, others are shown: itself,
@@ -248,11 +271,8 @@ class Bounces:
             keys = keys[[tuple(group) not in weak[all(way)] for group in groups.tolist()]]
             if len(keys) == 0:
                 continue
-            shown = [
-                LandedFacets.landed(there, keys, each, way == (False, True))
-                for there, each in zip(facets, landings, strict=True)
-            ]
-            used.update(keys[:, 1:].ravel().tolist())
+            shown = self._shown(facets, keys, landings, way == (False, True))
+            used.update(keys[:, 1:3].ravel().tolist())
             ones = np.ones((len(instants), len(keys)))
             column = keys[:, 0].astype(np.intp)
             more, missed = self._returns(way, knots, instants, shown, ones, column, centroids, usual)
@@ -282,7 +302,7 @@ class Bounces:
             groups, index = np.unique(_groups(landing.keys, facets), axis=0, return_inverse=True)
             if len(groups) == 0:
                 continue
-            shown = LandedFacets.landed(facets, landing.keys, landing, False)
+            (shown,) = self._shown([facets], landing.keys, [landing], False)
             coherent, single = self._returns.levels(way, t, shown, index.reshape(-1), len(groups))
             np.maximum.at(usual, groups[:, 0], coherent)
             times = 1 if all(way) else 2  # both ways round
@@ -305,4 +325,4 @@ class Bounces:
 
 def _groups(keys: NDArray[np.int64], facets: Facets) -> NDArray[np.int64]:
     """(entry, 3) surface and plates of entries by their keys."""
-    return np.column_stack([facets.surface[keys[:, 0]], keys[:, 1:]]).astype(np.int64)
+    return np.column_stack([facets.surface[keys[:, 0]], keys[:, 1:3]]).astype(np.int64)

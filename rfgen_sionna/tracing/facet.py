@@ -34,7 +34,7 @@ from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, medi
 from rfgen_sionna.tracing.quadratic import Quadratic, flattened, lattice_triangle, number_of_terms, pairs, summed
 from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.slabs import Slab, Slabs, bulk_length, slabs_of_lanes
+from rfgen_sionna.tracing.slabs import Crossed, Screens, bulk_length, screens_of_lanes
 from rfgen_sionna.tracing.smooth import Bend
 
 
@@ -78,7 +78,7 @@ def facet_gains(
     via: Via | None = None,
     reference: FloatArray | None = None,
     bend: Bend | None = None,
-    slabs: Slabs | None = None,
+    screens: tuple[Screens, Screens] | None = None,
     axes: FloatArray | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
@@ -110,9 +110,8 @@ def facet_gains(
         facets' centroids.
     bend
         How the facets leave their flat triangles; None is that they don't.
-    slabs
-        What Tx and Rx see the facets through, if anything; it may not go together with mirrors. Delays hold that of the
-        slabs' bulk.
+    screens
+        The slabs that Tx, and Rx, see the facets through, if anything. Delays hold that of the slabs' bulk.
     axes
         (axis, 3) displacements [m] of Tx and Rx together, their sum, over which slopes of the gains are asked for.
         Neither with mirrors nor with slabs.
@@ -152,7 +151,7 @@ def facet_gains(
             t, field_of_tx = first.image(dr, t), first.turned(dr, field_of_tx)
         if last is not None:
             r, field_of_rx = last.image(dr, r), last.turned(dr, field_of_rx)
-    elif slabs is not None:
+    elif screens is not None:
         walls = (None, None)
     middle = (p[0] + p[1] + p[2]) / 3.0
     origin = middle if reference is None else vector(np.reshape(reference, (-1, 3)), facet)
@@ -170,11 +169,20 @@ def facet_gains(
         rises = corner_by_corner(bend.rises)
         if bend.lifts is not None:
             p = [corner + lift for corner, lift in zip(p, corner_by_corner(bend.lifts), strict=True)]
-    crossed: list[Slab] = []
+    crossed = Crossed([], []), Crossed([], [])
     turn, bulk = None, 0.0
-    if slabs is not None:
-        crossed = slabs_of_lanes(dr, types, slabs, nodes.frequency, facet, node, wavenumber)
-        bulk = bulk_length(dr, crossed, dr.normalize(origin - t)) + bulk_length(dr, crossed, dr.normalize(r - origin))
+    if screens is not None and walls is not None:
+
+        def lanes(of: Screens, wall: Wall | None) -> Crossed:
+            def mirrored(direction: Any) -> Any:
+                return direction if wall is None else wall.turned(dr, direction)
+
+            return screens_of_lanes(dr, types, of, mirrored, nodes.frequency, facet, node, wavenumber)
+
+        there = lanes(screens[0], walls[0])
+        crossed = there, there if via is None and screens[0] is screens[1] else lanes(screens[1], walls[1])
+        ways = dr.normalize(origin - t), dr.normalize(r - origin)
+        bulk = bulk_length(dr, crossed[0], ways[0]) + bulk_length(dr, crossed[1], ways[1])
         sin, cos = dr.sincos(wavenumber * bulk)
         turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
@@ -239,7 +247,7 @@ class _Surface(NamedTuple):
     monostatic: bool
     walls: tuple[Wall | None, Wall | None] | None
     """By way of which Tx and Rx look at it: `tx` and `rx` with their fields are images then."""
-    slabs: list[Slab]
+    crossed: tuple[Crossed, Crossed]
     """Through what they do."""
     turn: ComplexPair | None
     """What takes the phase of the slabs' bulk away, as delays hold it."""

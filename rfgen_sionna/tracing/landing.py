@@ -85,18 +85,25 @@ class LandedFacets(MirroredFacets):
     share: FloatArray
     """(piece,) what each counts."""
 
-    @classmethod
-    def landed(cls, facets: Facets, keys: NDArray[np.int64], landing: Landing, swapped: bool) -> LandedFacets:
+    @staticmethod
+    def landed(
+        facets: Facets,
+        keys: NDArray[np.int64],
+        landing: Landing,
+        swapped: bool,
+        place: NDArray[np.intp] | None = None,
+    ) -> LandedFacets:
         """Facets by `keys` (facet, 3), sorted by their rows; what else is in `landing` is left out.
 
-        `swapped` are seen the other way round: first the last plate.
+        `swapped` are seen the other way round: first the last plate. `place` is where in `keys` each entry is, if that
+        is known.
         """
         chosen = facets.take(keys[:, 0])
         base = {each.name: getattr(chosen, each.name) for each in fields(Facets)}
         first, last = (keys[:, column].astype(np.int32) for column in ((2, 1) if swapped else (1, 2)))
-        at = _rows(keys, landing.keys)[landing.owner]
+        at = (_rows(keys, landing.keys) if place is None else place)[landing.owner]
         kept = at >= 0
-        return cls(
+        return LandedFacets(
             **base,
             first=first,
             last=last,
@@ -136,6 +143,15 @@ def _rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp
     return np.where(known[place] == sought, place, -1)
 
 
+def matched(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
+    """As :func:`_rows`, for rows of any length, no two of them alike."""
+    _, back = np.unique(np.concatenate([keys, wanted]), axis=0, return_inverse=True)
+    back = back.reshape(-1)
+    place = np.full(len(back), -1, dtype=np.intp)
+    place[back[: len(keys)]] = np.arange(len(keys))
+    return np.asarray(place[back[len(keys) :]])
+
+
 class LandingBand(ImageBand):
     """As :class:`~rfgen_sionna.tracing.image_band.ImageBand`, for :class:`LandedFacets`."""
 
@@ -162,9 +178,9 @@ class LandingBand(ImageBand):
                 nodes,
                 *self._fields,
                 parts[whose],
-                via=self._via(nodes, facets.first[whose], facets.last[whose]),
                 reference=reference[whose],
                 bend=bend.take(index) if curved and bend is not None else None,
+                **self._by(facets, nodes, whose),
             )
 
         found = by_curvature(None if facets.curved is None else facets.curved[owner], len(nodes), of)
@@ -242,14 +258,22 @@ class Shower:
             found.append((index, middle, float(np.linalg.norm(points - middle, axis=1).max())))
         return found
 
-    def land(self, index: NDArray[np.intp], first: int, last: int) -> Landing:
-        """What is seen of the facets `index` by way of the plates `first` and `last`, which may be `DIRECT`."""
+    def _cut(
+        self, index: NDArray[np.intp], first: int, last: int
+    ) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.intp]]:
+        """Those of the facets `index` that are near enough, what the plates show of them if nothing is in between
+        (piece, 3, 3) [m], relative to the viewpoint, and which of them each piece is of."""
         index = index[self.lengths(first, index) + self.lengths(last, index) < self._reach]
         pieces, owner = self._corners[index], np.arange(len(index))
         for plate in dict.fromkeys(each for each in (first, last) if each != DIRECT):
             parts = [cut(pieces, owner, *shadow) for shadow in self._shadows[plate]]
             pieces = np.concatenate([part[0] for part in parts])
             owner = np.concatenate([part[1] for part in parts])
+        return index, pieces, owner
+
+    def land(self, index: NDArray[np.intp], first: int, last: int) -> Landing:
+        """What is seen of the facets `index` by way of the plates `first` and `last`, which may be `DIRECT`."""
+        index, pieces, owner = self._cut(index, first, last)
         if len(pieces) == 0:
             return Landing.none()
         share = self._share(pieces, index[owner], first, last)
@@ -325,13 +349,9 @@ class Shower:
         self.sent += len(targets)
         if plate == DIRECT:
             return ~self._rays.occluded(self._view, targets + self._view, number)
-        normal, here = self._normals[plate], self._heights[plate]
-        there = targets @ normal + here
-        free = there > NEAR
+        place, free = self._turning(targets, plate)
         sent = np.flatnonzero(free)
-        height = there[sent, None]
-        foot, other = -here * normal, targets[sent] - height * normal
-        place = (height * foot + here * other) / (here + height)
+        place = place[sent]
         hit = self._rays.first_facet(self._view, place)
         on = (hit >= 0) & (self._owner[hit] == plate)
         free[sent[~on]] = False
@@ -339,6 +359,15 @@ class Shower:
         self.sent += len(sent)
         free[sent] = ~self._rays.occluded(place + self._view, targets[sent] + self._view, number[sent], hit)
         return np.asarray(free)
+
+    def _turning(self, targets: FloatArray, plate: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """(target, 3) where the ways to points turn at a plate, relative to the viewpoint [m], and whether the points
+        lie before it."""
+        normal, here = self._normals[plate], self._heights[plate]
+        height = (targets @ normal + here)[:, None]
+        before = height[:, 0] > NEAR
+        foot, other = -here * normal, targets - height * normal
+        return (height * foot + here * other) / np.where(before[:, None], here + height, 1.0), before
 
 
 def joined(landings: Sequence[Landing]) -> Landing:

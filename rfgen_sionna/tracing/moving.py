@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,8 @@ class MovingTrace:
 
 class MovingParts:
     """Traces the moving surfaces stretch by stretch, and where there may be any their `ghosts` in walls, what
-    `bounces` from one flat part or body to the other, and what is seen through slabs, behind `veils`.
+    `bounces` from one flat part or body to the other, plainly and through slabs, and what is seen through slabs, behind
+    `veils`.
 
     Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
     measured in every few stretches; where it is above the tolerance, facets and expansion are chosen anew.
@@ -71,12 +73,12 @@ class MovingParts:
         max_range: float,
         rtol: float,
         ghosts: Ghosts | None = None,
-        bounces: Bounces | None = None,
+        bounces: Sequence[Bounces] = (),
         veils: Veils | None = None,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
-        self._ghosts, self._bounces, self._veils = ghosts, bounces, veils
+        self._ghosts, self._bounces, self._veils = ghosts, tuple(bounces), veils
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
@@ -95,7 +97,7 @@ class MovingParts:
         """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at a time."""
         middle = len(instants) // 2
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
-        bounces = self._bounces if self._bounces is not None and self._bounces.follow(positions, knots[0]) else None
+        bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
         self._follow(positions, knots)
         kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
@@ -103,14 +105,14 @@ class MovingParts:
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
             seen: list[Seen] = []
             mirrored: list[MirroredView] = []
-            bounced: list[Bounced] = []
+            bounced: list[list[Bounced]] = [[] for _ in bounces]
             veiled: list[Veiled] = []
             for t in instants.tolist():
                 seen.append(self._see(t, positions, rays))
                 if ghosts is not None:  # now, as the ray scene stands at this time
                     mirrored.append(ghosts.see(rays(t), seen[-1].facets, seen[-1].fraction))
-                if bounces is not None:
-                    bounced.append(bounces.see(t, rays(t), seen[-1].facets, seen[-1].fraction))
+                for plates, shown in zip(bounces, bounced, strict=True):
+                    shown.append(plates.see(t, rays(t), seen[-1].facets, seen[-1].fraction))
                 if self._veils is not None:
                     every = self._everything(t, positions)
                     veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
@@ -146,10 +148,10 @@ class MovingParts:
         if ghosts is not None:
             found_there, missed = ghosts.trace(knots, instants, whole, mirrored, centroids, self._level)
             more, error = more + found_there, error + missed
-        if bounces is not None:
-            found_there, missed = bounces.trace(knots, instants, whole, bounced, centroids, self._level)
+        for plates, shown in zip(bounces, bounced, strict=True):
+            found_there, missed = plates.trace(knots, instants, whole, shown, centroids, self._level)
             more, error = more + found_there, error + missed
-        looked: list[Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *bounced, *veiled]
+        looked: list[Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *chain(*bounced), *veiled]
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             error,
@@ -180,19 +182,19 @@ class MovingParts:
 
     def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
-        ghosts, bounces = self._ghosts, self._bounces
+        ghosts = self._ghosts
         if ghosts is not None:
             ghosts.consider([positions(t) for t in times])
         mirrored = ghosts is not None and ghosts.active
-        bounced = bounces is not None and bounces.follow(positions, times[0])
-        if not mirrored and not bounced:
+        bounces = [each for each in self._bounces if each.follow(positions, times[0])]
+        if not mirrored and not bounces:
             return positions
 
         def followed(t: float) -> list[FloatArray]:
             found = list(positions(t))
             if ghosts is not None and mirrored:
                 found = ghosts.followed(found)
-            return [*found, *bounces.followed(positions(t), t)] if bounces is not None and bounced else found
+            return [*found, *(points for each in bounces for points in each.followed(positions(t), t))]
 
         return followed
 

@@ -21,8 +21,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.tracing.arrays import upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, media_of_lanes, reflection, transverse
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.slabs import coefficients as coefficients_through
-from rfgen_sionna.tracing.slabs import passed
+from rfgen_sionna.tracing.slabs import Crossed, screened
 
 
 @dataclass(frozen=True)
@@ -122,14 +121,15 @@ class Strength:
         dr, surface = self._dr, self._surface
         k_in, k_out, spread = self._ways(point)
 
-        def field(of_element: Any, k: Any, by: tuple[Wall, Any, Any] | None) -> _Field:
-            own = _Field(transverse(dr, of_element, k), self._vector(0, 0, 0))
-            for slab in surface.slabs:
-                t_s, t_p = coefficients_through(dr, self._complex, slab, k)
-                own = _Field(*passed(dr, own.re, own.im, dr.cross(k, slab.normal), t_s, t_p))
-            return own if by is None else _reflected(dr, own, dr.cross(k, by[0].normal), *by[1:])
+        def field(of_element: Any, k: Any, by: tuple[Wall, Any, Any] | None, crossed: Crossed) -> _Field:
+            own = transverse(dr, of_element, k), self._vector(0, 0, 0)
+            own = screened(dr, self._complex, crossed.before, k, *own)
+            if by is not None:
+                own = _reflected(dr, _Field(*own), dr.cross(k, by[0].normal), *by[1:])
+            return _Field(*screened(dr, self._complex, crossed.behind, k, *own))
 
-        e_tx, e_rx = field(surface.tx_field, k_in, self._wall_in), field(surface.rx_field, k_out, self._wall_out)
+        e_tx = field(surface.tx_field, k_in, self._wall_in, surface.crossed[0])
+        e_rx = field(surface.rx_field, k_out, self._wall_out, surface.crossed[1])
         there = _obliquity(dr, normal, k_in, e_tx, k_out, e_rx, self._there)
         back = _obliquity(dr, normal, -k_out, e_rx, -k_in, e_tx, self._back)
         total = (there + back).scaled(0.5 / spread)

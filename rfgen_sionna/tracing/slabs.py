@@ -12,7 +12,7 @@ is the gain's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -97,13 +97,23 @@ def transmission(
 
 @dataclass(frozen=True)
 class Slabs:
-    """Slabs between the radar and each facet."""
+    """Slabs on a leg of the way to each facet."""
 
     table: SlabTable
     crossed: IntArray
     """(facet, depth) which material of the table, or `NO_SLAB`."""
     normals: FloatArray
     """(facet, depth, 3) unit vectors across the slabs."""
+
+
+@dataclass(frozen=True)
+class Screens:
+    """Slabs between an element and each facet."""
+
+    before: Slabs | None
+    """Those between the element and the mirror by way of which it sees the facet."""
+    behind: Slabs | None
+    """Those between the mirror, or the element itself where there is none, and the facet."""
 
 
 class Slab(NamedTuple):
@@ -120,7 +130,33 @@ class Slab(NamedTuple):
     there: Any
 
 
-def slabs_of_lanes(
+class Crossed(NamedTuple):
+    """:class:`Screens` of each lane, those before the mirror as mirror images: where the element's image is."""
+
+    before: list[Slab]
+    behind: list[Slab]
+
+
+def screens_of_lanes(
+    dr: Any,
+    types: Any,
+    screens: Screens,
+    mirrored: Callable[[Any], Any],
+    frequencies: FloatArray,
+    facet: Any,
+    node: Any,
+    wavenumber: Any,
+) -> Crossed:
+    """`mirrored` makes the mirror image of a direction."""
+
+    def of(slabs: Slabs | None) -> list[Slab]:
+        return [] if slabs is None else _slabs_of_lanes(dr, types, slabs, frequencies, facet, node, wavenumber)
+
+    before = [slab._replace(normal=mirrored(slab.normal)) for slab in of(screens.before)]
+    return Crossed(before, of(screens.behind))
+
+
+def _slabs_of_lanes(
     dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray, facet: Any, node: Any, wavenumber: Any
 ) -> list[Slab]:
     Float, UInt32 = types.Float64, types.UInt32
@@ -159,17 +195,17 @@ def slabs_of_lanes(
     return found
 
 
-def bulk_length(dr: Any, slabs: list[Slab], k: Any) -> Any:
+def bulk_length(dr: Any, crossed: Crossed, k: Any) -> Any:
     """Delay in slabs [m] along unit vectors `k`."""
     total = 0.0
-    for slab in slabs:
+    for slab in (*crossed.before, *crossed.behind):
         cos = dr.dot(slab.normal, k)
         sin2 = dr.maximum(1.0 - cos * cos, 0.0)
         total = total + slab.thickness * dr.sqrt(dr.maximum(slab.index2 - sin2, 0.0))
     return total
 
 
-def coefficients(dr: Any, complex_type: Any, slab: Slab, k: Any) -> tuple[Any, Any]:
+def _coefficients(dr: Any, complex_type: Any, slab: Slab, k: Any) -> tuple[Any, Any]:
     """T of s and p polarisation for a wave along `k`; 1 where there is no slab."""
     across = dr.cross(k, slab.normal)
     sin2 = dr.minimum(dr.dot(across, across), 1.0)
@@ -188,7 +224,7 @@ def coefficients(dr: Any, complex_type: Any, slab: Slab, k: Any) -> tuple[Any, A
     return found[0], found[1]
 
 
-def passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
+def _passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
     """A wave's field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
     both = t_s - t_p
     share = ComplexPair(dr.dot(field_re, across), dr.dot(field_im, across))
@@ -197,3 +233,11 @@ def passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: An
         t_p.real * field_re - t_p.imag * field_im + share.re * across,
         t_p.real * field_im + t_p.imag * field_re + share.im * across,
     )
+
+
+def screened(dr: Any, complex_type: Any, slabs: list[Slab], k: Any, field_re: Any, field_im: Any) -> tuple[Any, Any]:
+    """A wave's field, real and imaginary part, after slabs that it goes through along `k`."""
+    for slab in slabs:
+        t_s, t_p = _coefficients(dr, complex_type, slab, k)
+        field_re, field_im = _passed(dr, field_re, field_im, dr.cross(k, slab.normal), t_s, t_p)
+    return field_re, field_im

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,6 +28,7 @@ from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
+from rfgen_sionna.tracing.veiled_bounces import VeiledBounces
 from rfgen_sionna.tracing.veils import Veils
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ VISIBILITY_SPACING = 10e-3
 
 MOST_BOUNCES = 3
 """Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,9 @@ class Tracer:
         Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna pattern, are left
         out.
     transmission
-        Whether slabs, surfaces of a material with a thickness, are seen through.
+        Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
+        actors by way of flat parts (:mod:`rfgen_sionna.tracing.veiled_bounces`). What static surfaces show of one
+        another is not traced through slabs, which a warning says, unless it is the radar that moves.
     """
 
     def __init__(
@@ -166,6 +171,11 @@ class Tracer:
             if self.transmission:
                 found.append(trace_static_veils(*scene, self.static, self.rtol))
             if self.max_bounces > 1:
+                if any(found):
+                    _LOG.warning(
+                        "max_bounces is %d and transmission is True: what static surfaces show of one another is not "
+                        "traced through slabs, only what they show of actors", self.max_bounces,
+                    )  # fmt: skip
                 found.append(trace_static_bounces(*scene, self._band, self.static, self.rtol, self.max_bounces))
         return tuple(each for each in found if each is not None)
 
@@ -207,12 +217,12 @@ class Tracer:
     def follow(self) -> MovingParts:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
         the next. Results depend on what it went through before, so that every run begins with its own."""
-        ghosts, bounces = None, None
+        ghosts, bounces = None, list[Bounces]()
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
                 ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
             walls = (lambda: self.mirrors) if self.surfaces.static else tuple
-            bounces = Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
+            bounces.append(Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls))
         reach = self.radar.max_range
         veils = None
         if self.transmission and self.surfaces.moving:
@@ -220,6 +230,8 @@ class Tracer:
             names = self.surfaces.object_names, self.surfaces.part_names
             veils = Veils(every, self.surfaces.moving, names, self.radar, self.rtol)
             veils = veils if veils.possible() else None
+            if veils is not None and self.max_bounces > 1:
+                bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, veils))
         return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces, veils)
 
     @one_blas_thread()
@@ -261,7 +273,8 @@ class Tracer:
             for shadow in traced.shadows:
                 a[:, :, shadow.index] += shadow.paths.a
                 if dispersion is not None and shadow.paths.dispersion is not None:
-                    dispersion[:, :, :, shadow.index] += shadow.paths.dispersion
+                    more = shadow.paths.dispersion  # of as many orders as its own paths have
+                    dispersion[: len(more), :, :, shadow.index] += more
             static = replace(static, a=a, dispersion=dispersion).select(np.any(a != 0, axis=(0, 1, 3)))
         paths = RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
         if self.radar.trajectory is None:

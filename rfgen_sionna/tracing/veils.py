@@ -15,18 +15,17 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
-from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
+from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facet import Nodes
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.slabs import NO_SLAB, Slabs, SlabTable
+from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
+from rfgen_sionna.tracing.walk import MOST_SLABS, Walk
 
-MOST_SLABS = 4
-"""Slabs that are gone through at most, one way."""
 SKIPPED = 0.5
 """Share of the tolerance below which what is left of a wave, there and back, counts as nothing."""
 
@@ -99,7 +98,8 @@ class VeilBand(ImageBand):
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
         if not isinstance(facets, VeiledFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: VeiledFacets are needed")
-        return {"slabs": Slabs(self._table, facets.crossed[index], facets.across[index])}
+        screens = Screens(None, Slabs(self._table, facets.crossed[index], facets.across[index]))
+        return {"screens": (screens, screens)}
 
 
 class Veils:
@@ -130,11 +130,11 @@ class Veils:
         self._every, self._rtol, self._radar = tuple(every), rtol, radar
         self._viewpoint = np.asarray(radar.position)
         half_band = 0.5 * radar.waveform.bandwidth
-        materials = [each.material for each in every]
-        table = SlabTable.of(materials, radar.center_frequency, half_band)
-        self._through = np.max(
+        self.table = table = SlabTable.of([each.material for each in every], radar.center_frequency, half_band)
+        self.through = np.max(
             [table.strength(radar.center_frequency + u * half_band) for u in (-1.0, 0.0, 1.0)], axis=0
         )
+        """(surface,) amplitude that gets through each at most, at normal incidence."""
 
         def band(radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
             return VeilBand(table, radar, rtol, mirrors, tx, rx)
@@ -147,7 +147,7 @@ class Veils:
 
     def possible(self, only: Sequence[int] | None = None) -> bool:
         """Whether there is anything to be seen through at all; among `only` these surfaces, None is all."""
-        through = self._through if only is None else self._through[list(only)]
+        through = self.through if only is None else self.through[list(only)]
         return bool((through**2 > SKIPPED * self._rtol).any())
 
     def see(
@@ -162,25 +162,30 @@ class Veils:
 
         `vertices` are the (vertex, 3) positions [m] of all surfaces; `only` these surfaces are gone through.
         """
-        through = self._through.copy()
+        through = self.through.copy()
         if only is not None:
             through[np.setdiff1d(np.arange(len(through)), only)] = 0.0
         clear = through**2 > SKIPPED * self._rtol
-        inside = clear[self._own][facets.surface]  # a hollow thing's back is seen through its front
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
-        index = np.flatnonzero((facets.facing | inside) & near & (fraction < 1))
+        index = np.flatnonzero(self.faced(facets, clear) & near & (fraction < 1))
         empty = Veiled(np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3)), 0, 0)
         if len(index) == 0:
             return empty
-        normals = [_normals(points, each.faces) for points, each in zip(vertices, self._every, strict=True)]
-        walk = _Walk(rays, self._viewpoint, normals, through, SKIPPED * self._rtol)
+        walk = Walk(rays, vertices, [each.faces for each in self._every], through, SKIPPED * self._rtol)
+
+        def look(chosen: NDArray[np.intp], weights: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+            targets = np.einsum("sc,fci->fsi", weights, facets.corners[chosen]).reshape(-1, 3)
+            found = walk(self._viewpoint, targets, None, np.repeat(facets.number[chosen], len(weights)))
+            shape = (len(chosen), len(weights), MOST_SLABS)
+            return found.crossed.reshape(shape), found.normals.reshape(*shape, 3)
+
         rows = []
-        chains, sums = walk(facets.corners[index], facets.number[index], GUIDE)
+        chains, sums = look(index, GUIDE)
         alike = (chains == chains[:, :1]).all(axis=(1, 2)) & (fraction[index] == 0)
         rows.append((index[alike], chains[alike], sums[alike]))
         if (~alike).any():
             mixed = index[~alike]
-            rows.append((mixed, *walk(facets.corners[mixed], facets.number[mixed], FINE)))
+            rows.append((mixed, *look(mixed, FINE)))
         keys, shares, total = [], [], []
         for which, chain, sums in rows:
             count = chain.shape[1]
@@ -198,10 +203,20 @@ class Veils:
         order = np.lexsort(found.T[::-1])
         return Veiled(found[order], np.concatenate(shares)[order], np.concatenate(total)[order], len(index), walk.sent)
 
+    @property
+    def clear(self) -> NDArray[np.bool_]:
+        """(surface,) which can be seen through."""
+        return np.asarray(self.through**2 > SKIPPED * self._rtol)
+
+    def faced(self, facets: Facets, clear: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(facet,) which may be seen the straight way: the back of a hollow thing through its front, if it is `clear`
+        (surface,)."""
+        return np.asarray(facets.facing | clear[self._own][facets.surface])
+
     def weights(self, seen: Veiled, count: int) -> FloatArray:
         """(facet,) of so many, what is left of each through slabs at normal incidence."""
         crossed = seen.keys[:, 1:]
-        left = np.where(crossed == NO_SLAB, 1.0, self._through[crossed]).prod(axis=1) ** 2
+        left = np.where(crossed == NO_SLAB, 1.0, self.through[crossed]).prod(axis=1) ** 2
         return np.asarray(np.bincount(seen.keys[:, 0], seen.share * left, count), np.float64)
 
     def trace(
@@ -236,64 +251,3 @@ class Veils:
         paths, error = self._returns(STRAIGHT, knots, instants, shown, shares, column, centroids, usual)
         self._returns.finish(error)
         return paths, error, keys
-
-
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    """(face, 3) unit vectors."""
-    cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
-    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300))
-
-
-class _Walk:
-    """Sends rays through slabs."""
-
-    def __init__(
-        self, rays: RayScene, viewpoint: FloatArray, normals: Sequence[FloatArray], through: FloatArray, least: float
-    ) -> None:
-        self._rays, self._viewpoint, self._normals = rays, viewpoint, normals
-        self._through, self._least = through, least
-        self.sent = 0
-
-    def __call__(
-        self, corners: FloatArray, number: IntArray, weights: FloatArray
-    ) -> tuple[NDArray[np.int64], FloatArray]:
-        """(facet, sample, depth) surfaces that the ways to sample points of facets go through, nearest first; -1 after
-        the last, all -1 where nothing is in between, and -2 where nothing gets through; and the slabs' normals,
-        (facet, depth, 3) for each sample."""
-        samples = len(weights)
-        targets = np.einsum("sc,fci->fsi", weights, corners).reshape(-1, 3)
-        own = np.repeat(number, samples)
-        chain = np.full((len(targets), MOST_SLABS), NO_SLAB, np.int64)
-        normals = np.zeros((len(targets), MOST_SLABS, 3))
-        left = np.ones(len(targets))
-        open_ = np.arange(len(targets))
-        span = targets - self._viewpoint
-        reach = np.linalg.norm(span, axis=1)
-        k = span / np.maximum(reach, 1e-12)[:, None]
-        begun = np.zeros(len(targets))
-        for depth in range(MOST_SLABS + 1):
-            if len(open_) == 0:
-                break
-            hits = self._rays.first_hit(self._viewpoint + begun[open_, None] * k[open_], k[open_])
-            self.sent += len(open_)
-            at = begun[open_] + hits.distance
-            arrived = (hits.object < 0) | (hits.facet == own[open_]) | (at > (1.0 - BLIND_GAP) * reach[open_])
-            further = np.flatnonzero(~arrived)
-            lane, surface, face = open_[further], hits.object[further], hits.face[further]
-            left[lane] *= self._through[surface]
-            gone = (left[lane] ** 2 > self._least) & (depth < MOST_SLABS)
-            chain[lane[~gone]] = -2
-            lane, surface, face, further = lane[gone], surface[gone], face[gone], further[gone]
-            if len(lane) == 0:
-                break
-            chain[lane, depth] = surface
-            across = np.empty((len(lane), 3))
-            for each in np.unique(surface):
-                chosen = surface == each
-                across[chosen] = self._normals[each][face[chosen]]
-            across *= -np.sign(np.einsum("ri,ri->r", across, k[lane]))[:, None]
-            normals[lane, depth] = across
-            begun[lane] = at[further] + BLIND_GAP * reach[lane]
-            open_ = lane
-        shape = (len(corners), samples, MOST_SLABS)
-        return chain.reshape(shape), normals.reshape(*shape, 3)

@@ -1,0 +1,70 @@
+"""Ghosts and corners behind slabs: what plates show of moving surfaces where a leg of the way goes through a wall, a
+window or clothing. What is seen without them is left to :mod:`~rfgen_sionna.tracing.ghosts` and
+:mod:`~rfgen_sionna.tracing.bounces`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.bounces import IMAGE_SAMPLES, MOST_IMAGES, Bounces
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.image_band import ImageBand
+from rfgen_sionna.tracing.landing import LandedFacets, Landing, Shower
+from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.veiled_landing import VeiledLandedFacets, VeiledLanding, VeiledLandingBand, VeiledShower
+from rfgen_sionna.tracing.veils import SKIPPED, Veils
+from rfgen_sionna.tracing.walk import Walk
+
+
+class VeiledBounces(Bounces):
+    """As :class:`~rfgen_sionna.tracing.bounces.Bounces`, through at least one slab, walls being plates as any other.
+
+    Parameters
+    ----------
+    surfaces, radar, rtol, max_bounces
+        As there.
+    veils
+        What can be seen through.
+    """
+
+    def __init__(self, surfaces: Surfaces, radar: Radar, rtol: float, max_bounces: int, veils: Veils) -> None:
+        self._veils = veils
+        super().__init__(surfaces, radar, rtol, max_bounces, tuple)
+
+    def followed(self, vertices: Sequence[FloatArray], t: float) -> list[FloatArray]:
+        """A choice of the images of the actors' vertices at `t` [s] in the largest plates, walls among them."""
+        plates = [(flat.area, plate) for flat, plate in zip(self.flats, self.at(t), strict=True) if plate is not None]
+        largest = sorted(plates, key=lambda each: -each[0])[:MOST_IMAGES]
+        few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
+        return [plate.image(points) for _, plate in largest for points in few]
+
+    def _shower(self, t: float, rays: RayScene, facets: Facets) -> Shower:
+        every = (*self._surfaces.static, *self._surfaces.moving)
+        vertices = [*self._surfaces.static_vertices, *self._positions(t)]
+        least = SKIPPED * self._rtol
+        walk = Walk(rays, vertices, [each.faces for each in every], self._veils.through, least)
+        given = rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range
+        return VeiledShower(walk, self._veils.through, least, *given)
+
+    def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+        return self._veils.faced(facets, self._veils.clear)
+
+    def _joined(self, landings: Sequence[Landing]) -> Landing:
+        return VeiledLanding.joined(cast(Sequence[VeiledLanding], landings))
+
+    def _shown(
+        self, facets: Sequence[Facets], keys: NDArray[np.int64], landings: Sequence[Landing], swapped: bool
+    ) -> Sequence[LandedFacets]:
+        return VeiledLandedFacets.over_time(facets, keys, cast(Sequence[VeiledLanding], landings), swapped)
+
+    def _band(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
+        return VeiledLandingBand(self._veils.table, radar, rtol, mirrors, tx, rx)
