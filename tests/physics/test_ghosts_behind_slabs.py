@@ -123,6 +123,24 @@ def test_by_a_metal_wall_twice_all_is_as_if_unfolded(behind):
     assert abs(b - clear).max() > 0.1 * abs(clear).max()
 
 
+@pytest.mark.slow
+def test_rays_agree_about_a_ghost_through_a_slab(radar):
+    """The ray mode, which knows nothing of images and plates: within twice its tolerance, which is an
+    estimate, of the strongest return."""
+    small = [[0.8, SIDE, -0.15], [1.35, SIDE, -0.15], [1.35, SIDE, 0.15], [0.8, SIDE, 0.15]]
+    panes = {"side": (small, "metal", 0.1), "pane": (pane(0.6, turn=15, half=0.35, y=0.84), *BOARD)}
+    scene = load_scene(scene_of(77e9, **panes).sionna)
+    simulator = Simulator(scene, radar, [ball(0.02)], rtol=2e-3, transmission=True, max_bounces=2)
+    sums = []
+    for paths in (simulator.paths(), simulator.rays(rtol=1e-2).paths):
+        own = paths.select(paths.object_id == paths.object_names.index("ball"))
+        sums.append([channel(own.select(own.bounces == count)) for count in (1, 2)])
+    allowed = 2e-2 * abs(sums[0][0]).max()
+    for one, other in zip(*sums, strict=True):
+        assert abs(one - other).max() < allowed
+    assert abs(sums[0][1]).max() > 5 * allowed  # of some pairs the two ways fade
+
+
 def test_tx_and_rx_changed_over_exchange_the_two_ways_and_leave_the_sum(radar):
     place = np.array([[0.0, 0.03, 0.01]])
     ends = {"tx_names": ("T",), "rx_names": ("R",), "waveform": replace(radar.waveform, tx_order=(0,))}
