@@ -17,11 +17,11 @@ from rfgen_sionna.generative.body_prompt import BodyPrompt, PromptError, draw_bo
 from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, drawn
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.kinematic import preferred_hand
+from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.reading import compile_pattern, normalise, split_negative
+from rfgen_sionna.generative.reading import split_negative
 from rfgen_sionna.generative.scene_prompt import DECIDED, DEFAULT_DISTANCE, ScenePrompt, Spoken
 from rfgen_sionna.generative.surroundings import EnvironmentPrompt, parse_environment, split_keyword
-from rfgen_sionna.generative.vocabulary import NEGATION
 
 T = TypeVar("T")
 
@@ -165,12 +165,10 @@ def _credited(said: Phrases, spoken: Spoken) -> tuple[tuple[tuple[str, str], ...
 
 def _refuse_negation(text: str, read: Phrases, message: str) -> None:
     # Words of an action swallow a negation ("picks up a box without bending"), so the whole text counts; but
-    # "minus 30 degrees" is a number, and "environment: nothing" a place.
-    pattern = compile_pattern(NEGATION)
-    everything = [m for m in pattern.finditer(normalise(split_keyword(text)[0])) if m.group() != "minus"]
-    negation = [*everything, *pattern.finditer(" ".join(read.unused))]
+    # "environment: nothing" is a place.
+    negation = negation_in(split_keyword(text)[0]) or negation_in(" , ".join(read.unused))
     if negation:
-        raise PromptError(message.format(negation[0].group()))
+        raise PromptError(message.format(negation))
 
 
 def check_seed(seed: int) -> None:

@@ -6,12 +6,12 @@ import re
 from dataclasses import dataclass, replace
 
 from rfgen_sionna.generative.body_prompt import PromptError
+from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, compile_pattern
 from rfgen_sionna.generative.vocabulary import (
     COMMON_SCENE_WORDS,
     FILLERS,
     FREE_SPACE,
-    NEGATION,
     NO_PLACES,
     NO_SCENE,
     PLACE_LIKE,
@@ -101,10 +101,10 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
     if not reader.text:
         return None
     scenes = [NOWHERE] if reader.take(rf"<a>(?:{NO_SCENE})") else []
-    negation = compile_pattern(NEGATION).search(reader.text)
-    if negation:
+    if negation := negation_in(reader.text):
         raise PromptError(
-            f"environment: {text!r} negates something ({negation.group()!r}); say which one is wanted, {KNOWN}"
+            f"environment: {text!r} negates something ({negation!r}); say which one is wanted, {KNOWN}; what an "
+            "imagined place is without goes into the negative environment prompt"
         )
     scenes += [scene for scene, pattern in _PATTERNS.items() if reader.take(rf"<a>(?:{pattern})", scene)]
     if len(scenes) != 1:

@@ -250,11 +250,6 @@ UNKNOWN_PLACE = (
 """How places are said that are no scene of ours, so that they are refused and not replaced by free space."""
 
 BOTH_HANDS = r"(?:both|two) (?:of )?<a>(?:arms|hands|(?:index )?fingers)|hands|arms"
-NEGATION = (
-    r"(?:not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
-    r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"
-    r"|other than|anything but|(?:<refuse>|<fail>|unable) to|<lack>|omit(?:s|ted|ting)?)"
-)
 BEHIND = rf"(?:<n> {_UNIT} )?behind {_RADAR}"
 """Where nothing is seen."""
 PLACE_LIKE = (

@@ -11,9 +11,10 @@ from functools import cache
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.captions import BACKGROUND, NAMES, USUAL, inflected
-from rfgen_sionna.generative.reading import Reader, compile_pattern, normalise
+from rfgen_sionna.generative.negation import negation_in
+from rfgen_sionna.generative.reading import Reader, normalise
 from rfgen_sionna.generative.surroundings import PLACE_PATTERNS, EnvironmentPrompt
-from rfgen_sionna.generative.vocabulary import FILLERS, NEGATION, SCENE_PATTERNS
+from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
 
 
 @dataclass(frozen=True)
@@ -50,10 +51,9 @@ def refuse_negation(text: str) -> None:
     Raises:
         PromptError: it does; what the surroundings are without is the negative prompt's.
     """
-    negation = compile_pattern(NEGATION).search(normalise(text))
-    if negation:
+    if negation := negation_in(text):
         raise PromptError(
-            f"prompt: {text!r} negates something ({negation.group()!r}); say what isn't there as negative=..., such as "
+            f"prompt: {text!r} negates something ({negation!r}); say what isn't there as negative=..., such as "
             "negative='a sofa'"
         )
 

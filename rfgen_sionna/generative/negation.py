@@ -1,0 +1,31 @@
+"""Words that say what is not wanted. Prompts say what is; what is not has fields of its own, negative prompts."""
+
+from __future__ import annotations
+
+from rfgen_sionna.generative.reading import Reader, compile_pattern
+
+_NEGATION = (
+    r"not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
+    r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"
+    r"|other than|anything but|(?:<refuse>|<fail>|unable) to|<lack>|omit(?:s|ted|ting)?"
+)
+_NO_NEGATION = (
+    r"(?:bus|coach|door|full|pit|rest|school bus|taxi|train|tram|trolley|truck) stops?(?! [a-z]+ing)"
+    r"|stop (?:buttons?|lamps?|lights?|lines?|signs?|watch(?:es)?)|non stop"
+    r"|no (?:entry|frills|go|man land|parking|smoking|stopping|through|waiting)|never ending|forget me nots?"
+    r"|(?:room|office|lab|laboratory|garage|corridor|street|field) used to (?!be\b|have\b|hold\b)[a-z]+"
+    r"|(?:room|office|lab|laboratory|garage|street|number) no (?:, )?\d+|minus(?= <n>)"
+)
+"""Names and numbers that such words are part of: a bus stop, a never-ending corridor, minus 30 degrees."""
+
+
+def negation_in(text: str) -> str | None:
+    """The first word of a text that negates something, in lower case; None where none does.
+
+    Args:
+        text: a sentence, keywords, or what :func:`~rfgen_sionna.generative.reading.normalise` has made of them.
+    """
+    reader = Reader(text)
+    reader.take(_NO_NEGATION)
+    found = compile_pattern(_NEGATION).search(reader.text)
+    return found.group() if found else None
