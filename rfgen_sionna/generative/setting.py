@@ -141,6 +141,10 @@ def check_kind(kind: str, asked: EnvironmentPrompt | None, imagining: Imagining)
             raise ImportError(
                 f"imagined surroundings need {', '.join(absent)}: {INSTALL}; or take surroundings='scene'"
             )
+        if asked is not None:
+            from rfgen_sionna.generative.environment.wishes import check_words
+
+            check_words(asked.text, imagining.negative, ("environment", "negative_environment"))
     elif wished:
         raise ValueError(f"{wished}: only imagined surroundings take it, surroundings='diffusion'")
     return found

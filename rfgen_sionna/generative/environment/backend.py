@@ -18,7 +18,6 @@ from rfgen_sionna.generative.environment.model import EnvironmentModel, read_mod
 from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
-from rfgen_sionna.generative.environment.wishes import refuse_negation
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
@@ -147,7 +146,6 @@ class EmbeddedBackend:
 
     def tokens(self, prompt: str, negative: str, view: View) -> tuple[Tensor, Tensor]:
         """(1, token, WIDTH) what is wanted, and what guidance leads away from."""
-        refuse_negation(prompt)
         text = self.model.text
         if not text.read(prompt).places:
             warnings.warn(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rfgen_sionna.generative.environment.views import NATIVE, imagined_so_far, resized
+from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.pir.view import View
@@ -108,6 +109,8 @@ class EnvironmentDiffusion:
         ------
         ValueError
             If an argument is out of its range.
+        PromptError
+            If the words can't be meant so (:func:`~rfgen_sionna.generative.environment.wishes.check_words`).
         DeviceMemoryError
             If the device's memory doesn't suffice.
         """
@@ -165,10 +168,7 @@ class EnvironmentDiffusion:
         return out
 
     def _check(self, prompt: str, negative: str, view: View) -> None:
-        if not isinstance(prompt, str) or not prompt.strip():
-            raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
-        if not isinstance(negative, str):
-            raise ValueError(f"negative is {negative!r}: words for what isn't there are needed, or '' for none")
+        check_words(prompt, negative)
         if not view.position[2] > 0:
             raise ValueError(f"position: {view.position[2]:g} m high, and the floor is z = 0; above it is needed")
         self._backend.check_view(view)

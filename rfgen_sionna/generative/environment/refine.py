@@ -19,6 +19,7 @@ from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, PATCH, resized
+from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.surroundings import check_image
 from rfgen_sionna.pir.view import View
@@ -139,13 +140,14 @@ class PathDiffusion:
         ------
         TypeError, ValueError
             If the frames' views differ, one holds what no radar receives, or an argument is out of its range.
+        PromptError
+            If the words can't be meant so (:func:`~rfgen_sionna.generative.environment.wishes.check_words`).
         DeviceMemoryError
             If the device's memory doesn't suffice.
         """
         if isinstance(strength, bool) or not isinstance(strength, (int, float)) or not 0.0 <= strength <= 1.0:
             raise ValueError(f"strength: {strength!r}; 0 … 1 is allowed")
-        if not isinstance(prompt, str) or not prompt.strip():
-            raise ValueError(f"prompt is {prompt!r}: a description of the surroundings is needed")
+        check_words(prompt, negative)
         check_seed(seed)
         if not frames:
             raise ValueError("frames: none are given")

@@ -45,16 +45,32 @@ def read(text: str, kinds: Iterable[str] = ()) -> Named:
     )
 
 
-def refuse_negation(text: str) -> None:
-    """Refuse a prompt that says what isn't there.
+def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt", "negative")) -> None:
+    """Refuse words that no image model should get.
+
+    Args:
+        prompt: what the surroundings are.
+        negative: what isn't there; empty for nothing.
+        fields: what messages call the two.
 
     Raises:
-        PromptError: it does; what the surroundings are without is the negative prompt's.
+        ValueError: the prompt is none, or the negative prompt is no text.
+        PromptError: one of them negates: what the surroundings are without is the negative prompt's, by its name alone.
     """
-    if negation := negation_in(text):
+    wanted, unwanted = fields
+    if not isinstance(prompt, str) or not prompt.strip():
+        raise ValueError(f"{wanted} is {prompt!r}: a description of the surroundings is needed")
+    if not isinstance(negative, str):
+        raise ValueError(f"{unwanted} is {negative!r}: words for what isn't there are needed, or '' for none")
+    if word := negation_in(prompt):
         raise PromptError(
-            f"prompt: {text!r} negates something ({negation!r}); say what isn't there as negative=..., such as "
-            "negative='a sofa'"
+            f"{wanted}: {prompt!r} negates something ({word!r}); say what isn't there as {unwanted}=..., such as "
+            f"{unwanted}='a sofa'"
+        )
+    if word := negation_in(negative):
+        raise PromptError(
+            f"{unwanted}: {negative!r} negates what is left out already ({word!r}); name just what isn't there, "
+            f"such as {unwanted}='a sofa'"
         )
 
 

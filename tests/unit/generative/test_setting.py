@@ -66,6 +66,7 @@ def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: p
             kind(*asked)
 
 
+@pytest.mark.usefixtures("nothing_missing")
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -80,6 +81,7 @@ def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: p
         (("an office", "furnished", "desk"), "negative_environment is 'desk': only imagined surroundings"),
         (("a living room", "scene", "", True), "refine is True: only imagined surroundings"),
         (("a living room", "none"), "'a living room', but surroundings is 'none'"),
+        (("an office", "diffusion", "no desk"), r"negative_environment: 'no desk' negates what is left out already"),
     ],
 )
 def test_what_has_no_effect_is_refused(arguments: tuple[Any, ...], words: str) -> None:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.backend import UnknownPlaceWarning, UnknownThingWarning
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.captions import NAMES, USUAL, article, caption
 from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.model import read_model
+from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.text import PlaceEncoder
-from rfgen_sionna.generative.environment.wishes import read, refuse_negation
+from rfgen_sionna.generative.environment.wishes import check_words, read
 from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
 
 AHEAD = View((32, 32), (90.0, 90.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
@@ -93,9 +98,32 @@ def test_a_named_place_is_taken_whatever_else_is_said(text: PlaceEncoder) -> Non
 
 @pytest.mark.parametrize("prompt", ["a living room without a sofa", "an office, no desk", "a street but not a car"])
 def test_a_negation_is_refused(prompt: str) -> None:
-    with pytest.raises(ValueError, match=r"negates something .* negative="):
-        refuse_negation(prompt)
-    refuse_negation(prompt.split()[-1])
+    with pytest.raises(PromptError, match=r"prompt: .* negates something .* negative="):
+        check_words(prompt, "")
+    with pytest.raises(PromptError, match=r"environment: .* negative_environment="):
+        check_words(prompt, "", ("environment", "negative_environment"))
+    with pytest.raises(PromptError, match=r"negative: .* negates what is left out already .* name just"):
+        check_words("an office", prompt)
+    check_words(prompt.split()[-1], "a car")
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
+def test_every_model_refuses_negations_and_what_is_no_text(
+    rooms: EnvironmentDiffusion, stable_diffusion: Path, model_folder: Path, wall: Callable[..., Pir]
+) -> None:
+    foreign = EnvironmentDiffusion(stable_diffusion, steps=1, device="cpu")
+    for each in (rooms, foreign):
+        with pytest.raises(PromptError, match=r"'without'.* negative="):
+            each.generate("a living room without a sofa")
+        with pytest.raises(PromptError, match=r"'without'.* negative="):
+            each.generate_many(["an office", "an office without a desk"], seeds=[0, 1])
+        with pytest.raises(PromptError, match=r"negative: 'no sofa' negates"):
+            each.generate("a living room", negative="no sofa")
+        with pytest.raises(ValueError, match="negative is None"):
+            each.generate("a living room", negative=None)  # type: ignore[arg-type]
+    paths = PathDiffusion(model_folder, steps=1, samples=1, device="cpu")
+    with pytest.raises(PromptError, match=r"'without'.* negative="):
+        paths.refine(wall(4.0, replace(AHEAD, resolution=(64, 64))), "a living room without a sofa")
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(12, marks=pytest.mark.slow)])
@@ -163,9 +191,7 @@ def rooms() -> EnvironmentDiffusion:
     return EnvironmentDiffusion(steps=1, sampler="dpm", device="cpu")
 
 
-def test_drawing_refuses_negations_and_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> None:
-    with pytest.raises(ValueError, match="negates something"):
-        rooms.generate("a living room without a sofa")
+def test_drawing_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> None:
     with pytest.warns(UnknownPlaceWarning, match=r"the woods.* nearest is taken: garage .*open field"):
         rooms.generate("the woods")
     with pytest.warns(UnknownThingWarning, match="'couch' names nothing"):
