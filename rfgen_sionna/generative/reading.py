@@ -68,6 +68,16 @@ def compile_pattern(pattern: str) -> re.Pattern[str]:
     return re.compile(rf"(?<![\w.])(?:{pattern})(?!\w)")
 
 
+def inflected(noun: str) -> str:
+    """A pattern of a noun's singular and plural: "shelves", "chests of drawers"."""
+    head, of, rest = noun.partition(" of ")
+    if head.endswith("f"):
+        head = f"{head.removesuffix('f')}(?:f|ve)"
+    elif head.endswith("y") and head[-2] not in "aeiou":
+        head = f"{head.removesuffix('y')}(?:y|ie)"
+    return f"{head}(?:e?s)?{of}{rest}"
+
+
 def _feet(match: re.Match[str]) -> str:
     return f"{int(match[1]) + int(match[2]) / 12:.3f} ft"
 

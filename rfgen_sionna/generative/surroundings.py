@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, replace
 
 from rfgen_sionna.generative.body_prompt import PromptError
+from rfgen_sionna.generative.furniture import names, take_compounds
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, compile_pattern
 from rfgen_sionna.generative.vocabulary import (
@@ -80,10 +81,11 @@ class EnvironmentPrompt:
         """One sentence for each phrase without effect; where the place is `imagined`, furniture has one."""
         lost = self.unused
         if imagined:
-            from rfgen_sionna.generative.environment.captions import USUAL  # not imported with other surroundings
-
-            furniture = {thing for things in USUAL.values() for thing in things}
-            lost = tuple(phrase for phrase in lost if not any(thing in phrase for thing in furniture))
+            readers = [Reader(phrase) for phrase in lost]
+            for reader in readers:
+                for name in names():
+                    reader.take(name.pattern)
+            lost = tuple(phrase for reader in readers for phrase in reader.rest(FILLERS))
         return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in lost)
 
 
@@ -100,6 +102,7 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
     reader = Reader(text)
     if not reader.text:
         return None
+    furniture = take_compounds(reader)
     scenes = [NOWHERE] if reader.take(rf"<a>(?:{NO_SCENE})") else []
     if negation := negation_in(reader.text):
         raise PromptError(
@@ -112,7 +115,7 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
         raise PromptError(f"environment: {text!r} {found}; {KNOWN}")
     if scenes == [NOWHERE]:
         return None
-    return EnvironmentPrompt(text=text, scene=scenes[0], unused=reader.rest(FILLERS))
+    return EnvironmentPrompt(text=text, scene=scenes[0], unused=(*furniture, *reader.rest(FILLERS)))
 
 
 def in_words(scene: str) -> EnvironmentPrompt | None:

@@ -97,16 +97,6 @@ def article(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
-def inflected(noun: str) -> str:
-    """A pattern of a noun's singular and plural: "shelves", "chests of drawers"."""
-    head, of, rest = noun.partition(" of ")
-    if noun in _PLURAL:
-        head = head.removesuffix("s")
-    if head.endswith("f"):
-        head = f"{head.removesuffix('f')}(?:f|ve)"
-    return f"{head}(?:e?s)?{of}{rest}"
-
-
 def listed(things: Sequence[str]) -> str:
     """Several nouns as a phrase: "a sofa, a rug and a plant"."""
     phrases = [article(thing) for thing in things]

@@ -95,7 +95,7 @@ class PlaceEncoder(SentenceEncoder):
 
     def read(self, text: str) -> wishes.Named:
         """What a text names by its words: of the places, those that are told apart here."""
-        said = wishes.read(text, self.things)
+        said = wishes.read(text)
         return replace(said, places=tuple(place for place in said.places if place in self.places))
 
     @torch.no_grad()

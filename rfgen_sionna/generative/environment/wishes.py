@@ -5,14 +5,15 @@ The encoder of :mod:`.text` learnt from whole captions. Of bare nouns, as negati
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 from rfgen_sionna.generative.body_prompt import PromptError
-from rfgen_sionna.generative.environment.captions import BACKGROUND, NAMES, USUAL, inflected
+from rfgen_sionna.generative.environment.captions import NAMES
+from rfgen_sionna.generative.furniture import OTHER_NAMES, names
 from rfgen_sionna.generative.negation import negation_in
-from rfgen_sionna.generative.reading import Reader, normalise
+from rfgen_sionna.generative.reading import Reader, inflected, normalise
 from rfgen_sionna.generative.surroundings import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
 
@@ -29,18 +30,13 @@ class Named:
     """Phrases that name neither."""
 
 
-def read(text: str, kinds: Iterable[str] = ()) -> Named:
-    """What a text names, singular or plural, with or without articles: "sofas and a chest of drawers".
-
-    Args:
-        text: a sentence, or nouns.
-        kinds: of furniture that are known beside those of :data:`~rfgen_sionna.generative.environment.captions.USUAL`.
-    """
+def read(text: str) -> Named:
+    """What a text names, singular or plural, with or without articles: "sofas and a chest of drawers"."""
     reader = Reader(text)
-    found = {meaning for pattern, meaning in _patterns(frozenset(kinds)) if reader.take(pattern)}
+    found = {meaning for pattern, meanings in _patterns() if reader.take(pattern) for meaning in meanings}
     return Named(
         tuple(place for place in NAMES if place in found),
-        tuple(sorted(found - NAMES.keys())),
+        tuple(sorted(found & OTHER_NAMES.keys())),
         reader.rest(FILLERS),
     )
 
@@ -75,21 +71,20 @@ def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt",
 
 
 @cache
-def _patterns(kinds: frozenset[str]) -> Sequence[tuple[str, str]]:
-    """(pattern, place or kind), in the order in which they are taken: an "office chair" is no office, and in a
+def _patterns() -> Sequence[tuple[str, tuple[str, ...]]]:
+    """(pattern, place or kinds), in the order in which they are taken: an "office chair" is no office, and in a
     "car garage" no car is named."""
-    known = sorted(kinds.union(*USUAL.values()) - {*BACKGROUND})
-    things = [(inflected(kind), kind) for kind in known]
-    names = [(inflected(normalise(name)), place) for place, said in NAMES.items() for name in said]
-    names.sort(key=lambda each: -len(each[0]))
+    things = names()
+    places = [(inflected(normalise(name)), (place,)) for place, said in NAMES.items() for name in said]
+    places.sort(key=lambda each: -len(each[0]))
     scenes = [
-        (pattern, place)
+        (pattern, (place,))
         for scene, pattern in {**SCENE_PATTERNS, **PLACE_PATTERNS}.items()
         if (place := EnvironmentPrompt(scene, scene).place)
     ]
     return (
-        *(each for each in things if " " in each[1]),
-        *names,
+        *((name.pattern, name.kinds) for name in things if name.compound),
+        *places,
         *scenes,
-        *(each for each in things if " " not in each[1]),
+        *((name.pattern, name.kinds) for name in things if not name.compound),
     )

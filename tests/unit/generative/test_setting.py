@@ -54,6 +54,14 @@ def test_furniture_counts_where_a_place_is_imagined() -> None:
     assert asked is not None
     assert [sentence.split("'")[1] for sentence in asked.warnings()] == ["sofa", "unicorn"]
     assert [sentence.split("'")[1] for sentence in asked.warnings(imagined=True)] == ["unicorn"]
+    for known in ("a bedroom with an office chair and a couch", "an office with a garage door", "a street with bikes"):
+        asked = parse_environment(known)
+        assert asked is not None
+        assert asked.warnings()
+        assert not asked.warnings(imagined=True)
+    scary = parse_environment("a bedroom with a scary cardboard-bed")  # there is a car in both
+    assert scary is not None
+    assert [sentence.split("'")[1] for sentence in scary.warnings(imagined=True)] == ["scary cardboard"]
 
 
 @pytest.mark.usefixtures("no_diffusers")

@@ -20,6 +20,7 @@ from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.generative.environment.wishes import check_words, read
+from rfgen_sionna.generative.furniture import OTHER_NAMES
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
@@ -62,8 +63,49 @@ def test_several_nouns_are_told_apart(text: PlaceEncoder) -> None:
     assert (said.things, said.rest) == (("coffee table",), ("low", "unicorn"))
 
 
+@pytest.mark.parametrize(
+    ("words", "kinds"),
+    [
+        ("couches", ("sofa",)),
+        ("TV, two tellies and the TV stand", ("sideboard", "television")),
+        ("Bookcases", ("bookshelf",)),
+        ("a closet", ("cupboard", "wardrobe")),
+        ("tires", ("tyres",)),
+        ("trash cans", ("bin", "dustbin", "litter bin")),
+        ("a street light", ("lamp post",)),
+        ("a lamp", ("ceiling lamp", "floor lamp")),
+        ("office desks and an office chair", ("desk", "office chair")),
+        ("a jungle gym and a sandbox", ("climbing frame", "sandpit")),
+    ],
+)
+def test_furniture_has_other_names(text: PlaceEncoder, words: str, kinds: tuple[str, ...]) -> None:
+    assert read(words).things == text.things_in(words) == kinds
+    assert not read(words).places
+
+
+def test_every_name_is_that_of_its_kind_alone() -> None:
+    for kind, others in OTHER_NAMES.items():
+        for name in others:
+            said = read(f"the {name}")
+            assert kind in said.things, name
+            assert not said.places + said.rest, name
+            assert all(name in OTHER_NAMES[each] for each in said.things), name
+
+
+def test_names_are_of_all_that_layouts_hold_and_of_nothing_else(text: PlaceEncoder) -> None:
+    held = {kind for name in PLACES for seed in range(12) for kind in furnished(name, seed).layout.kinds}
+    assert held <= OTHER_NAMES.keys()
+    assert {noun for nouns in USUAL.values() for noun in nouns} <= OTHER_NAMES.keys() <= {*text.things}
+
+
+def test_what_an_other_name_excludes_is_not_there(text: PlaceEncoder) -> None:
+    plain, less = (choose_room(wanted(text, "a living room", words), AHEAD, 2) for words in ("", "couches"))
+    assert "sofa" in plain.place.kinds
+    assert less.place.kinds == tuple(kind for kind in plain.place.kinds if kind != "sofa")
+
+
 def test_words_that_say_nothing_known_exclude_nothing(text: PlaceEncoder) -> None:
-    for words in ("couch", "blurry, low quality", "the woods", "", "floor, walls"):
+    for words in ("fridge", "blurry, low quality", "the woods", "", "floor, walls"):
         assert text.things_in(words) == ()
 
 
@@ -194,6 +236,6 @@ def rooms() -> EnvironmentDiffusion:
 def test_drawing_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> None:
     with pytest.warns(UnknownPlaceWarning, match=r"the woods.* nearest is taken: garage .*open field"):
         rooms.generate("the woods")
-    with pytest.warns(UnknownThingWarning, match="'couch' names nothing"):
-        rooms.generate("a garage", negative="car, couch")
+    with pytest.warns(UnknownThingWarning, match="'fridge' names nothing"):
+        rooms.generate("a garage", negative="car, fridge, couch")
     rooms.generate("a garage", negative="a car")  # warnings are errors

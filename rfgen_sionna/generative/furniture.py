@@ -1,0 +1,120 @@
+"""The pieces that layouts of places hold, by all the names that people call them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+
+from rfgen_sionna.generative.reading import Reader, inflected
+
+OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "armchair": ("arm chair", "easy chair", "lounge chair", "recliner"),
+        "basketball hoop": ("basketball basket", "basketball net", "basketball ring"),
+        "bed": ("bedstead", "bunk bed", "double bed", "single bed"),
+        "bench": ("park bench",),
+        "bicycle": ("bike", "push bike"),
+        "bin": (
+            "garbage can",
+            "rubbish bin",
+            "trash bin",
+            "trash can",
+            "waste basket",
+            "waste bin",
+            "waste paper basket",
+            "wastebasket",
+        ),
+        "blackboard": ("black board", "chalk board", "chalkboard"),
+        "bookshelf": ("book case", "book shelf", "bookcase"),
+        "bush": ("shrub",),
+        "cabinet": ("lab cabinet", "laboratory cabinet"),
+        "car": ("automobile", "motor car"),
+        "ceiling lamp": ("ceiling light", "chandelier", "lamp", "pendant lamp", "pendant light"),
+        "chair": (),
+        "chest of drawers": ("bedroom dresser", "drawers", "dresser"),
+        "climbing frame": ("climber", "jungle gym", "monkey bar"),
+        "clock": ("wall clock",),
+        "coat rack": ("coat stand", "coatrack", "hall stand", "hat stand"),
+        "coffee table": ("cocktail table", "tea table"),
+        "cupboard": ("closet",),
+        "desk": ("office desk", "office table", "school desk", "student desk", "writing desk", "writing table"),
+        "door": ("doorway",),
+        "dustbin": ("garbage can", "rubbish bin", "trash bin", "trash can", "wheelie bin"),
+        "fence": ("railing",),
+        "filing cabinet": ("file cabinet",),
+        "fire extinguisher": ("extinguisher",),
+        "floor lamp": ("floor light", "lamp", "standard lamp", "standing lamp"),
+        "garage door": ("garage gate", "roller door"),
+        "gas cylinder": ("gas bottle", "gas tank"),
+        "goal": ("football goal", "goal post", "goalpost", "soccer goal"),
+        "hay bale": ("bale of hay", "bale of straw", "hay stack", "haystack", "straw bale"),
+        "hedge": ("hedgerow",),
+        "house": ("building",),
+        "ladder": ("step ladder", "stepladder"),
+        "lamp post": ("lamppost", "street lamp", "street light", "streetlamp", "streetlight"),
+        "litter bin": ("garbage can", "litter basket", "rubbish bin", "trash bin", "trash can"),
+        "locker": (),
+        "nightstand": ("bedside cabinet", "bedside table", "night stand", "night table"),
+        "notice board": ("bulletin board", "noticeboard", "pin board", "pinboard"),
+        "office chair": ("desk chair", "swivel chair"),
+        "path": ("footpath",),
+        "picture": ("painting", "poster"),
+        "plant": ("house plant", "houseplant", "pot plant", "potted plant"),
+        "radiator": ("heater",),
+        "rock": ("boulder",),
+        "rug": ("carpet",),
+        "sandpit": ("sand box", "sand pit", "sandbox"),
+        "seesaw": ("see saw", "teeter totter"),
+        "shed": ("barn", "hut"),
+        "shelf": ("shelf unit", "shelving", "shelving unit"),
+        "sideboard": ("credenza", "television stand", "tv cabinet", "tv stand"),
+        "sink": ("basin", "wash basin", "washbasin"),
+        "slide": ("playground slide",),
+        "sofa": ("couch", "love seat", "loveseat", "settee", "sofa bed", "sofabed"),
+        "spring rider": ("rocking horse", "spring horse", "spring rocker"),
+        "stool": ("lab stool",),
+        "strip light": ("fluorescent lamp", "fluorescent light", "fluorescent tube", "neon light"),
+        "swing": ("swing set", "swingset"),
+        "table": ("dining table", "dinner table", "kitchen table"),
+        "television": ("telly", "television set", "tv", "tv screen", "tv set"),
+        "tool wall": ("peg board", "pegboard"),
+        "traffic sign": ("road sign", "stop sign", "street sign"),
+        "tree": (),
+        "tyres": ("tire", "tyre"),
+        "wardrobe": ("armoire", "closet"),
+        "whiteboard": ("dry erase board", "white board"),
+        "window": (),
+        "workbench": ("lab bench", "laboratory bench", "lab table", "work bench"),
+    }
+)
+"""Every kind that may be in a place or not, doors and windows among them -> what else it is called, in the singular, in
+British and American English; some names are those of several kinds."""
+
+
+@dataclass(frozen=True)
+class Name:
+    """What some kinds are called."""
+
+    pattern: str
+    """Of its singular and plural (:func:`~rfgen_sionna.generative.reading.compile_pattern`)."""
+    kinds: tuple[str, ...]
+    compound: bool
+    """Whether it is several words, which may have the name of a place among them: "office chair"."""
+
+
+@cache
+def names() -> Sequence[Name]:
+    """All names, longer ones first."""
+    named: dict[str, list[str]] = {}
+    for kind, others in OTHER_NAMES.items():
+        for name in (kind, *others):
+            named.setdefault(name, []).append(kind)
+    order = sorted(named, key=lambda name: (-name.count(" "), -len(name)))
+    return tuple(Name(inflected(name), tuple(named[name]), " " in name) for name in order)
+
+
+def take_compounds(reader: Reader) -> tuple[str, ...]:
+    """Take the furniture whose names are several words out of a text, before places are read: the words."""
+    return tuple(match.group() for name in names() if name.compound for match in reader.take(name.pattern))
