@@ -95,7 +95,7 @@ def generate(
         Without diffusers "auto" warns, and takes a scene where there is one, else furnished. What "scene", "furnished"
         and "none" don't need isn't imported.
     negative_environment
-        What an imagined place is without.
+        What an imagined place is without ("sofa, TV"); what `environment` asks for is refused here.
     refine
         Whether path diffusion completes what is traced and imagined, or its strength, 0 … 1; None does where
         surroundings are imagined and the radar stands. False leaves it unloaded.

@@ -11,7 +11,7 @@ from functools import cache
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.captions import NAMES
-from rfgen_sionna.generative.furniture import OTHER_NAMES, names
+from rfgen_sionna.generative.furniture import names
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, inflected, normalise
 from rfgen_sionna.generative.surroundings import PLACE_PATTERNS, EnvironmentPrompt
@@ -24,19 +24,25 @@ class Named:
 
     places: tuple[str, ...]
     """By the names of :data:`~rfgen_sionna.generative.environment.captions.NAMES`."""
-    things: tuple[str, ...]
-    """Kinds of furniture, doors and windows, in alphabetical order."""
+    words: tuple[tuple[str, tuple[str, ...]], ...]
+    """The words for furniture, doors and windows, and the kinds that each may mean."""
     rest: tuple[str, ...]
     """Phrases that name neither."""
+
+    @property
+    def things(self) -> tuple[str, ...]:
+        """All kinds of furniture, doors and windows, in alphabetical order."""
+        return tuple(sorted({kind for _, kinds in self.words for kind in kinds}))
 
 
 def read(text: str) -> Named:
     """What a text names, singular or plural, with or without articles: "sofas and a chest of drawers"."""
     reader = Reader(text)
-    found = {meaning for pattern, meanings in _patterns() if reader.take(pattern) for meaning in meanings}
+    found = [(match.group(), meant) for pattern, meant in _patterns() for match in reader.take(pattern)]
+    places = {place for _, meant in found for place in meant}
     return Named(
-        tuple(place for place in NAMES if place in found),
-        tuple(sorted(found & OTHER_NAMES.keys())),
+        tuple(place for place in NAMES if place in places),
+        tuple((words, meant) for words, meant in found if not NAMES.keys() & set(meant)),
         reader.rest(FILLERS),
     )
 
@@ -51,7 +57,8 @@ def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt",
 
     Raises:
         ValueError: the prompt is none, or the negative prompt is no text.
-        PromptError: one of them negates: what the surroundings are without is the negative prompt's, by its name alone.
+        PromptError: one of them negates: what the surroundings are without is the negative prompt's, by its name alone;
+            or the negative prompt excludes what the prompt asks for.
     """
     wanted, unwanted = fields
     if not isinstance(prompt, str) or not prompt.strip():
@@ -67,6 +74,15 @@ def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt",
         raise PromptError(
             f"{unwanted}: {negative!r} negates what is left out already ({word!r}); name just what isn't there, "
             f"such as {unwanted}='a sofa'"
+        )
+    asked, excluded = read(prompt), read(negative)
+    clash = [words for words, kinds in asked.words if {*kinds} <= {*excluded.things}]
+    denied = [read(part) for part in negative.split(",")]  # "office desk" is a desk, "desk, office" a place as well
+    clash += [place for each in denied if not each.words for place in each.places if place in asked.places]
+    if clash:
+        raise PromptError(
+            f"{wanted}: {prompt!r} asks for {clash[0]!r}, which {unwanted} {negative!r} excludes: take it out "
+            "of one of them"
         )
 
 

@@ -89,6 +89,10 @@ def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: p
         (("an office", "furnished", "desk"), "negative_environment is 'desk': only imagined surroundings"),
         (("a living room", "scene", "", True), "refine is True: only imagined surroundings"),
         (("a living room", "none"), "'a living room', but surroundings is 'none'"),
+        (
+            ("an office with a desk", "auto", "desks"),
+            "environment: 'an office with a desk' asks for 'desk', which negative_environment 'desks' excludes",
+        ),
         (("an office", "diffusion", "no desk"), r"negative_environment: 'no desk' negates what is left out already"),
     ],
 )

@@ -146,7 +146,39 @@ def test_a_negation_is_refused(prompt: str) -> None:
         check_words(prompt, "", ("environment", "negative_environment"))
     with pytest.raises(PromptError, match=r"negative: .* negates what is left out already .* name just"):
         check_words("an office", prompt)
-    check_words(prompt.split()[-1], "a car")
+    check_words(prompt.split()[-1], "a plant")
+
+
+@pytest.mark.parametrize(
+    ("prompt", "negative", "words"),
+    [
+        ("a living room with two sofas", "sofa", "sofas"),
+        ("a living room with a sofa", "television, couches", "sofa"),
+        ("a bedroom with a wardrobe", "a closet", "wardrobe"),
+        ("a bedroom with a floor lamp", "lamps", "floor lamp"),
+        ("a street with parked cars", "car", "cars"),
+        ("a lounge", "a plant, a living room", "living room"),
+    ],
+)
+def test_what_is_asked_for_and_excluded_is_refused(prompt: str, negative: str, words: str) -> None:
+    with pytest.raises(PromptError, match=rf"^prompt: '{prompt}' asks for '{words}', which negative '{negative}' excl"):
+        check_words(prompt, negative)
+    with pytest.raises(PromptError, match=r"^environment: .* which negative_environment "):
+        check_words(prompt, negative, ("environment", "negative_environment"))
+
+
+@pytest.mark.parametrize(
+    ("prompt", "negative"),
+    [
+        ("a living room with a sofa", "armchair, a bedroom"),
+        ("a bedroom with a lamp", "a floor lamp"),  # another lamp
+        ("an office with an office chair", "chairs"),  # others
+        ("an office", "an office desk"),
+        ("a car garage", "a car"),
+    ],
+)
+def test_what_leaves_something_to_be_had_is_allowed(prompt: str, negative: str) -> None:
+    check_words(prompt, negative)
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
@@ -161,6 +193,8 @@ def test_every_model_refuses_negations_and_what_is_no_text(
             each.generate_many(["an office", "an office without a desk"], seeds=[0, 1])
         with pytest.raises(PromptError, match=r"negative: 'no sofa' negates"):
             each.generate("a living room", negative="no sofa")
+        with pytest.raises(PromptError, match=r"asks for 'sofa', which negative 'a couch' excludes"):
+            each.generate("a living room with a sofa", negative="a couch")
         with pytest.raises(ValueError, match="negative is None"):
             each.generate("a living room", negative=None)  # type: ignore[arg-type]
     paths = PathDiffusion(model_folder, steps=1, samples=1, device="cpu")
