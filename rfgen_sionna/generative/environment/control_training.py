@@ -13,7 +13,13 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
 from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
-from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, new_control, write_control
+from rfgen_sionna.generative.environment.model import (
+    CONTROL_FILE,
+    EnvironmentModel,
+    new_control,
+    weights_of,
+    write_control,
+)
 from rfgen_sionna.generative.environment.training import draw_batch
 from rfgen_sionna.generative.learning import Progress, Run, fingerprint, precision
 
@@ -43,6 +49,8 @@ class ControlRecipe:
     """Share of the noisy images that are made from the incomplete image, as image-to-image starts from it."""
     begun: str = ""
     """Fingerprint of the ControlNet that training begins with; :func:`train_control` fills it in."""
+    base: str = ""
+    """Fingerprint of the base model's network, which the ControlNet's file keeps; so is this."""
 
 
 def condition_of(channels: np.ndarray) -> Tensor:
@@ -74,9 +82,9 @@ def train_control(
         progress: called with (step, steps, running mean of the loss).
 
     Raises:
-        ValueError: `corpus` has no pairs, or `out` holds a checkpoint of another recipe or of another start.
+        ValueError: `corpus` has no pairs, or `out` holds a checkpoint of another recipe, start or base.
     """
-    recipe = replace(recipe, begun=fingerprint(start))
+    recipe = replace(recipe, begun=fingerprint(start), base=weights_of(model.unet))
     latents, given_latents = corpus.latents(model.vae), corpus.latents(model.vae, incomplete=True)
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)

@@ -35,7 +35,9 @@ def main(
     ] = ControlRecipe.steps,
     items: Annotated[int, typer.Option(min=1, help="Pairs a step.")] = ControlRecipe.items,
     rate: Annotated[float, typer.Option(min=1e-9, help="Learning rate.")] = ControlRecipe.rate,
-    start: Annotated[Path | None, typer.Option(help="A trained ControlNet to begin with.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(help="A trained ControlNet to begin with, of this base or another.")
+    ] = None,
     device: Device = "cpu",
     threads: Annotated[int, typer.Option(min=1, help="Threads on the CPU.")] = 2,
 ) -> None:
@@ -44,7 +46,7 @@ def main(
 
     torch.set_num_threads(threads)
     model = read_model(base)
-    begun = None if start is None else read_control(start, model.unet)[0]
+    begun = None if start is None else read_control(start, model.unet, any_base=True)[0]
     with progress_bar() as bar:
         reading = bar.add_task("pairs", total=1, note="")
         corpus = read_corpus(PirData.open(data).select(split="train"), model.codec, pairs=True)

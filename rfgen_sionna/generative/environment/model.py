@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -20,6 +21,7 @@ from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import ViewUNet
 from rfgen_sionna.generative.environment.polish import Polish
 from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.learning import fingerprint
 from rfgen_sionna.pir.codec import PirCodec
 
 if TYPE_CHECKING:
@@ -200,8 +202,20 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
     )
 
 
-def read_control(path: Path, unet: UNet2DConditionModel) -> tuple[ControlNetModel, dict[str, Any]]:
+def weights_of(unet: UNet2DConditionModel) -> str:
+    """Fingerprint of a denoising network as its file holds it, in half precision."""
+    return fingerprint(deepcopy(unet).half().float())
+
+
+def read_control(
+    path: Path, unet: UNet2DConditionModel, *, any_base: bool = False
+) -> tuple[ControlNetModel, dict[str, Any]]:
     """The ControlNet of `unet` in a file, or in a folder that diffusers saved, and what its file tells of it.
+
+    Args:
+        path: file or folder; diffusers' folders and files of earlier versions don't tell their base.
+        unet: the base model's.
+        any_base: take one that was trained on other weights of the same shape, too, as a start for training.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -209,7 +223,7 @@ def read_control(path: Path, unet: UNet2DConditionModel) -> tuple[ControlNetMode
     """
     if path.is_dir():
         if (path / CONTROL_FILE).is_file():
-            return read_control(path / CONTROL_FILE, unet)
+            return read_control(path / CONTROL_FILE, unet, any_base=any_base)
         return ControlNetModel.from_pretrained(path).eval().requires_grad_(False), {}
     header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (… environment.controlnet makes one)")
     control = new_control(unet)
@@ -219,7 +233,13 @@ def read_control(path: Path, unet: UNet2DConditionModel) -> tuple[ControlNetMode
         raise ModelFileError(
             f"control: {path.name} was trained on another base model; take the one beside it"
         ) from error
-    return control.eval().requires_grad_(False), header["facts"]
+    facts: dict[str, Any] = header["facts"]
+    if facts.get("base") and not any_base and facts["base"] != weights_of(unet):
+        raise ModelFileError(
+            f"control: {path.name} was trained on another base model: of the same shape, with other weights; take the "
+            "one beside its base, or train one for this base with … environment.controlnet"
+        )
+    return control.eval().requires_grad_(False), facts
 
 
 def _tuples(fields: dict[str, Any]) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from rfgen_sionna.generative.environment.model import (
     EnvironmentModel,
     ModelFileError,
     Shape,
+    read_control,
     read_model,
 )
 from rfgen_sionna.generative.environment.refine import PathDiffusion
@@ -206,6 +207,16 @@ def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corp
     other = _written(replace(model, shape=shape, unet=shape.unet()), tmp_path / "other")
     with pytest.raises(ModelFileError, match="another base model"):
         read_model(other, path)
+    torch.manual_seed(5)
+    twin = replace(model, unet=model.shape.unet())
+    with pytest.raises(ModelFileError, match=r"same shape, with other weights; take the one beside its base"):
+        read_model(_written(twin, tmp_path / "twin"), path)
+    with pytest.raises(ModelFileError, match="other weights"):
+        PathDiffusion(tmp_path / "twin", path)
+    begun, _ = read_control(path, twin.unet, any_base=True)
+    assert all(torch.equal(v, own.control.state_dict()[k]) for k, v in begun.state_dict().items())
+    with pytest.raises(ValueError, match="use another folder"):  # what was trained on one base goes on with no other
+        train_control(corpus, twin, tmp_path / "out", ControlRecipe(steps=3, items=2))
     with pytest.raises(ValueError, match="pairs"):
         train_control(replace(corpus, incomplete=None), base, tmp_path / "none", ControlRecipe(steps=1))
 

@@ -13,7 +13,7 @@ import pytest
 from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.metrics import Physical
-from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model
+from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model, weights_of
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
 
@@ -34,6 +34,11 @@ def test_the_files_are_small_enough() -> None:
 
     sizes = [Path(str(WEIGHTS / name)).stat().st_size for name in (BASE_FILE, CONTROL_FILE)]
     assert sum(sizes) <= 60e6
+
+
+def test_the_control_net_knows_its_base() -> None:
+    own = read_model(control=True)
+    assert own.control_facts["base"] == weights_of(own.unet)
 
 
 @pytest.mark.parametrize(
