@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rfgen_sionna.generative.environment.kept import Kept
 from rfgen_sionna.generative.environment.views import NATIVE, imagined_so_far, resized
 from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed
@@ -47,7 +46,9 @@ class EnvironmentDiffusion:
         Compile the network (CUDA); pays off for many images.
 
     One environment is imagined once: the first view is kept under prompt, negative prompt and seed, and later views of
-    it show its points from where they stand; only what it didn't show is imagined, around what is known.
+    it show its points from where they stand; only what it didn't show is imagined, around what is known. So many views
+    are kept as :mod:`.kept` says; one that was forgotten is imagined anew, around those of its environment that are
+    left.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class EnvironmentDiffusion:
             guidance = Sampler.guidance if model is None or is_embedded(Path(model)) else _FOREIGN_GUIDANCE
         self.sampler = Sampler(sampler, steps, guidance)
         self._backend: Backend = load_backend(model, lora, device, sketched=sketched, half=half, compiled=compile)
-        self._kept: dict[str, list[Pir]] = {}
+        self._kept = Kept()
 
     def generate(
         self,
@@ -118,16 +119,16 @@ class EnvironmentDiffusion:
         view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
         self._check(prompt, negative, view)
         check_seed(seed)
-        kept = self._kept.setdefault(json.dumps([prompt, negative, int(seed), asdict(self.sampler)]), [])
-        for pir in kept:
-            if View.of(pir) == view:
-                return resized(pir, (rows, columns))
-        known = imagined_so_far(kept, view) if kept else None
-        first = View.of(kept[0]) if kept else None
-        (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [int(seed)], known, first, progress)
-        for channel in (pir.energy, pir.time_of_arrival, pir.velocity):
-            channel.flags.writeable = False  # it is what the next view is drawn around
-        kept.append(pir)
+        environment = prompt, negative, int(seed), self.sampler
+        pir = self._kept.find(environment, view)
+        if pir is None:
+            shown = self._kept.shown(environment)
+            known = imagined_so_far(shown, view) if shown else None
+            first = self._kept.first(environment)
+            (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [int(seed)], known, first, progress)
+            for channel in (pir.energy, pir.time_of_arrival, pir.velocity):
+                channel.flags.writeable = False  # it is what the next view is drawn around
+            self._kept.add(environment, pir)
         return resized(pir, (rows, columns))
 
     def generate_many(

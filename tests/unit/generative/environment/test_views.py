@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.kept import ENVIRONMENTS, Kept
 from rfgen_sionna.generative.environment.views import imagined_so_far, reproject, resized
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
@@ -94,6 +95,46 @@ def test_what_is_kept_is_nobody_s_to_change(model_folder: Path) -> None:
         first.energy[:] = 0.0
     again = rooms.generate("a bedroom", seed=np.int64(3))  # type: ignore[arg-type]
     np.testing.assert_array_equal(first.energy, again.energy)
+
+
+def a_view(k: int) -> Pir:
+    return Pir(np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), (60.0, 60.0), (0.0, float(k), 1.0), (0.0, 0.0, 0.0))
+
+
+def test_what_was_not_asked_for_longest_is_forgotten() -> None:
+    kept, views = Kept(environments=2, views=3), [a_view(k) for k in range(5)]
+    for pir in views[:3]:
+        kept.add("one", pir)
+    assert kept.find("one", View.of(views[0])) is views[0]
+    kept.add("one", views[3])
+    assert kept.shown("one") == [views[2], views[0], views[3]]
+    assert kept.find("one", View.of(views[1])) is None
+    kept.add("one", views[4])
+    kept.add("one", views[1])
+    assert kept.shown("one") == [views[3], views[4], views[1]]
+    assert kept.first("one") == View.of(views[0]), "the layout stays that of the first view"
+    kept.add("two", views[0])
+    assert kept.find("one", View.of(views[3])) is views[3]
+    kept.add("three", views[0])
+    assert (kept.first("two"), kept.shown("two")) == (None, [])
+    assert kept.find("two", View.of(views[0])) is None
+    assert len(kept.shown("one")) == 3
+
+
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+def test_what_is_forgotten_is_imagined_anew(model_folder: Path) -> None:
+    rooms = EnvironmentDiffusion(model_folder, steps=1)
+    first = rooms.generate("a bedroom", seed=0)
+    for seed in range(1, ENVIRONMENTS):
+        rooms.generate("a bedroom", seed=seed)
+    assert rooms.generate("a bedroom", seed=0) is first
+    rooms.generate("a bedroom", seed=ENVIRONMENTS)
+    assert rooms.generate("a bedroom", seed=0) is first, "it was the one that was asked for last"
+    for seed in range(1, ENVIRONMENTS + 1):
+        rooms.generate("a bedroom", seed=seed)
+    again = rooms.generate("a bedroom", seed=0)
+    assert again is not first
+    np.testing.assert_array_equal(again.energy, first.energy)
 
 
 @pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
