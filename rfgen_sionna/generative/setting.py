@@ -230,10 +230,20 @@ def _imagined(
         orientation=here.orientation,
         seed=seed,
     )
-    decisions = [Decision("place", f"imagined as {words!r}", drawn(seed))]
+    moves, strength = radar.trajectory is not None, imagining.strength
+    seen = ", as seen from where the radar starts" if moves else ""
+    decisions = [Decision("place", f"imagined as {words!r}{seen}", drawn(seed))]
     refiner: Any = None
-    strength = imagining.strength
-    if radar.trajectory is None and strength != 0:
+    if moves:
+        _LOG.warning(
+            "environment: %r is imagined in one image%s: its points stay in place while radar '%s' moves, and what "
+            "comes into view later is not there%s; surroundings='furnished' has all of a place along the way",
+            words, seen, radar.name,
+            "; path diffusion, which completes images for a radar that stands, is left out" if strength is None else "",
+        )  # fmt: skip
+        if strength is None:
+            decisions.append(Decision("paths", "not completed by path diffusion", "as the radar moves"))
+    elif strength != 0:
         from rfgen_sionna.generative.environment.refine import PathDiffusion
 
         far = 1.0 if strength is None else strength

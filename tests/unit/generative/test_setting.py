@@ -232,6 +232,42 @@ def test_what_is_said_of_imagining_reaches_the_models(tiny_toml: Path, monkeypat
     assert set_up(asked, "diffusion", radar, seed=0, imagining=Imagining(refine=0.0)).refiner is None
 
 
+def test_a_radar_that_moves_is_told_what_it_gets(
+    tiny_toml: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One image, as seen from its start, and no path diffusion; both are in the report and in a warning."""
+    pytest.importorskip("diffusers", reason="the models need it")
+    from rfgen_sionna.generative.environment import diffusion, refine
+
+    views: list[Any] = []
+
+    class Rooms:
+        def __init__(self, *_: Any) -> None:
+            pass
+
+        def generate(self, _: str, **options: Any) -> str:
+            views.append(options["position"])
+            return "image"
+
+    monkeypatch.setattr(diffusion, "EnvironmentDiffusion", Rooms)
+    monkeypatch.setattr(refine, "PathDiffusion", lambda **_: pytest.fail("path diffusion was loaded"))
+    radar = rfgen.Radar.load(str(tiny_toml), trajectory=lambda t: (0.3 * t, 0.5, 1))
+    asked = parse_environment("an office")
+    made = set_up(asked, "diffusion", radar, seed=0)
+    np.testing.assert_allclose(views, [(0.0, 0.5, 1.0)])
+    assert made.refiner is None
+    assert [(each.name, each.value) for each in made.decisions] == [
+        ("place", "imagined as 'an office', as seen from where the radar starts"),
+        ("paths", "not completed by path diffusion"),
+    ]
+    assert "while radar 'tiny' moves" in caplog.text
+    assert "path diffusion, which completes images for a radar that stands, is left out" in caplog.text
+    caplog.clear()
+    set_up(asked, "diffusion", radar, seed=0, imagining=Imagining(refine=False))
+    assert "moves" in caplog.text
+    assert "path diffusion" not in caplog.text
+
+
 def test_wishes_without_effect_are_refused() -> None:
     with pytest.raises(ValueError, match="refine is True, but the radar moves"):
         Imagining(refine=True).check(moves=True)
