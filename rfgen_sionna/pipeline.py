@@ -207,10 +207,14 @@ def generate(
         environment=setting.environment,
         refiner=setting.refiner,
     )
-    if not transmission and simulator.hidden(person, 0.0, duration):
+    # Nobody sees through an image.
+    if (setting.environment is not None or not transmission) and simulator.hidden(person, 0.0, duration):
+        if setting.environment is None:
+            what, remedy = f"the surfaces of scene '{scene.name}' hide", "choose another distance or environment"
+        else:
+            what, remedy = f"what the {setting.name} shows hides", "choose another distance, seed or environment"
         raise ValueError(
-            f"distance is {place:g} m: the surfaces of scene '{scene.name}' hide the person from the radar there; "
-            "choose another distance or environment, or place the radar elsewhere"
+            f"distance is {place:g} m: {what} the person from the radar there; {remedy}, or place the radar elsewhere"
         )
     text = person.report([*setting.decisions, Decision("floor", f"{height + 0.0:.2f} m", why)])
     if report is None:

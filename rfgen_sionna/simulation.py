@@ -149,6 +149,7 @@ class Simulator:
         self.collisions: Policy = collisions
         self.seed = _checked_seed(seed)
         self._silence_told = False
+        self._fusion: Fusion | None = None
         self.scene.tune(radar.center_frequency)
         check_radar_clear(radar.position, self.scene, self.actors)
         check_radar_placed(
@@ -160,7 +161,8 @@ class Simulator:
             warn_coarse(actor, stacklevel=2)
         if environment is None and refiner is not None:
             raise ValueError("refiner: there is no environment; an image of the surroundings is needed to be refined")
-        self._fusion = None if environment is None else Fusion(self.tracer, environment, self.seed, refiner)
+        if environment is not None:
+            self._fusion = Fusion(self.tracer, environment, self.seed, refiner)
 
     @cached_property
     def tracer(self) -> Tracer:
@@ -299,9 +301,10 @@ class Simulator:
         self._check_places(begin, end)
         warn_frozen(self.actors, begin, end, stacklevel=2)
         for actor in self.actors:
-            if not self.transmission and self.hidden(actor, begin, end):
+            if (self._fusion is not None or not self.transmission) and self.hidden(actor, begin, end):
+                what = "scene's surfaces" if self._fusion is None else "surroundings that the image shows"
                 warnings.warn(
-                    f"actor '{actor.name}' is behind the scene's surfaces all along: the radar receives nothing of it",
+                    f"actor '{actor.name}' is behind the {what} all along: the radar receives nothing of it",
                     stacklevel=2,
                 )
         return self._frames(times, receiver, seed, device)
@@ -317,8 +320,10 @@ class Simulator:
             yield Frame(index, stretch.begin, capture.samples, stretch.report, full_scale, capture.clipped, shown)
 
     def hidden(self, actor: Actor, start: float, stop: float) -> bool:
-        """Whether static surfaces hide `actor` from the radar from `start` to `stop` [s], at every instant tried."""
-        return hidden(self.radar, self._surroundings, actor, start, stop)
+        """Whether static surfaces, or surroundings from an image, hide `actor` from the radar from `start` to `stop`
+        [s], at every instant tried."""
+        hiding = self._surroundings if self._fusion is None else self._fusion.surroundings
+        return hidden(self.radar, hiding, actor, start, stop)
 
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""

@@ -123,16 +123,24 @@ class Surroundings:
         Between pixels it is interpolated, so that what moves fades smoothly.
         """
         weight = np.empty((paths.num_paths, len(paths.times)))
-        distance = np.full(self.view.size, np.inf)
-        distance[self.pixel] = self._distance
         for k, t in enumerate(paths.times.tolist()):
             direction, origin = paths.arrival[:, k], np.asarray(self._radar.position)
             if self._radar.trajectory is not None:
                 direction, origin = to_world(direction, self._radar, t), np.asarray(self._radar.at(t).position)
-            offset = origin + paths.range[:, k, None] * direction - np.asarray(self.view.position)
-            reach = np.linalg.norm(offset, axis=1)
-            weight[:, k] = self._fade(distance, reach, *self.view.coordinates(offset))
+            weight[:, k] = self._let_through(origin + paths.range[:, k, None] * direction)
         return weight
+
+    def occluded(self, _: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_]:
+        """(target,) whether points (target, 3) of the world [m] lie so far behind the surroundings that nothing comes
+        through, from wherever they are looked at: it is the image's viewpoint that counts."""
+        return self._let_through(targets) == 0.0
+
+    def _let_through(self, points: FloatArray) -> FloatArray:
+        """(point,) 1 for points (point, 3) of the world [m] before the surroundings, falling to 0 behind them."""
+        distance = np.full(self.view.size, np.inf)
+        distance[self.pixel] = self._distance
+        offset = points - np.asarray(self.view.position)
+        return self._fade(distance, np.linalg.norm(offset, axis=1), *self.view.coordinates(offset))
 
     def _fade(self, distance: FloatArray, reach: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
         """(path,) blend of what the four nearest pixels let through; outside of the view nothing hides."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
@@ -96,14 +97,22 @@ def check_collisions(
             warnings.warn("; ".join(map(str, deepest(found))), stacklevel=stacklevel + 1)
 
 
-def hidden(radar: Radar, rays: RayScene | None, actor: Body, start: float, stop: float) -> bool:
-    """Whether the surfaces of `rays` hide an actor from the radar at every instant tried from `start` to `stop` [s]."""
-    if rays is None:
+class Hiding(Protocol):
+    """What may hide an actor: surfaces, or an image of surroundings."""
+
+    def occluded(self, origins: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_]:
+        """(target,) whether it stands between an origin (3,) and each target (target, 3) [m]."""
+        ...
+
+
+def hidden(radar: Radar, hiding: Hiding | None, actor: Body, start: float, stop: float) -> bool:
+    """Whether `hiding` hides an actor from the radar at every instant tried from `start` to `stop` [s]."""
+    if hiding is None:
         return False
     for t in np.linspace(start, stop, HIDING_INSTANTS if stop > start else 1).tolist():
         vertices = actor.vertices(t)
         points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
-        if not rays.occluded(np.asarray(radar.pose(t)[0]), points).all():
+        if not hiding.occluded(np.asarray(radar.pose(t)[0]), points).all():
             return False
     return True
 

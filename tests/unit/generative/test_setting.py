@@ -150,6 +150,17 @@ def test_a_run_in_an_imagined_place(tiny_toml: Path, tmp_path: Path) -> None:
         assert np.isfinite(run.pir(0).time_of_arrival).mean() > 0.8
 
 
+def test_who_would_stand_behind_an_imagined_wall_is_told(tiny_toml: Path, tmp_path: Path) -> None:
+    pytest.importorskip("anny", reason="people need the body model")
+    pytest.importorskip("diffusers", reason="the models need it")
+    with pytest.raises(ValueError, match="distance is 9 m: what the imagined bedroom shows hides the person"):
+        rfgen.generate(
+            "a person stands, at 9 m", environment="a bedroom", radar=tiny_toml, duration=0.05, motion="kinematic",
+            refine=False, transmission=True, output=tmp_path / "hidden.h5",
+        )  # fmt: skip
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("without", [["--no-environment"], ["--surroundings", "scene"]], ids=lambda each: each[-1])
 def test_what_is_not_asked_for_is_not_imported(tiny_toml: Path, tmp_path: Path, without: list[str]) -> None:
     """Rules move the person, surroundings are exact or none: nothing learned is loaded."""

@@ -176,6 +176,23 @@ def test_an_actor_hides_what_is_behind_it(radar):
     np.testing.assert_allclose(np.abs(front.a[0, 0, front.kind == PathKind.ENVIRONMENT, 0]) ** 2, points, rtol=1e-12)
 
 
+def test_who_is_behind_the_surroundings_all_along_is_told(radar):
+    """By more than `SOFT_EDGE`, and as long as he is; what comes out at one instant, or stands aside, is not hidden."""
+    ball = Actor.from_mesh(trimesh.creation.icosphere(subdivisions=2, radius=0.2), material="metal", position=(5, 0, 1))
+    behind = Simulator(None, radar, [ball], environment=wall(radar, 4.0))
+    assert behind.hidden(behind.actors[0], 0.0, 0.2)
+    with pytest.warns(UserWarning, match="behind the surroundings that the image shows all along"):
+        behind.frames(0.05, noise=False)
+    for distance, position, velocity in (
+        (4.8, (5, 0, 1), (0, 0, 0)),
+        (4.0, (5, 0, 1), (-6, 0, 0)),
+        (4.0, (5, 4, 1), (0, 0, 0)),
+    ):
+        actor = replace(ball, position=position, velocity=velocity)
+        seen = Simulator(None, radar, [actor], environment=wall(radar, distance))
+        assert not seen.hidden(seen.actors[0], 0.0, 0.2), (distance, position, velocity)
+
+
 def test_what_goes_behind_the_surroundings_fades_smoothly(radar):
     """From 0 to `SOFT_EDGE` behind a wall, steadily, without steps."""
     paths = Surroundings(wall(radar, 3.0), radar, 0)
