@@ -13,6 +13,7 @@ from rfgen_sionna.generative.vocabulary import (
     COMMON_SCENE_WORDS,
     FILLERS,
     FREE_SPACE,
+    HOW,
     NO_PLACES,
     NO_SCENE,
     PLACE_LIKE,
@@ -24,14 +25,14 @@ from rfgen_sionna.generative.vocabulary import (
 NOWHERE = "free space"
 """What no surroundings at all are called."""
 PLACE_PATTERNS = {
-    "bedroom": r"bed ?room",
-    "office": r"office(?: room)?",
-    "lab": r"lab(?:oratory)?",
-    "corridor": r"corridor|hallway",
-    "classroom": r"class ?room|lecture room",
-    "garage": r"garage",
-    "playground": r"play ?ground",
-    "open field": r"(?:open |grass )?field|meadow",
+    "bedroom": r"bed ?room|sleeping room|room to sleep in",
+    "office": r"office(?: room)?|work ?room|study",
+    "lab": r"(?:(?:research|science) )?lab(?:oratory)?",
+    "corridor": r"corridor|hallway|passage(?:way)?|long hall",
+    "classroom": r"class ?room|lecture room|school ?room",
+    "garage": r"(?:(?:car|workshop) )?garage",
+    "playground": r"(?:children )?play ?ground|play area",
+    "open field": r"(?:open |grass )?field|meadow|grassland",
 }
 """Furnished places (:data:`rfgen_sionna.scene.furnished.PLACES`) that are no scene of a file -> how they are said."""
 _PLACES_OF_SCENES = {
@@ -42,7 +43,10 @@ _PLACES_OF_SCENES = {
 """Scenes of a file -> what such places are called where they are furnished or imagined."""
 _PATTERNS = {**SCENE_PATTERNS, **PLACE_PATTERNS}
 _COMMON_WORDS = COMMON_SCENE_WORDS | set(PLACE_PATTERNS)
-KNOWN = f"known: {NOWHERE}, {', '.join(sorted(_PATTERNS))}"
+KNOWN = (
+    f"known: {NOWHERE}; the places {', '.join(sorted({*_PLACES_OF_SCENES.values(), *PLACE_PATTERNS}))}; the scenes "
+    f"{', '.join(sorted(SCENE_PATTERNS))}"
+)
 
 _KEYWORD = re.compile(
     r"""["']?\b(?:environment|surroundings|scene|location|place|room|background|setting)\b["']?\s*[:=]([^,;.\n}]*)""",
@@ -109,13 +113,27 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
             f"environment: {text!r} negates something ({negation!r}); say which one is wanted, {KNOWN}; what an "
             "imagined place is without goes into the negative environment prompt"
         )
-    scenes += [scene for scene, pattern in _PATTERNS.items() if reader.take(rf"<a>(?:{pattern})", scene)]
+    scenes += _take_scenes(reader)
     if len(scenes) != 1:
         found = f"names several scenes ({', '.join(scenes)})" if scenes else "names no scene that is known"
         raise PromptError(f"environment: {text!r} {found}; {KNOWN}")
     if scenes == [NOWHERE]:
         return None
     return EnvironmentPrompt(text=text, scene=scenes[0], unused=(*furniture, *reader.rest(FILLERS)))
+
+
+def _take_scenes(reader: Reader) -> list[str]:
+    """Take the scenes that a description names. What follows "with" is in the place that is named before it: "a living
+    room with a box" is one scene."""
+    found = []
+    for scene, pattern in _PATTERNS.items():
+        found += [(match, scene) for match in reader.take(rf"<a>(?:{pattern})")]
+    first = min((match.start() for match, _ in found), default=0)
+    inside = re.compile(r"\bwith\b").search(reader.text, first)
+    for match, _ in found:
+        if inside and match.start() > inside.start():
+            reader.text = reader.text[: match.start()] + match.group() + reader.text[match.end() :]
+    return list(dict.fromkeys(scene for match, scene in found if not inside or match.start() < inside.start()))
 
 
 def in_words(scene: str) -> EnvironmentPrompt | None:
@@ -147,7 +165,11 @@ def read_scenes(reader: Reader) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
 
     def take(pattern: str, scene: str) -> None:
-        for match in reader.take(pattern):
+        for match in compile_pattern(pattern).finditer(reader.text):
+            how = [match.span(name) for name in match.groupdict() if match[name] is not None]
+            start, end = how[0] if how else (match.end(), match.end())
+            reader.erase(match.start(), max(match.start(), start - (start < end)))  # words stay words of their own
+            reader.erase(end, match.end())
             found.append((match.group(), scene))
             reader.note(match, f"surroundings {scene}")
 
@@ -156,7 +178,8 @@ def read_scenes(reader: Reader) -> list[tuple[str, str]]:
         # "box" or "street" are common words: they name a scene only after "in a" or alone between commas.
         if scene in _COMMON_WORDS:
             inside = SCENE_PREFIX if found else SCENE_PREFIX.replace("|or", "")
-            take(rf"{inside} <a>(?:{pattern})|(?:(?<=, )|^)<a>(?:{pattern})(?= ,|$)", scene)
+            here, alone = (rf"<a>(?P<{name}>(?:{HOW} )*)(?:{pattern})" for name in ("how", "how2"))
+            take(rf"{inside} {here}|(?:(?<=, )|^){alone}(?= ,|$)", scene)
         else:
             take(rf"(?:(?:in|inside|within|at) <a>)?(?:{pattern})", scene)
     return found

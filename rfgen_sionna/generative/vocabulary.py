@@ -215,7 +215,7 @@ PLURAL = (
 SCENE_PATTERNS: dict[str, str] = {
     "living_room": r"(?:furnished )?(?:living ?room|lounge|sitting room|parlou?r|family room)",
     "simple_street_canyon_with_cars": r"(?:simple )?street(?: canyon)? with (?:parked )?cars",
-    "simple_street_canyon": r"(?:simple )?street(?: canyon)?",
+    "simple_street_canyon": r"(?:(?:simple|residential|city) )?street(?: canyon)?|road(?: in a town)?",
     "box_knife": r"box knife",
     "box_one_screen": r"box (?:with )?(?:one|a) screen",
     "box_two_screens": r"box (?:with )?two screens",
@@ -235,6 +235,12 @@ COMMON_SCENE_WORDS = frozenset(SCENE_PATTERNS) - {"living_room", "etoile", "flor
 """Scenes whose names are common words as well."""
 IN_VIEW = rf"in front of {_RADAR}"
 SCENE_PREFIX = r"(?:in|inside|within|at|on|through|across|along|down|or)"
+HOW = (
+    r"(?:small|little|tiny|large|big|huge|wide|long|short|narrow|spacious|medium|average|ordinary|typical|normal|usual|empty|bare"
+    r"|furnished|unfurnished|cosy|cozy|modern|new|old|clean|tidy|messy|cluttered|crowded|busy|quiet|dark|bright|sunny|shared|private"
+    r"|public|open plan|home|school|university|hospital|suburban|grassy|green|flat|never ending)"
+)
+"""What is said of a place without making it another one: "in a small office"."""
 FREE_SPACE = r"(?:(?:in|inside) <a>)?(?:free space|empty space|vacuum|anechoic (?:chamber|room))"
 NO_SCENE = rf"{FREE_SPACE}|nothing|none|no (?:environment|surroundings|scene)"
 UNKNOWN_PLACE = (
