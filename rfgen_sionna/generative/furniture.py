@@ -16,36 +16,27 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "bed": ("bedstead", "bunk bed", "double bed", "single bed"),
         "bench": ("park bench",),
         "bicycle": ("bike", "push bike"),
-        "bin": (
-            "garbage can",
-            "rubbish bin",
-            "trash bin",
-            "trash can",
-            "waste basket",
-            "waste bin",
-            "waste paper basket",
-            "wastebasket",
-        ),
+        "bin": ("waste basket", "waste bin", "waste paper basket", "wastebasket"),
         "blackboard": ("black board", "chalk board", "chalkboard"),
         "bookshelf": ("book case", "book shelf", "bookcase"),
         "bush": ("shrub",),
         "cabinet": ("lab cabinet", "laboratory cabinet"),
         "car": ("automobile", "motor car"),
-        "ceiling lamp": ("ceiling light", "chandelier", "lamp", "pendant lamp", "pendant light"),
+        "ceiling lamp": ("ceiling light", "chandelier", "pendant lamp", "pendant light"),
         "chair": (),
         "chest of drawers": ("bedroom dresser", "drawers", "dresser"),
         "climbing frame": ("climber", "jungle gym", "monkey bar"),
         "clock": ("wall clock",),
         "coat rack": ("coat stand", "coatrack", "hall stand", "hat stand"),
         "coffee table": ("cocktail table", "tea table"),
-        "cupboard": ("closet",),
+        "cupboard": (),
         "desk": ("office desk", "office table", "school desk", "student desk", "writing desk", "writing table"),
         "door": ("doorway",),
-        "dustbin": ("garbage can", "rubbish bin", "trash bin", "trash can", "wheelie bin"),
+        "dustbin": ("wheelie bin",),
         "fence": ("railing",),
         "filing cabinet": ("file cabinet",),
         "fire extinguisher": ("extinguisher",),
-        "floor lamp": ("floor light", "lamp", "standard lamp", "standing lamp"),
+        "floor lamp": ("floor light", "standard lamp", "standing lamp"),
         "garage door": ("garage gate", "roller door"),
         "gas cylinder": ("gas bottle", "gas tank"),
         "goal": ("football goal", "goal post", "goalpost", "soccer goal"),
@@ -54,7 +45,7 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "house": ("building",),
         "ladder": ("step ladder", "stepladder"),
         "lamp post": ("lamppost", "street lamp", "street light", "streetlamp", "streetlight"),
-        "litter bin": ("garbage can", "litter basket", "rubbish bin", "trash bin", "trash can"),
+        "litter bin": ("litter basket",),
         "locker": (),
         "nightstand": ("bedside cabinet", "bedside table", "night stand", "night table"),
         "notice board": ("bulletin board", "noticeboard", "pin board", "pinboard"),
@@ -83,14 +74,40 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "traffic sign": ("road sign", "stop sign", "street sign"),
         "tree": (),
         "tyres": ("tire", "tyre"),
-        "wardrobe": ("armoire", "closet"),
+        "wardrobe": ("armoire",),
         "whiteboard": ("dry erase board", "white board"),
         "window": (),
         "workbench": ("lab bench", "laboratory bench", "lab table", "work bench"),
     }
 )
 """Every kind that may be in a place or not, doors and windows among them -> what else it is called, in the singular, in
-British and American English; some names are those of several kinds."""
+British and American English."""
+FURNITURE = (
+    "armchair", "bed", "bench", "bookshelf", "cabinet", "chair", "chest of drawers", "coat rack", "coffee table",
+    "cupboard", "desk", "filing cabinet", "locker", "nightstand", "office chair", "shelf", "sideboard", "sofa", "stool",
+    "table", "wardrobe", "workbench",
+)  # fmt: skip
+_BINS = ("bin", "dustbin", "litter bin")
+SEVERAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "closet": ("cupboard", "wardrobe"),
+        "furniture": FURNITURE,
+        "garbage can": _BINS,
+        "lamp": ("ceiling lamp", "floor lamp"),
+        "piece of furniture": FURNITURE,
+        "rubbish bin": _BINS,
+        "trash bin": _BINS,
+        "trash can": _BINS,
+    }
+)
+"""Names that several kinds go by."""
+EMPTY = r"(?:(?:completely|entirely|totally|almost|nearly) )?(?:bare|empty|unfurnished)"
+"""How a place is said to hold nothing but what it was built with ..."""
+LOOSE = (
+    *(kind for kind in FURNITURE if kind != "bench"),
+    *("bicycle", "bin", "car", "floor lamp", "gas cylinder", "ladder", "plant", "rug", "television", "tyres"),
+)
+"""... and what is not there then."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +124,9 @@ class Name:
 @cache
 def names() -> Sequence[Name]:
     """All names, longer ones first."""
-    named: dict[str, list[str]] = {}
-    for kind, others in OTHER_NAMES.items():
-        for name in (kind, *others):
-            named.setdefault(name, []).append(kind)
+    named = {name: (kind,) for kind, others in OTHER_NAMES.items() for name in (kind, *others)} | dict(SEVERAL)
     order = sorted(named, key=lambda name: (-name.count(" "), -len(name)))
-    return tuple(Name(inflected(name), tuple(named[name]), " " in name) for name in order)
+    return tuple(Name(inflected(name), named[name], " " in name) for name in order)
 
 
 def take_compounds(reader: Reader) -> tuple[str, ...]:

@@ -18,6 +18,8 @@ from rfgen_sionna.generative.environment.model import EnvironmentModel, read_mod
 from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
+from rfgen_sionna.generative.environment.wishes import is_empty
+from rfgen_sionna.generative.furniture import LOOSE
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
@@ -29,6 +31,10 @@ FOV_DEG = (35.0, 110.0)
 
 class UnknownThingWarning(UserWarning):
     """A negative prompt excludes something that the model doesn't know."""
+
+
+class AbsentThingWarning(UserWarning):
+    """A prompt asks for something that such places don't have."""
 
 
 class UnknownPlaceWarning(UserWarning):
@@ -179,7 +185,7 @@ class EmbeddedBackend:
         noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
         wishes = None
         if self.sketched:
-            text, denied = self.model.text, self.model.text.read(negative)
+            denied = self.model.text.read(negative)
             if denied.rest:
                 warnings.warn(
                     f"negative prompt {negative!r}: {', '.join(map(repr, denied.rest))} names nothing that can be left "
@@ -187,11 +193,35 @@ class EmbeddedBackend:
                     UnknownThingWarning,
                     stacklevel=3,
                 )
-            wanted = [Wanted(text.place_of(prompt)[0], text.things_in(prompt), denied.things) for prompt in prompts]
+            wanted = [self.wanted(prompt, denied.things) for prompt in prompts]
             wishes = [Wish(wish, view, seed, first) for wish, seed in zip(wanted, seeds, strict=True)]
+            if first is None:
+                for prompt, wish in zip(prompts, wishes, strict=True):
+                    self._tell_absent(prompt, wish)
         drawn = imagine(self.model, self.scheduler, sampler, wishes, tokens, against, noise, guide, progress=progress)
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
         return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
+
+    def wanted(self, prompt: str, without: tuple[str, ...]) -> Wanted:
+        """What a prompt asks of a place that is without some kinds of things."""
+        text = self.model.text
+        place, _ = text.place_of(prompt)
+        if not is_empty(prompt):
+            return Wanted(place, text.things_in(prompt), without)
+        said = text.read(prompt).things  # whatever else the encoder hears in an empty room
+        return Wanted(place, said, (*without, *(kind for kind in LOOSE if kind not in said)))
+
+    def _tell_absent(self, prompt: str, wish: Wish) -> None:
+        """Warn of what the prompt asks for and the place that is drawn does not have."""
+        there = wish.room().place.kinds
+        absent = [words for words, kinds in self.model.text.read(prompt).words if not {*kinds} & {*there}]
+        if absent:
+            warnings.warn(
+                f"environment prompt {prompt!r}: of the layouts that were looked at none that suits has "
+                f"{', '.join(map(repr, absent))}; it leads the drawing alone",
+                AbsentThingWarning,
+                stacklevel=4,
+            )
 
     def encode(self, pir: Pir) -> Tensor:
         """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
-from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
+from rfgen_sionna.generative.environment.rooms import Room, Wanted, choose_room
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import PATCH
@@ -35,6 +35,10 @@ class Wish:
     """How the place was seen first, where this is another view of it."""
     anywhere: bool = False
     """Whether the radar may stand anywhere in the place, wherever the view says it is."""
+
+    def room(self) -> Room:
+        """The place that the image is drawn over."""
+        return choose_room(self.wanted, self.first or self.view, self.seed, anywhere=self.anywhere)
 
 
 def facts_of(view: View) -> ViewFacts:
@@ -79,7 +83,7 @@ def imagine(
     if wishes is not None and model.expectation is not None:
         shown = []
         for wish in wishes:
-            room = choose_room(wish.wanted, wish.first or wish.view, wish.seed, anywhere=wish.anywhere)
+            room = wish.room()
             shown.append(room.seen(wish.view).channels(room.place, model.text.things, model.codec))
         bright = [
             model.expectation.drawn_offsets(model.text.places.index(wish.wanted.place), wish.seed) for wish in wishes

@@ -11,7 +11,7 @@ from functools import cache
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.captions import NAMES
-from rfgen_sionna.generative.furniture import names
+from rfgen_sionna.generative.furniture import EMPTY, names
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, inflected, normalise
 from rfgen_sionna.generative.surroundings import PLACE_PATTERNS, EnvironmentPrompt
@@ -45,6 +45,11 @@ def read(text: str) -> Named:
         tuple((words, meant) for words, meant in found if not NAMES.keys() & set(meant)),
         reader.rest(FILLERS),
     )
+
+
+def is_empty(text: str) -> bool:
+    """Whether a text says of a place that nothing stands in it: "an empty office"."""
+    return bool(Reader(text).take(EMPTY))
 
 
 def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt", "negative")) -> None:

@@ -41,9 +41,7 @@ def test_an_adjective_of_the_place_is_none_of_the_person() -> None:
 
 @pytest.mark.parametrize("place", ["post office", "football field", "small kitchen"])
 def test_another_kind_of_place_stays_unknown(place: str) -> None:
-    with pytest.raises(
-        PromptError, match=rf"'in a {place}' names none that is known; .*places bedroom.*street; the"
-    ):
+    with pytest.raises(PromptError, match=rf"'in a {place}' names none that is known; .*places bedroom.*street; the"):
         parse_prompt(f"a person jumps in a {place}")
 
 

@@ -59,6 +59,9 @@ def test_furniture_counts_where_a_place_is_imagined() -> None:
         assert asked is not None
         assert asked.warnings()
         assert not asked.warnings(imagined=True)
+    empty = parse_environment("an empty office")
+    assert empty is not None
+    assert (len(empty.warnings()), len(empty.warnings(imagined=True))) == (1, 0)
     scary = parse_environment("a bedroom with a scary cardboard-bed")  # there is a car in both
     assert scary is not None
     assert [sentence.split("'")[1] for sentence in scary.warnings(imagined=True)] == ["scary cardboard"]

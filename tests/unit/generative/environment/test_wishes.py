@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.body_prompt import PromptError
-from rfgen_sionna.generative.environment.backend import UnknownPlaceWarning, UnknownThingWarning
+from rfgen_sionna.generative.environment.backend import (
+    AbsentThingWarning,
+    EmbeddedBackend,
+    UnknownPlaceWarning,
+    UnknownThingWarning,
+)
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.captions import NAMES, USUAL, article, caption
 from rfgen_sionna.generative.environment.data import PLACES
@@ -20,7 +25,7 @@ from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.generative.environment.wishes import check_words, read
-from rfgen_sionna.generative.furniture import OTHER_NAMES
+from rfgen_sionna.generative.furniture import LOOSE, OTHER_NAMES, SEVERAL
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
@@ -89,7 +94,11 @@ def test_every_name_is_that_of_its_kind_alone() -> None:
             said = read(f"the {name}")
             assert kind in said.things, name
             assert not said.places + said.rest, name
-            assert all(name in OTHER_NAMES[each] for each in said.things), name
+            assert said.things == (kind,), name
+    for name, kinds in SEVERAL.items():
+        assert read(f"the {name}").things == tuple(sorted(kinds)), name
+        assert {*kinds} < OTHER_NAMES.keys(), name
+    assert {*LOOSE} < OTHER_NAMES.keys()
 
 
 def test_names_are_of_all_that_layouts_hold_and_of_nothing_else(text: PlaceEncoder) -> None:
@@ -102,6 +111,26 @@ def test_what_an_other_name_excludes_is_not_there(text: PlaceEncoder) -> None:
     plain, less = (choose_room(wanted(text, "a living room", words), AHEAD, 2) for words in ("", "couches"))
     assert "sofa" in plain.place.kinds
     assert less.place.kinds == tuple(kind for kind in plain.place.kinds if kind != "sofa")
+
+
+def test_a_place_without_furniture_has_none(text: PlaceEncoder) -> None:
+    room = choose_room(wanted(text, "a living room", "furniture"), AHEAD, 2)
+    assert not {"sofa", "armchair", "sideboard", "coffee table", "bookshelf"} & {*room.place.kinds}
+    assert {"window", "door", "television"} <= {*room.place.kinds}
+
+
+def test_an_empty_place_holds_what_is_named_alone() -> None:
+    backend = EmbeddedBackend(read_model())
+    bare = choose_room(backend.wanted("an empty office", ()), AHEAD, 2)
+    assert not {*LOOSE} & {*bare.place.kinds}
+    assert {"window", "door"} <= {*bare.place.kinds}
+    wish = backend.wanted("an unfurnished office with an office chair", ("door",))
+    assert wish.things == ("office chair",)
+    held = {*choose_room(wish, AHEAD, 2).place.kinds}
+    assert held & {*LOOSE, "door"} == {"office chair"}
+    assert backend.wanted("an office", ("door",)) == Wanted(
+        "office", backend.model.text.things_in("an office"), ("door",)
+    )
 
 
 def test_words_that_say_nothing_known_exclude_nothing(text: PlaceEncoder) -> None:
@@ -272,4 +301,8 @@ def test_drawing_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> 
         rooms.generate("the woods")
     with pytest.warns(UnknownThingWarning, match="'fridge' names nothing"):
         rooms.generate("a garage", negative="car, fridge, couch")
-    rooms.generate("a garage", negative="a car")  # warnings are errors
+    with pytest.warns(AbsentThingWarning, match="a garage with a bed.*none that suits has 'bed'"):
+        rooms.generate("a garage with a bed and a car")
+    # warnings are errors
+    rooms.generate("a garage", negative="a car")
+    rooms.generate("a garage with a bed and a car", orientation=(0.2, 0.0, 0.0))  # once for an environment
