@@ -173,6 +173,7 @@ def generate(
     resolution, fov = _view(pir_resolution, fov_deg, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
+    radar.to_dict()  # what no file can hold is refused now
     imagining.check(moves=radar.trajectory is not None)
     impairments = _receiver(receiver, radar, noise)
     place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import rfgen_sionna as rfgen
-from rfgen_sionna import cli
+from rfgen_sionna import cli, pipeline
 from rfgen_sionna.radar import Adc
 from rfgen_sionna.signal import DcOffset, Receiver, receiver_from_record
 
@@ -494,6 +494,13 @@ def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, fold
     with rfgen.open_run(folder / "cli.h5") as run:
         assert run.adc.shape == (1, 8, 2, 4, 64)
         assert run.seeds["motion"] == 2
+
+
+def test_a_radar_that_no_file_can_hold_is_refused_before_any_work(tiny_toml, tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "set_up", lambda *_, **__: pytest.fail("long work had begun"))
+    radar = rfgen.Radar.load(tiny_toml, trajectory=lambda t: (0.3 * t, 0, 1))
+    with pytest.raises(ValueError, match=r"radar\.trajectory is a function, which no file can hold: Trajectory"):
+        rfgen.generate("a person jumps, 2 m away", radar=radar, output=tmp_path / "run.h5")
 
 
 def test_a_person_behind_the_wall_is_refused(tmp_path):
