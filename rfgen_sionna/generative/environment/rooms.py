@@ -75,6 +75,9 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
         seed: of the layouts.
         anywhere: let the radar stand anywhere in the place; otherwise the caller's origin is the place's, before which
             (1.2 … 4.3 m along x) there is room for somebody, as long as the radar may stand there.
+
+    Raises:
+        ValueError: the radar may stand nowhere at its height.
     """
     rng = np.random.default_rng([seed, 107])
     best: tuple[float, Room] | None = None
@@ -103,8 +106,12 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
             best = score, room
         if score >= enough:
             break
-    if best is None:  # nowhere to stand in any of them: the last one, in its middle
-        best = 0.0, Room(place, (-view.position[0], -view.position[1]))
+    if best is None:
+        limit = f"; the ceiling of the last is {scene.layout.height:.2f} m high" if scene.layout.indoors else ""
+        raise ValueError(
+            f"position: {view.position[2]:g} m high, and none of {LAYOUTS} layouts of the kind {wanted.place!r} has a "
+            f"free spot for a radar there{limit}"
+        )
     return best[1]
 
 

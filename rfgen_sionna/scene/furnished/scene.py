@@ -57,8 +57,10 @@ class Layout:
         return not any(ground.meets(item.ground) for item in self.items)
 
     def is_free(self, x: float, y: float, z: float, margin: float = 0.3) -> bool:
-        """Whether a point [m] lies within the place and no piece comes closer than `margin` [m] on the floor plan at
-        its height."""
+        """Whether a point [m] lies within the place, under its ceiling where it has one, and no piece comes closer than
+        `margin` [m] on the floor plan at its height."""
+        if self.indoors and z > self.height - margin:
+            return False
         if not (self.x[0] + margin <= x <= self.x[1] - margin and self.y[0] + margin <= y <= self.y[1] - margin):
             return False
         spot = Ground(x, y, 0.01, 0.01, 0.0, z - margin, z + margin)

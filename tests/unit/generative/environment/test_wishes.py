@@ -306,3 +306,9 @@ def test_drawing_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> 
     # warnings are errors
     rooms.generate("a garage", negative="a car")
     rooms.generate("a garage with a bed and a car", orientation=(0.2, 0.0, 0.0))  # once for an environment
+
+
+def test_a_radar_above_the_ceiling_is_told(rooms: EnvironmentDiffusion) -> None:
+    with pytest.raises(ValueError, match=r"position: 4 m high, .* kind 'office' has a free spot .* ceiling .* m high"):
+        rooms.generate("an office", position=(0.0, 0.0, 4.0))
+    rooms.generate("a street", position=(0.0, 0.0, 4.0))

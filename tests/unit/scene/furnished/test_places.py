@@ -101,6 +101,7 @@ def test_room_for_a_radar_and_a_person(scenes, place):
         between = (points[:, 0] > -0.2) & (points[:, 0] < 3) & (np.abs(points[:, 1]) < 0.45)
         assert not between.any()
         assert scene.layout.is_free(0.0, 0.0, 1.0)
+        assert scene.layout.is_free(0.0, 0.0, scene.layout.height + 0.1) is not scene.layout.indoors
         assert scene.interior.holds((0, 0, 1))
 
 
