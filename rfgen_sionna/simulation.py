@@ -33,6 +33,7 @@ from rfgen_sionna.scene.places import (
     check_places,
     hidden,
     warn_frozen,
+    warn_hidden,
     with_unique_names,
 )
 from rfgen_sionna.scene.rays import RayScene
@@ -300,13 +301,12 @@ class Simulator:
         begin, end = float(times[0]), float(times[-1]) + self.radar.waveform.frame_length
         self._check_places(begin, end)
         warn_frozen(self.actors, begin, end, stacklevel=2)
-        for actor in self.actors:
-            if (self._fusion is not None or not self.transmission) and self.hidden(actor, begin, end):
-                what = "scene's surfaces" if self._fusion is None else "surroundings that the image shows"
-                warnings.warn(
-                    f"actor '{actor.name}' is behind the {what} all along: the radar receives nothing of it",
-                    stacklevel=2,
-                )
+        if self._fusion is not None:
+            what, hiding = "surroundings that the image shows", self._fusion.surroundings
+            warn_hidden(self.radar, hiding, self.actors, begin, end, what, much=True, stacklevel=2)
+        elif not self.transmission and self._surroundings is not None:
+            what, rays = "scene's surfaces", self._surroundings
+            warn_hidden(self.radar, rays, self.actors, begin, end, what, much=False, stacklevel=2)
         return self._frames(times, receiver, seed, device)
 
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str) -> Iterator[Frame]:

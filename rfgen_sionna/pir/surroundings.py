@@ -130,10 +130,12 @@ class Surroundings:
             weight[:, k] = self._let_through(origin + paths.range[:, k, None] * direction)
         return weight
 
-    def occluded(self, _: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_]:
-        """(target,) whether points (target, 3) of the world [m] lie so far behind the surroundings that nothing comes
-        through, from wherever they are looked at: it is the image's viewpoint that counts."""
-        return self._let_through(targets) == 0.0
+    def occluded(self, _: FloatArray, targets: FloatArray, /) -> FloatArray:
+        """(target,) how much of a return from points (target, 3) of the world [m] the surroundings keep back, 0 … 1.
+
+        From wherever the points are looked at: it is the image's viewpoint that counts.
+        """
+        return 1.0 - self._let_through(targets)
 
     def _let_through(self, points: FloatArray) -> FloatArray:
         """(point,) 1 for points (point, 3) of the world [m] before the surroundings, falling to 0 behind them."""

@@ -30,6 +30,8 @@ MIN_CHECK_STEP = 1e-4
 HIDING_INSTANTS = 9
 """Instants of a run, and below them points of an actor, at which it is looked for behind the scene's surfaces."""
 HIDING_POINTS = 64
+MUCH_HIDDEN = 0.35
+"""Share of an actor that may be hidden without a word: legs behind a table."""
 
 
 def check_places(radar: Radar, actors: Sequence[Body], start: float, stop: float) -> None:
@@ -100,8 +102,8 @@ def check_collisions(
 class Hiding(Protocol):
     """What may hide an actor: surfaces, or an image of surroundings."""
 
-    def occluded(self, origins: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_]:
-        """(target,) whether it stands between an origin (3,) and each target (target, 3) [m]."""
+    def occluded(self, origins: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_] | FloatArray:
+        """(target,) whether it stands between an origin (3,) and each target (target, 3) [m], or how much, 0 … 1."""
         ...
 
 
@@ -109,12 +111,44 @@ def hidden(radar: Radar, hiding: Hiding | None, actor: Body, start: float, stop:
     """Whether `hiding` hides an actor from the radar at every instant tried from `start` to `stop` [s]."""
     if hiding is None:
         return False
-    for t in np.linspace(start, stop, HIDING_INSTANTS if stop > start else 1).tolist():
-        vertices = actor.vertices(t)
-        points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
-        if not hiding.occluded(np.asarray(radar.pose(t)[0]), points).all():
-            return False
-    return True
+    return all(_share_hidden(radar, hiding, actor, t) == 1.0 for t in _instants(start, stop))
+
+
+def warn_hidden(
+    radar: Radar,
+    hiding: Hiding,
+    actors: Sequence[Body],
+    start: float,
+    stop: float,
+    what: str,
+    *,
+    much: bool,
+    stacklevel: int,
+) -> None:
+    """Warn of actors that `hiding`, called `what`, hides all along, or, where `much` matters, for the most part at some
+    instant: nothing tells whether they stand behind something or in it."""
+    for actor in actors:
+        if hidden(radar, hiding, actor, start, stop):
+            told = f"is behind the {what} all along: the radar receives nothing of it"
+        elif much:
+            share, t = max((_share_hidden(radar, hiding, actor, t), -t) for t in _instants(start, stop))
+            if share <= MUCH_HIDDEN:
+                continue
+            told = f"is behind the {what}, or in them, by {share:.0%} at t = {-t:.2f} s: the radar receives the rest"
+        else:
+            continue
+        warnings.warn(f"actor '{actor.name}' {told}", stacklevel=stacklevel + 1)
+
+
+def _instants(start: float, stop: float) -> list[float]:
+    return [float(t) for t in np.linspace(start, stop, HIDING_INSTANTS if stop > start else 1)]
+
+
+def _share_hidden(radar: Radar, hiding: Hiding, actor: Body, t: float) -> float:
+    """How much of an actor is hidden from the radar at `t` [s], 0 … 1."""
+    vertices = actor.vertices(t)
+    points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
+    return float(hiding.occluded(np.asarray(radar.pose(t)[0]), points).mean())
 
 
 def _within_window(radar: Radar, actor: Body, t: float) -> FloatArray:

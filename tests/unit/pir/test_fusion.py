@@ -193,6 +193,17 @@ def test_who_is_behind_the_surroundings_all_along_is_told(radar):
         assert not seen.hidden(seen.actors[0], 0.0, 0.2), (distance, position, velocity)
 
 
+def test_who_comes_to_be_half_behind_the_surroundings_is_told(radar, recwarn):
+    """A plate that turns its rim to the radar, half of it more than `SOFT_EDGE` behind a wall; and one that is not."""
+    plate = trimesh.creation.box((2.0, 0.1, 0.5)).subdivide().subdivide().subdivide()
+    actor = Actor.from_mesh(plate, material="metal", name="plate", position=(3.0, 0.4, 1))
+    Simulator(None, radar, [actor], environment=wall(radar, 4.0)).frames(0.05, noise=False)
+    assert not recwarn.list
+    leaving = replace(actor, velocity=(24.0, 0, 0))
+    with pytest.warns(UserWarning, match=r"'plate' is behind the surr.*, or in them, by \d\d% at t = 0.05 s"):
+        Simulator(None, radar, [leaving], environment=wall(radar, 4.0)).frames(0.1, noise=False)
+
+
 def test_what_goes_behind_the_surroundings_fades_smoothly(radar):
     """From 0 to `SOFT_EDGE` behind a wall, steadily, without steps."""
     paths = Surroundings(wall(radar, 3.0), radar, 0)
