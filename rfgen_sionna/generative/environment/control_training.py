@@ -166,5 +166,5 @@ def diffuse_towards(
 
 
 def _picked(corpus: Corpus, index: int, mirrored: bool, complete: bool) -> np.ndarray:
-    images = corpus.images if complete or corpus.incomplete is None else corpus.incomplete
+    images = corpus.images if complete else corpus.lacking
     return images[index, :, :, ::-1] if mirrored else images[index]

@@ -1,8 +1,9 @@
 """Train path diffusion: `python -m rfgen_sionna.generative.environment.controlnet --data PAIRS --out FOLDER`.
 
 It learns from pairs of the same view: what a hurried tracer sees, and everything there is. The base model stays as it
-is. The same command goes on where it was stopped. How far the drawn gains hold is measured on the validation split when
-training ends, and goes with the weights.
+is. The same command goes on where it was stopped. When training ends a small judge learns from the same pairs to tell
+incomplete images from complete ones, and how far the drawn gains hold is measured on the validation split; both go with
+the weights.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from rich.console import Console
 from rfgen_sionna.generative.environment.control_training import ControlRecipe, train_control
 from rfgen_sionna.generative.environment.corpus import read_corpus
 from rfgen_sionna.generative.environment.data import PirData
+from rfgen_sionna.generative.environment.doubt import train_doubt
 from rfgen_sionna.generative.environment.model import read_control, read_model, write_control
 from rfgen_sionna.generative.environment.path_evaluation import calibrated
 from rfgen_sionna.generative.environment.refine import PathDiffusion
@@ -46,7 +48,7 @@ def main(
 
     torch.set_num_threads(threads)
     model = read_model(base)
-    begun = None if start is None else read_control(start, model.unet, any_base=True)[0]
+    begun = None if start is None else read_control(start, model.unet, any_base=True).net
     with progress_bar() as bar:
         reading = bar.add_task("pairs", total=1, note="")
         corpus = read_corpus(PirData.open(data).select(split="train"), model.codec, pairs=True)
@@ -61,11 +63,16 @@ def main(
             device=device,
             progress=lambda step, _, loss: bar.update(task, completed=step, note=f"loss {loss:.4f}"),
         )
+        judge = bar.add_task("completeness", total=None, note="")
+        refiner = PathDiffusion(base, path, device=device)
+        refiner.doubt = train_doubt(
+            corpus, seed, progress=lambda step, steps: bar.update(judge, completed=step, total=steps)
+        )
         judged = bar.add_task("validation", total=1, note="")
         check = read_corpus(PirData.open(data).select(split="validation"), model.codec, pairs=True)
-        doubt = calibrated(PathDiffusion(base, path, device=device), check, count=_JUDGED, seed=seed)
-        control, facts = read_control(path, model.unet)
-        write_control(path, control, {**facts, **doubt.facts})
+        doubt = calibrated(refiner, check, count=_JUDGED, seed=seed)
+        trained = read_control(path, model.unet)
+        write_control(path, trained.net, trained.facts, doubt)
         bar.update(judged, completed=1, note=f"share {doubt.share:.2f}")
     Console().print(f"ControlNet: {path}")
 

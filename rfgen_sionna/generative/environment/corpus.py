@@ -47,6 +47,19 @@ class Corpus:
     def __len__(self) -> int:
         return len(self.views)
 
+    @property
+    def lacking(self) -> NDArray[np.float16]:
+        """(view, 3, row, column) the incomplete images.
+
+        Raises:
+            ValueError: there are none.
+        """
+        if self.incomplete is None or not len(self):
+            raise ValueError(
+                "data: pairs of incomplete and complete views are needed (… environment.render --kind pairs)"
+            )
+        return self.incomplete
+
     @cached_property
     def things(self) -> tuple[str, ...]:
         """Every kind of furniture in view anywhere, sorted."""
@@ -93,11 +106,7 @@ class Corpus:
         Raises:
             ValueError: the incomplete images are asked for and there are none.
         """
-        images = self.incomplete if incomplete else self.images
-        if images is None:
-            raise ValueError(
-                "data: pairs of incomplete and complete views are needed (… environment.render --kind pairs)"
-            )
+        images = self.lacking if incomplete else self.images
         out = []
         with torch.no_grad():
             for mirrored in (False, True):

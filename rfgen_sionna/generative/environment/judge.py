@@ -27,7 +27,8 @@ SIGHTS = 6
 """Numbers of a pixel that a judge looks at."""
 _ROUGH = 0.02
 """Noise that it learns to look past."""
-_WIDTHS = (32, 48, 96, 128)
+WIDTHS = (32, 48, 96, 128)
+"""Channels of its four stages."""
 _LEVEL, _SPREAD = -135.0, 15.0
 """Middle and spread [dB] of levels at 1 m."""
 
@@ -55,11 +56,11 @@ def sights(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirC
 
 
 class _Net(nn.Module):
-    def __init__(self, classes: int) -> None:
+    def __init__(self, classes: int, widths: Sequence[int]) -> None:
         super().__init__()
         layers: list[nn.Module] = []
         width = SIGHTS
-        for wider in _WIDTHS:
+        for wider in widths:
             layers += [nn.Conv2d(width, wider, 3, stride=2, padding=1), nn.GroupNorm(8, wider), nn.GELU()]
             layers += [nn.Conv2d(wider, wider, 3, padding=1), nn.GroupNorm(8, wider), nn.GELU()]
             width = wider
@@ -81,7 +82,7 @@ class Judge:
     codec: PirCodec = field(default_factory=PirCodec)
 
     def look(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> tuple[FloatArray, FloatArray]:
-        """(image, FEATURES) features and (image, place) logarithms of chances of (image, 3, row, column) channels."""
+        """(image, FEATURES) features and (image, class) logarithms of chances of (image, 3, row, column) channels."""
         features, chances = [], []
         with torch.no_grad():
             for start in range(0, len(images), 128):
@@ -103,29 +104,33 @@ class Judge:
         return np.asarray(chances.argmax(axis=-1) == places)
 
 
-def untrained(places: int, codec: PirCodec | None = None) -> Judge:
-    """A judge of that many places, before it has learnt."""
-    return Judge(_Net(places).eval().requires_grad_(False), codec or PirCodec())
+def untrained(classes: int, codec: PirCodec | None = None, widths: Sequence[int] = WIDTHS) -> Judge:
+    """A judge of that many classes, such as places, before it has learnt."""
+    return Judge(_Net(classes, widths).eval().requires_grad_(False), codec or PirCodec())
 
 
 def train_judge(
     images: NDArray[np.floating],
-    places: NDArray[np.intp],
+    classes: NDArray[np.intp],
     views: Sequence[ViewFacts],
     *,
     codec: PirCodec | None = None,
+    widths: Sequence[int] = WIDTHS,
     seed: int = 0,
     steps: int = 2500,
     items: int = 48,
     progress: Callable[[int, int], None] | None = None,
 ) -> Judge:
-    """A judge from (image, 3, row, column) channels, their places and views; places are drawn equally often."""
+    """A judge from (image, 3, row, column) channels, their classes, such as places, and views.
+
+    Classes are drawn equally often.
+    """
     torch.manual_seed(seed)
     rng = np.random.default_rng([seed, 61])
     codec = codec or PirCodec()
-    net = _Net(int(places.max()) + 1)
+    net = _Net(int(classes.max()) + 1, widths)
     shown = sights(images, views, codec)
-    groups = [np.flatnonzero(places == k) for k in np.unique(places)]
+    groups = [np.flatnonzero(classes == k) for k in np.unique(classes)]
     optimiser = torch.optim.AdamW(net.parameters(), lr=1e-3, weight_decay=0.05)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, total_steps=steps)
     for step in range(steps):
@@ -136,7 +141,7 @@ def train_judge(
         x = x + _ROUGH * torch.randn(x.shape)
         with precision():
             _, logits = net(x)
-        loss = cross_entropy(logits.float(), torch.from_numpy(places[index]), label_smoothing=0.05)
+        loss = cross_entropy(logits.float(), torch.from_numpy(classes[index]), label_smoothing=0.05)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from copy import deepcopy
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from diffusers import ControlNetModel, UNet2DConditionModel
@@ -16,6 +16,7 @@ from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expectation
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import ViewUNet
@@ -33,8 +34,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 FORMAT = "rfgen-environment-2"
-CONTROL_FORMAT = "rfgen-environment-control-2"
+CONTROL_FORMAT = "rfgen-environment-control-3"
 BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
+_DOUBT = "doubt."
 LATENT_SIZE = 16
 
 
@@ -86,7 +88,9 @@ class EnvironmentModel:
     """Word that prompts begin with, for the sake of an RF LoRA that was merged in."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
-    """Of the ControlNet; `share` and `doubt` say how far its gains hold (:class:`Doubt` in doubt.py)."""
+    """Of the ControlNet."""
+    doubt: Doubt = field(default_factory=Doubt)
+    """How far its gains hold."""
 
     def parts(self) -> dict[str, Any]:
         """What diffusers' pipelines take."""
@@ -159,9 +163,22 @@ def write_model(path: Path, model: EnvironmentModel) -> None:
     _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
 
 
-def write_control(path: Path, control: ControlNetModel, facts: dict[str, Any]) -> None:
-    """Write a ControlNet in half precision."""
-    _write(path, {k: v.half() for k, v in control.state_dict().items()}, {"format": CONTROL_FORMAT, "facts": facts})
+class Control(NamedTuple):
+    """A ControlNet's file."""
+
+    net: ControlNetModel
+    facts: dict[str, Any]
+    """Seed, steps, hours, data."""
+    doubt: Doubt
+    """How far its gains hold."""
+
+
+def write_control(path: Path, control: ControlNetModel, facts: dict[str, Any], doubt: Doubt | None = None) -> None:
+    """Write a ControlNet, whole or not at all, in half precision."""
+    doubt = doubt or Doubt()
+    tensors = control.state_dict() | {_DOUBT + k: v for k, v in doubt.tensors().items()}
+    header = {"format": CONTROL_FORMAT, "facts": facts, "share": doubt.share}
+    _write(path, {k: v.half() for k, v in tensors.items()}, header)
 
 
 def read_model(path: Path | None = None, control: Path | bool | None = None) -> EnvironmentModel:
@@ -188,18 +205,15 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
         found = {k[len(name) + 1 :]: v for k, v in tensors.items() if k.startswith(f"{name}.")}
         module.load_state_dict(found)
         module.eval().requires_grad_(False)
-    net: ControlNetModel | None = None
-    control_facts: dict[str, Any] = {}
+    known: Control | None = None
     if control:
-        where = control if isinstance(control, Path) else file.with_name(CONTROL_FILE)
-        net, control_facts = read_control(where, unet)
+        known = read_control(control if isinstance(control, Path) else file.with_name(CONTROL_FILE), unet)
     codec = PirCodec(**_tuples(header["codec"]))
     polish = Polish(**_tuples(header.get("polish", {})))
     tables = {k.removeprefix("expectation."): v.numpy() for k, v in tensors.items() if k.startswith("expectation.")}
     expected = Expectation.from_tables(tables) if tables else None
-    return EnvironmentModel(
-        unet, vae, text, codec, shape, header["facts"], polish, expected, control=net, control_facts=control_facts
-    )
+    model = EnvironmentModel(unet, vae, text, codec, shape, header["facts"], polish, expected)
+    return model if known is None else replace(model, control=known.net, control_facts=known.facts, doubt=known.doubt)
 
 
 def weights_of(unet: UNet2DConditionModel) -> str:
@@ -207,9 +221,7 @@ def weights_of(unet: UNet2DConditionModel) -> str:
     return fingerprint(deepcopy(unet).half().float())
 
 
-def read_control(
-    path: Path, unet: UNet2DConditionModel, *, any_base: bool = False
-) -> tuple[ControlNetModel, dict[str, Any]]:
+def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = False) -> Control:
     """The ControlNet of `unet` in a file, or in a folder that diffusers saved, and what its file tells of it.
 
     Args:
@@ -224,11 +236,11 @@ def read_control(
     if path.is_dir():
         if (path / CONTROL_FILE).is_file():
             return read_control(path / CONTROL_FILE, unet, any_base=any_base)
-        return ControlNetModel.from_pretrained(path).eval().requires_grad_(False), {}
+        return Control(ControlNetModel.from_pretrained(path).eval().requires_grad_(False), {}, Doubt())
     header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (… environment.controlnet makes one)")
     control = new_control(unet)
     try:
-        control.load_state_dict(tensors)
+        control.load_state_dict({k: v for k, v in tensors.items() if not k.startswith(_DOUBT)})
     except RuntimeError as error:
         raise ModelFileError(
             f"control: {path.name} was trained on another base model; take the one beside it"
@@ -239,7 +251,8 @@ def read_control(
             f"control: {path.name} was trained on another base model: of the same shape, with other weights; take the "
             "one beside its base, or train one for this base with … environment.controlnet"
         )
-    return control.eval().requires_grad_(False), facts
+    judging = {k.removeprefix(_DOUBT): v for k, v in tensors.items() if k.startswith(_DOUBT)}
+    return Control(control.eval().requires_grad_(False), facts, Doubt.of(header["share"], judging))
 
 
 def _tuples(fields: dict[str, Any]) -> dict[str, Any]:

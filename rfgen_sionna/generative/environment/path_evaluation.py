@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from rfgen_sionna.generative.environment.corpus import Corpus
-from rfgen_sionna.generative.environment.doubt import Doubt, features
+from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
@@ -90,9 +90,8 @@ def examine_paths(
     rng = np.random.default_rng([seed, 83])
     absent = codec.energy_db[0]
     rows = []
-    assert_pairs(test)
     for i in rng.permutation(len(test))[:count].tolist():
-        given = pir_of(test.incomplete[i], test.views[i], codec)  # type: ignore[index]
+        given = pir_of(test.lacking[i], test.views[i], codec)
         truth = pir_of(test.images[i], test.views[i], codec)
         refined = refiner.refine(given, test.captions[i], strength=strength, seed=seed)
         again = refiner.refine(truth, test.captions[i], strength=strength, seed=seed)
@@ -139,38 +138,32 @@ def examine_paths(
 
 
 def calibrated(refiner: PathDiffusion, pairs: Corpus, *, count: int, seed: int) -> Doubt:
-    """How far the gains that `refiner` draws hold, from `count` validation pairs."""
-    plain = copy(refiner)
+    """The doubt of `refiner` with the share that suits `count` validation pairs."""
+    plain, judging = copy(refiner), refiner.doubt
     plain.doubt = Doubt()
     codec = refiner.backend.model.codec
     rng = np.random.default_rng([seed, 89])
-    asked: tuple[list[FloatArray], list[FloatArray]] = ([], [])
-    drawn, wanted = [], []
-    assert_pairs(pairs)
-    for i in rng.permutation(len(pairs))[:count].tolist():
-        given = pir_of(pairs.incomplete[i], pairs.views[i], codec)  # type: ignore[index]
+    drawn, wanted, changes = [], [], []
+    some = rng.permutation(len(pairs))[:count].tolist()
+    for i in some:
+        given = pir_of(pairs.lacking[i], pairs.views[i], codec)
         truth = pir_of(pairs.images[i], pairs.views[i], codec)
         gains = []
-        for image, told in zip((given, truth), asked, strict=True):
+        for image in (given, truth):
             refined = plain.refine(image, pairs.captions[i], seed=seed)
-            gains.append(np.where(image.energy > 0, _decibels(refined) - _decibels(image), 0.0))
-            told.append(features(gains[-1], image.energy > 0))
+            gains.append(_decibels(refined) - _decibels(image))
+        changes.append(float(np.abs(gains[1][truth.energy > 0]).mean()))
         both = (given.energy > 0) & (truth.energy > 0)
         drawn.append(np.where(both, gains[0], np.nan).ravel())
         most = refiner.most_gain_db
         wanted.append(np.where(both, np.clip(_decibels(truth) - _decibels(given), -most, most), np.nan).ravel())
-    return Doubt.fit(np.array(asked[0]), np.array(asked[1]), np.array(drawn), np.array(wanted))
-
-
-def assert_pairs(pairs: Corpus) -> None:
-    """Refuse a corpus without incomplete images, with a ValueError."""
-    if pairs.incomplete is None or not len(pairs):
-        raise ValueError("data: pairs of incomplete and complete views are needed (… environment.render, kind 'pairs')")
+    views = [pairs.views[i] for i in some]
+    chances = np.stack([judging.chances(images[some], views) for images in (pairs.images, pairs.lacking)])
+    return judging.fitted(chances, np.array(changes), np.array(drawn), np.array(wanted))
 
 
 def _levels(pairs: Corpus, codec: PirCodec) -> tuple[FloatArray, FloatArray]:
-    assert_pairs(pairs)
-    before, _, _ = codec.decode_arrays(pairs.incomplete.astype(np.float64), clip=True)  # type: ignore[union-attr]
+    before, _, _ = codec.decode_arrays(pairs.lacking.astype(np.float64), clip=True)
     after, _, _ = codec.decode_arrays(pairs.images.astype(np.float64), clip=True)
     return tuple(10 * np.log10(np.where(e > 0, e, np.nan)) for e in (before, after))  # type: ignore[return-value]
 

@@ -15,8 +15,8 @@ from scipy.ndimage import map_coordinates
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
 from rfgen_sionna.generative.environment.captions import OUTDOORS
 from rfgen_sionna.generative.environment.control_training import condition_of
-from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
+from rfgen_sionna.generative.environment.imagining import facts_of
 from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, memory_of, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, PATCH, resized
 from rfgen_sionna.generative.environment.wishes import check_words
@@ -95,7 +95,7 @@ class PathDiffusion:
         )
         self.backend = EmbeddedBackend(own)
         self.samples, self.most_gain_db = samples, most_gain_db
-        self.doubt = Doubt.of(own.control_facts)
+        self.doubt = own.doubt
         strays = own.control_facts.get("spread")
         self.spread = None if strays is None else torch.tensor(strays)[:, None, None]
 
@@ -118,7 +118,7 @@ class PathDiffusion:
         Where something returns already its energy is multiplied by a bounded gain, and its time of arrival and velocity
         stay as they are. Where nothing did, energy may appear, which stands still: in rooms, which are closed on all
         sides, whatever lacks a return is drawn anew around what is there. Images that look complete are
-        changed less (:class:`~rfgen_sionna.generative.environment.doubt.Doubt`). All frames share their noise, and a
+        hardly changed (:class:`~rfgen_sionna.generative.environment.doubt.Doubt`). All frames share their noise, and a
         pixel that stands still keeps one gain as long as it does, so that it has no Doppler. What moves has one gain
         all over and all along: a body's phase stays what it was.
 
@@ -166,7 +166,8 @@ class PathDiffusion:
             guesses += self._guess(part, prompt, negative, strength, int(seed))
             if progress is not None:
                 progress(len(guesses), len(frames))
-        believed = self.doubt([guess.gain for guess in guesses], [frame.energy > 0 for frame in small])
+        channels = np.stack([self.backend.model.codec.encode(frame, clip=True) for frame in small])
+        believed = self.doubt(channels, [facts_of(views[0])] * len(small))
         if self.backend.model.text.place_of(prompt)[0] not in OUTDOORS:
             guesses = [self._filled(*each, prompt, int(seed)) for each in zip(small, guesses, strict=True)]
         believed *= strength / self._noise(strength)

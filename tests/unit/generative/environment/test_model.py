@@ -213,7 +213,7 @@ def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corp
         read_model(_written(twin, tmp_path / "twin"), path)
     with pytest.raises(ModelFileError, match="other weights"):
         PathDiffusion(tmp_path / "twin", path)
-    begun, _ = read_control(path, twin.unet, any_base=True)
+    begun = read_control(path, twin.unet, any_base=True).net
     assert all(torch.equal(v, own.control.state_dict()[k]) for k, v in begun.state_dict().items())
     with pytest.raises(ValueError, match="use another folder"):  # what was trained on one base goes on with no other
         train_control(corpus, twin, tmp_path / "out", ControlRecipe(steps=3, items=2))

@@ -10,8 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.environment.doubt import Doubt, features
+from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.doubt import Doubt, train_doubt
+from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, read_control, write_control
+from rfgen_sionna.generative.environment.path_evaluation import pir_of
 from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
@@ -135,31 +139,47 @@ def test_images_of_the_wrong_range_are_refused(
         refiner.refine(frames[0], "a bedroom", seed=-1)
 
 
-def test_gains_that_look_like_chance_are_not_believed(refiner: PathDiffusion, mixed: Pir) -> None:
-    """Complete images ask for little, everywhere alike: what is fitted on such pairs leaves them nearly alone."""
-    rng = np.random.default_rng(0)
-    there = np.ones((8, 8), np.bool_)
-    complete = [rng.normal(0.0, 2.0, (8, 8)) for _ in range(40)]
-    wanted = [rng.normal(-3.0, 4.0, (8, 8)) for _ in range(40)]
-    drawn = [gain + rng.normal(0.0, 2.0, (8, 8)) for gain in wanted]
-    seen = [np.array([features(gain, there) for gain in gains]) for gains in (drawn, complete)]
-    doubt = Doubt.fit(seen[0], seen[1], *(np.array(gains).reshape(40, -1) for gains in (drawn, wanted)))
-    held = [np.mean([doubt([gain], [there]) for gain in gains]) for gains in (drawn, complete)]
-    assert held[0] > 0.7
-    assert held[1] < 0.1
-    # half of the variance of what is drawn is wanted: a bit more than that, for the common part, is applied
-    assert 0.7 < doubt.share < 0.95
-    assert Doubt.of(doubt.facts) == doubt
-    # complete images for which as much is asked, and nothing tells them apart, hold the share down
-    alike = Doubt.fit(seen[0], seen[0], *(np.array(gains).reshape(40, -1) for gains in (drawn, wanted)))
-    change = np.mean([np.abs(gain).mean() * alike([gain], [there]) for gain in drawn])
-    assert change == pytest.approx(0.93, abs=0.01)
-    assert Doubt()([drawn[0]], [there]) == 1.0
+def test_images_that_lack_nothing_are_left_alone(refiner: PathDiffusion, mixed: Pir, corpus: Corpus) -> None:
+    """A judge that has learnt what incomplete images look like decides how much of the gains is applied."""
+    doubt = train_doubt(corpus, 0, steps=60)
+    chances = np.stack([doubt.chances(images, corpus.views) for images in (corpus.images, corpus.lacking)])
+    assert (chances > 0.5).mean(axis=1) == pytest.approx([0.0, 1.0], abs=0.2), chances
     timid = copy(refiner)
-    timid.doubt = Doubt(1.0, (-20.0, 0.0, 0.0, 0.0))
-    np.testing.assert_allclose(
-        timid.refine(mixed, "a bedroom").energy[mixed.energy > 0], mixed.energy[mixed.energy > 0]
-    )
+    changes = []
+    for images in (corpus.images, corpus.lacking):
+        frame = replace(pir_of(images[0], corpus.views[0], PirCodec()), velocity=np.zeros(VIEW.resolution))
+        there = frame.energy > 0
+        for timid.doubt in (Doubt(), doubt):
+            refined = timid.refine(frame, "a bedroom")
+            changes.append(np.abs(10 * np.log10(refined.energy[there] / frame.energy[there])).mean())
+    believed = doubt.chances(np.stack([corpus.images[0], corpus.lacking[0]]), corpus.views[:1] * 2)
+    assert changes[1] == pytest.approx(believed[0] * changes[0], rel=0.05)
+    assert changes[3] == pytest.approx(believed[1] * changes[2], rel=0.05)
+    with pytest.raises(ValueError, match="pairs"):
+        train_doubt(replace(corpus, incomplete=None), 0)
+
+
+def test_gains_that_scatter_are_shrunk_and_complete_images_hold_them_down() -> None:
+    rng = np.random.default_rng(0)
+    wanted = rng.normal(-3.0, 4.0, (40, 64))
+    drawn = wanted + rng.normal(0.0, 2.0, wanted.shape)
+    sure, alike = np.repeat([[0.0], [1.0]], 40, axis=1), np.ones((2, 40))
+    # a fifth of the variance of what is drawn is chance: a bit more than the rest, for the common part, is applied
+    assert 0.7 < Doubt().fitted(sure, np.full(40, 2.0), drawn, wanted).share < 0.95
+    assert Doubt().fitted(sure, np.full(40, 2.0), wanted, wanted).share == 1.0
+    assert Doubt().fitted(alike, np.full(40, 2.0), wanted, wanted).share == pytest.approx(0.93 / 2.0)
+
+
+def test_what_is_known_of_completeness_travels_with_the_control_net(
+    model: EnvironmentModel, corpus: Corpus, tmp_path: Path
+) -> None:
+    doubt = replace(train_doubt(corpus, 0, steps=2), share=0.625)
+    write_control(tmp_path / CONTROL_FILE, model.control, {}, doubt)
+    kept = read_control(tmp_path, model.unet).doubt
+    assert kept.share == 0.625
+    expected = doubt.chances(corpus.images, corpus.views)
+    np.testing.assert_allclose(kept.chances(corpus.images, corpus.views), expected, atol=2e-3)  # half precision
+    assert Doubt()(corpus.images[:1], corpus.views[:1]) == 1.0
 
 
 def test_finer_images_get_the_same_gains(refiner: PathDiffusion, wall: Callable[..., Pir]) -> None:

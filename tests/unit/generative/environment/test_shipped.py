@@ -14,7 +14,9 @@ from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.metrics import Physical
 from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model, weights_of
+from rfgen_sionna.generative.environment.path_evaluation import energy_error
 from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.shards import Settings, render_layout
 from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
 
 WEIGHTS = files("rfgen_sionna.generative.environment") / "weights"
@@ -27,6 +29,11 @@ def rooms() -> EnvironmentDiffusion:
 
 def distance(pir: Pir) -> np.ndarray:
     return 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival
+
+
+def levels(pir: Pir) -> np.ndarray:
+    """[dB]; NaN where nothing returns."""
+    return 10 * np.log10(np.where(pir.energy > 0, pir.energy, np.nan))
 
 
 def test_the_files_are_small_enough() -> None:
@@ -127,6 +134,28 @@ def test_refinement_keeps_delays(rooms: EnvironmentDiffusion) -> None:
     there = mixed.energy > 0
     np.testing.assert_array_equal(refined.time_of_arrival[there], mixed.time_of_arrival[there])
     assert np.abs(10 * np.log10(refined.energy[there] / mixed.energy[there])).max() <= 15.0 + 1e-9
+
+
+def test_refinement_brings_what_a_hurried_tracer_sees_nearer_and_leaves_complete_images_alone() -> None:
+    """Places of no data set, rendered with direct returns, plain materials and a part of the things, and whole."""
+    paths, falls = PathDiffusion(), []
+    for number in (1, 6, 7):
+        (view,) = render_layout(Settings("pairs", seed=77, views=1), number, 1)
+        incomplete, whole = (
+            Pir(
+                *(view[name + which].astype(np.float64) for name in ("energy", "time_of_arrival", "velocity")),
+                fov_deg=tuple(view["fov_deg"]),
+                position=(0.0, 0.0, float(view["height"])),
+                orientation=(float(view["yaw"]), float(view["pitch"]), 0.0),
+            )
+            for which in ("_incomplete", "")
+        )
+        refined, again = (paths.refine(image, view["caption"]) for image in (incomplete, whole))
+        before, after = (energy_error(levels(image), levels(whole), -180.0) for image in (incomplete, refined))
+        falls.append(1.0 - after / before)
+        assert np.abs(levels(again) - levels(whole))[whole.energy > 0].mean() < 0.93
+    assert min(falls) > 0.0
+    assert np.mean(falls) > 0.3
 
 
 def test_images_are_in_the_range_of_renders(rooms: EnvironmentDiffusion) -> None:
