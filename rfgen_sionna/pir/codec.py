@@ -21,6 +21,9 @@ _TOLERANCE = 1e-3
 """How far beyond −1 … 1 rounding may take a value."""
 _THERE = -2.0 / 3.0
 """Value of the third channel above which something returns: half way between "nothing" and the fastest approach."""
+_STILL = 1e-3
+"""Root of the share of the highest speed below which a surface stands still: the channel's 1/3 is no number of half or
+single precision, and a wall must not move because its image was stored."""
 
 
 class ImageRangeError(ValueError):
@@ -40,7 +43,7 @@ class PirCodec:
     ========  =====================================  ===========================================================
 
     Energies weaker than the floor come back as the floor. Otherwise decoding inverts encoding: to 1e-4 dB, 1e-5 of
-    range plus `knee`, and 1e-4 of `max_speed` (single precision).
+    range plus `knee`, and 1e-4 of `max_speed` (single precision); what moves by less than 1e-6 of that stands still.
     """
 
     energy_db: tuple[float, float] = (-180.0, -50.0)
@@ -111,7 +114,8 @@ class PirCodec:
         distance = self.distance(x[..., 1, :, :])
         arrival = np.where(there, 2 * distance / SPEED_OF_LIGHT, np.nan)
         fraction = np.clip((x[..., 2, :, :] - 1 / 3) * 1.5, -1.0, 1.0)
-        velocity = np.where(there, np.sign(fraction) * fraction**2 * self.max_speed, 0.0)
+        moves = there & (np.abs(fraction) > _STILL)
+        velocity = np.where(moves, np.sign(fraction) * fraction**2 * self.max_speed, 0.0)
         return energy, arrival, velocity
 
     def distance(self, channel: FloatArray) -> FloatArray:

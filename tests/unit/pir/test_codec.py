@@ -58,6 +58,14 @@ def test_a_thousandth_of_the_channel_is_little_in_physical_units() -> None:
     assert np.abs(off.time_of_arrival - image.time_of_arrival).max() * SPEED_OF_LIGHT / 2 < 0.025
 
 
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_what_stands_still_does_so_when_its_image_was_stored(kind: type) -> None:
+    image = pir([[1e-9, 1e-9, 1e-9]], [[3.0, 3.0, 3.0]], [[0.0, 1e-3, -1e-3]])
+    still, there, back = CODEC.decode(CODEC.encode(image).astype(kind), image).velocity[0]
+    assert still == 0.0
+    assert [there, back] == pytest.approx([1e-3, -1e-3], rel=0.1)
+
+
 def test_weak_energies_become_the_floor() -> None:
     image = pir([[1e-22]], [[3.0]], [[0.0]])
     assert CODEC.decode(CODEC.encode(image), image).energy[0, 0] == pytest.approx(1e-18)
