@@ -1,8 +1,8 @@
 """Examine the environment model: `python -m rfgen_sionna.generative.environment.evaluate --data FOLDER --out FOLDER`.
 
-Writes `metrics.json` and a picture of rendered beside drawn views. With `--pairs` path diffusion is examined, with
-`--lora-base` an RF LoRA on a place that this base hasn't seen. The judge learns from the training split; what is
-measured comes from the test split.
+Writes `metrics.json` and a picture of rendered beside drawn views. With `--pairs` path diffusion is examined, and shown
+in a picture of its own; with `--lora-base` an RF LoRA on a place that this base hasn't seen. The judge learns from the
+training split; what is measured comes from the test split.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rfgen_sionna.generative.environment.judge import Judge, train_judge, untrai
 from rfgen_sionna.generative.environment.lora_evaluation import RATES, examine_lora
 from rfgen_sionna.generative.environment.lora_training import LoraRecipe
 from rfgen_sionna.generative.environment.path_evaluation import examine_paths
-from rfgen_sionna.generative.environment.pictures import sheet
+from rfgen_sionna.generative.environment.pictures import completed_sheet, sheet
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Sampler
 from rfgen_sionna.generative.environment.train import Data, Out, progress_bar
@@ -134,6 +134,7 @@ def main(
             few, many = (read_corpus(sets.select(split=name), own.codec, pairs=True) for name in (split, "train"))
             refiner = PathDiffusion(model, control, half=half)
             report["path diffusion"] = examine_paths(refiner, few, many, strength=strength, count=pair_count, seed=0)
+            completed_sheet(few, refiner, out / "path-diffusion.png", strength=strength)
             bar.update(task, completed=1)
             write()
         if lora_base is not None:

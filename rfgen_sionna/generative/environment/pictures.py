@@ -1,15 +1,22 @@
-"""Rendered beside drawn views, as pictures."""
+"""Rendered beside drawn and refined views, as pictures."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.metrics import Physical
+from rfgen_sionna.generative.environment.path_evaluation import pir_of
 from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.records import FloatArray
+
+if TYPE_CHECKING:
+    from rfgen_sionna.generative.environment.refine import PathDiffusion
 
 LEVELS = (-165.0, -115.0)
 """Of the pictures [dB]."""
@@ -35,20 +42,55 @@ def sheet(
         path: the file.
         each: views of each place.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     chosen = [k for p in np.unique(corpus.places) for k in np.flatnonzero(corpus.places[index] == p)[:each].tolist()]
     real = Physical.of(corpus.images[index[chosen]], codec)
     drawn = Physical.of(images[chosen], codec)
-    figure = Figure(figsize=(1.55 * len(chosen), 7.0), layout="compressed")
-    axes = figure.subplots(4, len(chosen), squeeze=False)
-    rows = (
+    rows: list[_Row] = [
         ("rendered\nenergy [dB]", real.level, LEVELS, "magma"),
         ("drawn\nenergy [dB]", drawn.level, LEVELS, "magma"),
         ("rendered\nrange [m]", real.range, (0.0, FARTHEST), "viridis"),
         ("drawn\nrange [m]", drawn.range, (0.0, FARTHEST), "viridis"),
-    )
+    ]
+    _draw(rows, [corpus.names[corpus.places[index[k]]] for k in chosen], path)
+
+
+def completed_sheet(pairs: Corpus, refiner: PathDiffusion, path: Path, *, strength: float, seed: int = 0) -> None:
+    """Write a picture: for each place, the energy of one incomplete view, refined, and complete.
+
+    Args:
+        pairs: incomplete and complete views; the first of each place is shown.
+        refiner: what completes them.
+        path: the file.
+        strength, seed: of the refinement.
+    """
+    codec = refiner.backend.model.codec
+    chosen = [int(np.flatnonzero(pairs.places == p)[0]) for p in np.unique(pairs.places)]
+    given = [pir_of(pairs.lacking[k], pairs.views[k], codec) for k in chosen]
+    refined = [
+        refiner.refine(image, pairs.captions[k], strength=strength, seed=seed)
+        for image, k in zip(given, chosen, strict=True)
+    ]
+    rows: list[_Row] = [
+        (f"{name}\nenergy [dB]", Physical.of(images, codec).level, LEVELS, "magma")
+        for name, images in (
+            ("incomplete", pairs.lacking[chosen]),
+            ("refined", np.stack([codec.encode(image, clip=True) for image in refined])),
+            ("complete", pairs.images[chosen]),
+        )
+    ]
+    _draw(rows, [pairs.names[pairs.places[k]] for k in chosen], path)
+
+
+_Row = tuple[str, FloatArray, tuple[float, float], str]
+"""Label, (image, row, column) values, their limits, colours."""
+
+
+def _draw(rows: Sequence[_Row], titles: Sequence[str], path: Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(1.55 * len(titles), 1.75 * len(rows)), layout="compressed")
+    axes = figure.subplots(len(rows), len(titles), squeeze=False)
     for line, (name, values, (low, high), colours) in zip(axes, rows, strict=True):
         for axis, image in zip(line, values, strict=True):
             shown = axis.imshow(image, vmin=low, vmax=high, cmap=colours)
@@ -56,7 +98,7 @@ def sheet(
             axis.set_yticks([])
         line[0].set_ylabel(name, fontsize=9)
         figure.colorbar(shown, ax=line.tolist(), fraction=0.02, pad=0.01)
-    for axis, k in zip(axes[0], chosen, strict=True):
-        axis.set_title(corpus.names[corpus.places[index[k]]], fontsize=9)
+    for axis, title in zip(axes[0], titles, strict=True):
+        axis.set_title(title, fontsize=9)
     FigureCanvasAgg(figure)
     figure.savefig(path, dpi=110)

@@ -23,7 +23,7 @@ from rfgen_sionna.generative.environment.metrics import (
     smooth_share,
 )
 from rfgen_sionna.generative.environment.path_evaluation import AffineBaseline, calibrated, examine_paths
-from rfgen_sionna.generative.environment.pictures import sheet
+from rfgen_sionna.generative.environment.pictures import completed_sheet, sheet
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Sampler
 from rfgen_sionna.pir.codec import PirCodec
@@ -117,12 +117,16 @@ def test_the_straight_line_finds_what_is_lost_and_fills_holes_where_that_helps(c
 
 
 @pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
-def test_path_diffusion_is_examined_beside_the_straight_line(corpus: Corpus, model_folder: Path) -> None:
+def test_path_diffusion_is_examined_beside_the_straight_line(
+    corpus: Corpus, model_folder: Path, tmp_path: Path
+) -> None:
     refiner = PathDiffusion(model_folder, steps=2, samples=1)
     figures = examine_paths(refiner, corpus, corpus, strength=1.0, count=4, seed=0)
     assert figures["range error refined [m]"] == pytest.approx(figures["range error of the incomplete image [m]"])
     low, high = figures["against the incomplete image"]["interval"]
     assert low <= figures["against the incomplete image"]["fall"] <= high
+    completed_sheet(corpus, refiner, tmp_path / "paths.png", strength=1.0)
+    assert (tmp_path / "paths.png").stat().st_size > 10_000
     doubt = calibrated(refiner, corpus, count=3, seed=0)
     assert 0.0 <= doubt.share <= 1.0
     assert doubt.judge is refiner.doubt.judge
