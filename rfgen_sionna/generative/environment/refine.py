@@ -15,6 +15,7 @@ from scipy.ndimage import map_coordinates
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
 from rfgen_sionna.generative.environment.captions import OUTDOORS
 from rfgen_sionna.generative.environment.control_training import condition_of
+from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.imagining import facts_of
 from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, memory_of, noise_like
@@ -66,6 +67,8 @@ class PathDiffusion:
         Drawings that are averaged.
     most_gain_db
         Existing energy changes by no more.
+    judged
+        Whether images that look complete are left alone; False applies all gains to whatever image.
     half, compile
         As in :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`.
     """
@@ -82,6 +85,7 @@ class PathDiffusion:
         sampler: str = "ddim",
         samples: int = SAMPLES,
         most_gain_db: float = MOST_GAIN_DB,
+        judged: bool = True,
         half: bool | None = None,
         compile: bool = False,
     ) -> None:
@@ -95,7 +99,7 @@ class PathDiffusion:
         )
         self.backend = EmbeddedBackend(own)
         self.samples, self.most_gain_db = samples, most_gain_db
-        self.doubt = own.doubt
+        self.doubt = own.doubt if judged else Doubt(own.doubt.share)
         strays = own.control_facts.get("spread")
         self.spread = None if strays is None else torch.tensor(strays)[:, None, None]
 
