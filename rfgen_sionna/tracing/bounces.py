@@ -34,7 +34,9 @@ SKIPPED = 0.5
 IMAGE_SAMPLES = 200
 """Vertices of an image in a plate that moves that tell how many knots delays need."""
 REST = 3
-"""Stretches of time for which what was too weak is not looked at again, up to twice that, in turns."""
+"""Stretches of time for which what was too weak is not looked at again, up to twice that, in turns ..."""
+GROWN = 1.1
+"""... unless plates may show so many times more facets than when it came to rest."""
 MOST_IMAGES = 12
 """Plates whose images do."""
 
@@ -85,6 +87,11 @@ class Bounces:
         self._stretch = 0
         # Until when what is too weak is left alone: plates, and kind, surface and plates of groups.
         self._until: dict[tuple[int, ...], int] = {}
+        # (plate, surface) facets that plates may show: lately, and when each of those came to rest.
+        self._counts: IntArray = np.zeros((0, len(surfaces.moving)), np.int32)
+        self._rested: dict[tuple[int, ...], IntArray] = {}
+        self._skipped = set[tuple[int, ...]]()  # in this stretch
+        self._imaging: list[int] = []
         self._plates: dict[float, tuple[Plate | None, ...]] = {}
         # (surface,) of those that move: whether it is the radar that does.
         self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
@@ -101,18 +108,25 @@ class Bounces:
             every = (*self._surfaces.static, *self._surfaces.moving)
             counts = len(self._surfaces.static), len(self._surfaces.moving)
             self._flats = find_flats(every, vertices, least_widths(*counts, self._radar.wavelength))
+            self._counts = np.zeros((len(self._flats), len(self._surfaces.moving)), np.int32)
             if self._still.any():
                 self._meeting = meeting(self._flats, vertices)
+        self._imaging = self._chosen(t)
         return len(self._flats) > 0
 
-    def followed(self, vertices: Sequence[FloatArray], t: float) -> list[FloatArray]:
-        """A choice of the images of the actors' vertices at `t` [s] in plates that move, whose distances the delays
-        follow."""
-        first = len(self._surfaces.static)
-        moving = [p for p, flat in zip(self.at(t), self.flats, strict=True) if flat.surface >= first and p is not None]
-        chosen = moving[:: max(1, -(-len(moving) // MOST_IMAGES))]
+    def followed(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
+        """A choice of the images of the actors' `vertices` in plates, whose distances the delays follow: in the same
+        ones throughout a stretch of time, whatever side they turn to the radar."""
+        every = [*self._surfaces.static_vertices, *vertices]
         few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
-        return [plate.image(points) for plate in chosen for points in few]
+        flats = [self.flats[number] for number in self._imaging]
+        return [flat.image(every[flat.surface], points) for flat in flats for points in few]
+
+    def _chosen(self, t: float) -> list[int]:
+        """Plates in which images are followed: some of those that move and show something at `t` [s]."""
+        first, plates = len(self._surfaces.static), zip(self.flats, self.at(t), strict=True)
+        moving = [n for n, (flat, plate) in enumerate(plates) if flat.surface >= first and plate is not None]
+        return moving[:: max(1, -(-len(moving) // MOST_IMAGES))]
 
     @property
     def flats(self) -> tuple[FlatPart, ...]:
@@ -172,11 +186,10 @@ class Bounces:
         own = self._owner[facets.number]
         lit, once = {}, []
         for number, plate in enumerate(self.at(t)):
-            if plate is None or self._until.get((number,), -1) > self._stretch:
-                continue
-            reached = shower.candidates(number)
+            reached = shower.candidates(number) if plate is not None else np.zeros(0, np.intp)
             reached = reached[own[reached] != number]
-            if len(reached) == 0:
+            self._counts[number] = np.bincount(facets.surface[reached], minlength=self._counts.shape[1])
+            if len(reached) == 0 or self._rests((number,), self._counts[number]):
                 continue
             lit[number] = reached
             if not wall[number]:
@@ -241,12 +254,22 @@ class Bounces:
     def _strong(self, index: NDArray[np.intp], facets: Facets, first: int, last: int) -> NDArray[np.intp]:
         """Those of the facets `index` whose surface was not too weak by these plates lately."""
         surface = facets.surface[index]
-        resting = [
-            number
-            for number in np.unique(surface).tolist()
-            if self._until.get((int(last != DIRECT), number, first, last), -1) > self._stretch
-        ]
+        keys = [(int(last != DIRECT), number, first, last) for number in np.unique(surface).tolist()]
+        resting = [key[1] for key in keys if self._rests(key, self._shown_by(key))]
         return index[~np.isin(surface, resting)] if resting else index
+
+    def _rests(self, key: tuple[int, ...], count: IntArray) -> bool:
+        """Whether a plate or group is left alone, where plates may show so many facets."""
+        rests = self._until.get(key, -1) > self._stretch and bool((count <= GROWN * self._rested[key]).all())
+        if rests:
+            self._skipped.add(key)
+        return rests
+
+    def _shown_by(self, key: tuple[int, ...]) -> IntArray:
+        """Facets that the plates of a group, or a plate alone, may show of its surface, or of each."""
+        if len(key) == 1:
+            return self._counts[key[0]]
+        return np.array([self._counts[plate, key[1]] for plate in key[2:] if plate != DIRECT], np.int32)
 
     def trace(
         self,
@@ -282,9 +305,11 @@ class Bounces:
         self._stretch += 1
         idle = [(number,) for number in range(len(self.flats)) if number not in used]
         for key in (*idle, *((kind, *group) for kind, those in enumerate(weak) for group in those)):
-            if self._until.get(key, -1) <= self._stretch:
+            if key not in self._skipped:
                 # Not all at once: what comes back is looked at in turns.
                 self._until[key] = self._stretch + REST + sum(key) % REST
+                self._rested[key] = self._shown_by(key).copy()
+        self._skipped.clear()
         return paths, error
 
     def _shared(self, usual: FloatArray) -> FloatArray:

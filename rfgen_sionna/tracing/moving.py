@@ -194,7 +194,7 @@ class MovingParts:
             found = list(positions(t))
             if ghosts is not None and mirrored:
                 found = ghosts.followed(found)
-            return [*found, *(points for each in bounces for points in each.followed(positions(t), t))]
+            return [*found, *(points for each in bounces for points in each.followed(positions(t)))]
 
         return followed
 

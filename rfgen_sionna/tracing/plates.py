@@ -81,10 +81,7 @@ class FlatPart:
     def at(self, points: FloatArray, viewpoint: FloatArray) -> Plate | None:
         """The plate where the surface's vertices are `points` (vertex, 3) [m]; None where it is bent, seen edge on, or
         from the inside of a closed surface."""
-        used = points[self.vertices]
-        centre = used.mean(axis=0)
-        _, _, axes = np.linalg.svd(used - centre, full_matrices=False)
-        normal, axes = axes[2], axes[:2]
+        used, centre, axes, normal = self._plane(points)
         if np.abs((used - centre) @ normal).max() > FLAT:
             return None
         height = float((viewpoint - centre) @ normal)
@@ -107,6 +104,19 @@ class FlatPart:
             place.max(axis=0),
             tuple(points[each] for each in self.windows),
         )
+
+    def image(self, points: FloatArray, of: FloatArray) -> FloatArray:
+        """Mirror images (point, 3) of points `of` [m] in its plane, from whatever side, where the surface's vertices
+        are `points` (vertex, 3) [m]."""
+        _, centre, _, normal = self._plane(points)
+        return np.asarray(of - 2.0 * ((of - centre) @ normal)[:, None] * normal)
+
+    def _plane(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Its vertices (vertex, 3), their mean (3,), axes (2, 3) of its plane and the normal (3,)."""
+        used = points[self.vertices]
+        centre = used.mean(axis=0)
+        _, _, axes = np.linalg.svd(used - centre, full_matrices=False)
+        return used, centre, axes[:2], axes[2]
 
 
 def find_flats(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bounces import IMAGE_SAMPLES, MOST_IMAGES, Bounces
+from rfgen_sionna.tracing.bounces import MOST_IMAGES, Bounces
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.landing import LandedFacets, Landing, Shower
@@ -40,12 +40,10 @@ class VeiledBounces(Bounces):
         self._veils = veils
         super().__init__(surfaces, radar, rtol, max_bounces, tuple)
 
-    def followed(self, vertices: Sequence[FloatArray], t: float) -> list[FloatArray]:
-        """A choice of the images of the actors' vertices at `t` [s] in the largest plates, walls among them."""
-        plates = [(flat.area, plate) for flat, plate in zip(self.flats, self.at(t), strict=True) if plate is not None]
-        largest = sorted(plates, key=lambda each: -each[0])[:MOST_IMAGES]
-        few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
-        return [plate.image(points) for _, plate in largest for points in few]
+    def _chosen(self, t: float) -> list[int]:
+        """Plates in which images are followed: the largest, walls among them."""
+        there = [number for number, plate in enumerate(self.at(t)) if plate is not None]
+        return sorted(there, key=lambda number: -self.flats[number].area)[:MOST_IMAGES]
 
     def _shower(self, t: float, rays: RayScene, facets: Facets) -> Shower:
         every = (*self._surfaces.static, *self._surfaces.moving)

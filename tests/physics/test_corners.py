@@ -308,3 +308,20 @@ def test_a_body_before_static_plates_hides_what_they_return():
     assert abs(left(0.6, 0.0) / free).max() < 0.05
     halves = left(0.3, 0.15) + left(0.3, -0.15)
     assert abs(halves / free - 1).max() < 0.1
+
+
+def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
+    """A face comes into view between two instants: the images that tell how many knots delays need stay the same."""
+    rate = 10.0
+    box = Actor.from_mesh(
+        trimesh.creation.box((0.3, 0.3, 0.3)),
+        material="pec",
+        name="box",
+        trajectory=lambda t: (np.array([2.0, 0.0, 0.0]), (rate * t, 0.0, 0.0)),
+    )
+    beside = Actor.from_mesh(trimesh.creation.icosphere(1, 0.02), material="pec", position=(1.5, 0.5, 0.0), name="ball")
+    simulator = Simulator(None, radar_of(77), [box, beside], rtol=1e-2, max_bounces=2)
+    traced, there = simulator.tracer.trace(0.0, 0.01).moving.at(np.array([0.007])), simulator.paths(0.007)
+    box_alone = [each.select(each.object_id == each.object_names.index("box")) for each in (traced, there)]
+    run, instant = map(channel, box_alone)
+    assert abs(run - instant).max() < 0.05 * abs(instant).max()

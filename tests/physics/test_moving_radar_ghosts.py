@@ -172,3 +172,23 @@ def test_direct_returns_do_not_depend_on_how_many_bounces_there_are():
     np.testing.assert_array_equal(one.a, again.a)
     np.testing.assert_array_equal(one.tau, again.tau)
     assert (two.bounces == 2).any()
+
+
+def test_ghosts_appear_in_a_run_as_soon_as_there_is_something_to_mirror_them():
+    """The radar drives until a short wall shows it the ball: what showed nothing so far is not left alone for good."""
+    wall = [[1.2, SIDE, 0.7], [2.0, SIDE, 0.7], [2.0, SIDE, 1.3], [1.2, SIDE, 1.3]]
+    scene = load_scene(scene_of(77e9, side=(wall, "metal", 0.1)).sionna)
+    radar = moving(lambda t: np.array([1.5 * t - 0.15, 0.0, 1.0]))
+    actors = [ball(0.02, detail=2)]
+    tracer = Simulator(scene, radar, actors, rtol=1e-2, max_bounces=3).tracer
+    run = tracer.follow()
+    for frame in range(5):
+        t = 0.1 * frame
+        here = of(tracer.trace(t, t + 1e-3, run).moving.at(np.array([t])), "ball")
+        if frame == 2:
+            assert set(here.bounces) == {1}
+    there = of(Simulator(scene, radar.at(t), actors, rtol=1e-2, max_bounces=3).paths(t), "ball")
+    for count in (2, 3):
+        a, b = (channel(each.select(each.bounces == count)) for each in (here, there))
+        assert abs(b).max() > 0.05 * abs(channel(there)).max()
+        assert abs(a - b).max() < 0.02 * abs(channel(there)).max()
