@@ -99,10 +99,10 @@ class Simulator:
         its images, never phases or delays.
 
     transmission
-        Whether surfaces of a material with a thickness (walls, glass, clothing) are seen through, with the loss and the
-        delay of a slab, on every leg of ghosts and corners of actors as well; metal and bodies stay opaque, and so do
-        slabs for what surfaces of the scene show of one another. False, the default, lets them hide what is behind: it
-        takes several times as long in a furnished room to see through all of it.
+        Whether surfaces of a material with a thickness (walls, glass, clothing) are seen through, up to four in a row,
+        with the loss and the delay of a slab, on every leg of ghosts and corners of actors as well; metal and bodies
+        stay opaque, and so do slabs for what surfaces of the scene show of one another. False, the default, lets them
+        hide what is behind: it takes several times as long in a furnished room to see through all of it.
 
     Raises
     ------

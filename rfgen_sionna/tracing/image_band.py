@@ -35,6 +35,10 @@ class MirroredFacets(Facets):
         chosen = facets.take(index)
         return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, first=first, last=last)
 
+    def between(self, after: MirroredFacets, share: float) -> MirroredFacets:
+        """What leads to them, a `share` of the way from here to what leads there `after`: the same mirrors."""
+        return self
+
     def take(self, index: NDArray[np.intp]) -> MirroredFacets:
         """The facets that `index` counts out."""
         return MirroredFacets.of(super().take(index), np.arange(len(index)), self.first[index], self.last[index])

@@ -125,11 +125,17 @@ class ImageReturns:
         def places(t: float) -> FloatArray:
             return centroids(t, needed)[back.reshape(-1)]
 
+        def shown_at(t: float) -> MirroredFacets:
+            if len(instants) == 1:
+                return shown[0]
+            k = min(max(int(np.searchsorted(instants, t)) - 1, 0), len(instants) - 2)
+            return shown[k].between(shown[k + 1], (t - instants[k]) / (instants[k + 1] - instants[k]))
+
         curves = over_time(
             knots,
             instants,
             np.stack(gains, axis=-1),
-            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), shown[middle]),
+            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), shown_at(t)),
         )
         directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]
         departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
@@ -114,6 +115,32 @@ class Screens:
     """Those between the element and the mirror by way of which it sees the facet."""
     behind: Slabs | None
     """Those between the mirror, or the element itself where there is none, and the facet."""
+
+
+def over_instants(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
+    """(entry, ..., 3) unit normals of `count` entries at each instant: a slab may turn.
+
+    `sums` (row, ..., 3) are those over sample points at each instant, of which `places` (row,) counts out the entries;
+    -1 is none. Where an entry is not seen at an instant its normals are those of the nearest one at which it is.
+    """
+    shape = (len(places), count, *sums[0].shape[1:])
+    total, there = np.zeros(shape), np.zeros(shape[:2], np.bool_)
+    for own, seen, place, each in zip(total, there, places, sums, strict=True):
+        np.add.at(own, place[place >= 0], each[place >= 0])
+        seen[place[place >= 0]] = True
+    total /= np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
+    entry, gaps = np.arange(count), np.arange(len(places))
+    found = []
+    for k in range(len(places)):
+        order = np.argsort(np.abs(gaps - k), kind="stable")
+        found.append(total[order[there[order].argmax(axis=0)], entry])
+    return found
+
+
+def turned(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
+    """(..., 3) unit normals a `share` of the way from those `before` to those `after`."""
+    between = before + share * (after - before)
+    return np.asarray(between / np.maximum(np.linalg.norm(between, axis=-1, keepdims=True), 1e-12))
 
 
 class Slab(NamedTuple):

@@ -228,10 +228,10 @@ class Tracer:
         if self.transmission and self.surfaces.moving:
             every = (*self.surfaces.static, *self.surfaces.moving)
             names = self.surfaces.object_names, self.surfaces.part_names
-            veils = Veils(every, self.surfaces.moving, names, self.radar, self.rtol)
-            veils = veils if veils.possible() else None
-            if veils is not None and self.max_bounces > 1:
-                bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, veils))
+            found = Veils(every, self.surfaces.moving, names, self.radar, self.rtol)
+            veils = found if found.possible() else None
+            if self.max_bounces > 1 and found.possible(one_way=True):
+                bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
         return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces, veils)
 
     @one_blas_thread()

@@ -49,7 +49,8 @@ class VeiledBounces(Bounces):
         every = (*self._surfaces.static, *self._surfaces.moving)
         vertices = [*self._surfaces.static_vertices, *self._positions(t)]
         least = SKIPPED * self._rtol
-        walk = Walk(rays, vertices, [each.faces for each in every], self._veils.through, least)
+        # A ghost may go through a slab on one of its ways alone.
+        walk = Walk(rays, vertices, [each.faces for each in every], self._veils.through, least**2)
         given = rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range
         return VeiledShower(walk, self._veils.through, least, *given)
 

@@ -16,7 +16,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import MirroredFacets
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined, matched
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
+from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
 from rfgen_sionna.tracing.walk import MOST_SLABS, SHUT, Walk
 
@@ -81,12 +81,9 @@ class VeiledLandedFacets(LandedFacets):
     def over_time(
         cls, facets: Sequence[Facets], keys: NDArray[np.int64], landings: Sequence[VeiledLanding], swapped: bool
     ) -> list[VeiledLandedFacets]:
-        """Facets by `keys`, sorted by their rows, at each instant; the slabs' normals are the mean of all instants."""
-        across = np.zeros((len(keys), LEGS, MOST_SLABS, 3))
+        """Facets by `keys`, sorted by their rows, at each instant."""
         places = [matched(keys, landing.keys) for landing in landings]
-        for place, landing in zip(places, landings, strict=True):
-            np.add.at(across, place[place >= 0], landing.across[place >= 0])
-        across /= np.maximum(np.linalg.norm(across, axis=3, keepdims=True), 1e-12)
+        normals = over_instants(places, [landing.across for landing in landings], len(keys))
         crossed = keys[:, 3:].reshape(-1, LEGS, MOST_SLABS).astype(np.int32)
         legs = _OTHER_WAY if swapped else list(range(LEGS))
         depth = max(1, int((crossed != NO_SLAB).sum(axis=2).max(initial=0)))
@@ -96,8 +93,12 @@ class VeiledLandedFacets(LandedFacets):
                 crossed=crossed[:, legs, :depth],
                 across=across[:, legs, :depth],
             )
-            for each, landing, place in zip(facets, landings, places, strict=True)
+            for each, landing, place, across in zip(facets, landings, places, normals, strict=True)
         ]
+
+    def between(self, after: MirroredFacets, share: float) -> VeiledLandedFacets:
+        """With the slabs as they are a `share` of the way to what is seen `after`."""
+        return replace(self, across=turned(self.across, _veiled(after).across, share))
 
     def take(self, index: NDArray[np.intp]) -> VeiledLandedFacets:
         """The facets that `index`, no number of them twice, counts out."""

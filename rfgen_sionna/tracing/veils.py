@@ -7,7 +7,7 @@ plain sense is seen through as many chains of slabs as its sample points have, e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
+from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
 from rfgen_sionna.tracing.walk import MOST_SLABS, Walk
@@ -65,6 +65,12 @@ class VeiledFacets(MirroredFacets):
             crossed=keys[:, 1:].astype(np.int32),
             across=normals,
         )
+
+    def between(self, after: MirroredFacets, share: float) -> VeiledFacets:
+        """With the slabs as they are a `share` of the way to what is seen `after`."""
+        if not isinstance(after, VeiledFacets):
+            raise TypeError(f"after is a {type(after).__name__}: VeiledFacets are needed")
+        return replace(self, across=turned(self.across, after.across, share))
 
     def take(self, index: NDArray[np.intp]) -> VeiledFacets:
         """The facets that `index` counts out."""
@@ -145,10 +151,11 @@ class Veils:
     def _number(self, surface: Surface) -> int:
         return next(number for number, each in enumerate(self._every) if each is surface)
 
-    def possible(self, only: Sequence[int] | None = None) -> bool:
-        """Whether there is anything to be seen through at all; among `only` these surfaces, None is all."""
+    def possible(self, only: Sequence[int] | None = None, *, one_way: bool = False) -> bool:
+        """Whether there is anything to be seen through at all, there and back or `one_way`; among `only` these
+        surfaces, None is all."""
         through = self.through if only is None else self.through[list(only)]
-        return bool((through**2 > SKIPPED * self._rtol).any())
+        return bool((through ** (1 if one_way else 2) > SKIPPED * self._rtol).any())
 
     def see(
         self,
@@ -236,17 +243,14 @@ class Veils:
         keys, back = np.unique(np.concatenate([each.keys for each in seen]), axis=0, return_inverse=True)
         if len(keys) == 0:
             return None, 0.0, keys
-        shares, first = np.zeros((len(seen), len(keys))), 0
-        normals = np.zeros((len(keys), MOST_SLABS, 3))
-        back = back.reshape(-1)
-        for row, each in zip(shares, seen, strict=True):
-            place = back[first : first + len(each.keys)]
+        shares = np.zeros((len(seen), len(keys)))
+        places = np.split(back.reshape(-1), np.cumsum([len(each.keys) for each in seen])[:-1])
+        for row, place, each in zip(shares, places, seen, strict=True):
             row[place] = each.share
-            np.add.at(normals, place, each.normals)
-            first += len(each.keys)
-        normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
+        normals = over_instants(places, [each.normals for each in seen], len(keys))
         depth = max(1, int((keys[:, 1:] != NO_SLAB).sum(axis=1).max()))
-        shown = [VeiledFacets.veiled(each, keys[:, : 1 + depth], normals[:, :depth]) for each in facets]
+        both = zip(facets, normals, strict=True)
+        shown = [VeiledFacets.veiled(each, keys[:, : 1 + depth], across[:, :depth]) for each, across in both]
         column = keys[:, 0].astype(np.intp)
         paths, error = self._returns(STRAIGHT, knots, instants, shown, shares, column, centroids, usual)
         self._returns.finish(error)

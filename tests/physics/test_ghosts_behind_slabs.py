@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
@@ -246,3 +247,38 @@ def test_what_is_seen_plainly_stays_as_it_is_to_the_bit(radar):
     np.testing.assert_array_equal(one.tau, other.tau)
     opaque = {**panes, "pane": (pane(0.6, half=1.2), "metal", 0.001)}
     assert returned(radar, ball(), opaque).num_paths == 0
+
+
+def test_a_slab_on_one_way_alone_may_take_more_than_one_there_and_back(radar):
+    """3 cm of concrete before the wall leave 2 % of the amplitude, 0.04 % there and back: the ghost is there at any
+    tolerance that it exceeds."""
+    low, high = 0.59, 1.09
+    board = ([[0.6, low, -0.25], [0.6, high, -0.25], [0.6, high, 0.25], [0.6, low, 0.25]], "concrete", 0.03)
+    panes = {"side": (WALL, "metal", 0.1), "pane": board}
+    loose, fine = (returned(radar, ball(0.02), panes, rtol=rtol) for rtol in (1e-2, 1e-3))
+    ghosts = [channel(each.select(each.bounces == 2)) for each in (loose, fine)]
+    assert abs(ghosts[1]).max() > 0.015 * abs(channel(fine)).max()
+    assert abs(ghosts[0] - ghosts[1]).max() < 0.02 * abs(ghosts[1]).max()
+
+
+def test_a_slab_that_turns_is_at_each_instant_as_it_stands_there(radar):
+    """A glass leaf swung at 8 rad/s before a ball, and a ghost by a wall beside it."""
+    leaf = np.array([[0, -0.4, -0.4], [0, 0.4, -0.4], [0, 0.4, 0.4], [0, -0.4, 0.4]], float)
+    door = Actor.from_mesh(
+        trimesh.Trimesh(leaf, [[0, 1, 2], [0, 2, 3]], process=False),
+        material=replace(MATERIALS["glass"], thickness=0.006),
+        name="door",
+        trajectory=lambda t: (np.array([0.8, 0.0, 0.0]), (0.3 + 8.0 * t, 0.0, 0.0)),
+    )
+    scene = load_scene(scene_of(77e9, side=(WALL, "metal", 0.1)).sionna)
+    simulator = Simulator(scene, radar, [ball(0.02, 2), door], rtol=1e-2, max_bounces=2, transmission=True)
+    run = simulator.tracer.trace(0.0, 0.005).moving
+    for t in (0.0, 0.003, 0.005):
+        here, there = (
+            each.select(each.object_id == each.object_names.index("ball"))
+            for each in (run.at(np.array([t])), simulator.paths(t))
+        )
+        for count in (1, 2):
+            a, b = (channel(each.select(each.bounces == count)) for each in (here, there))
+            assert abs(b).max() > 0
+            assert abs(a - b).max() < 0.01 * abs(b).max()
