@@ -101,8 +101,15 @@ SEVERAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """Names that several kinds go by."""
-EMPTY = r"(?:(?:completely|entirely|totally|almost|nearly) )?(?:bare|empty|unfurnished)"
-"""How a place is said to hold nothing but what it was built with ..."""
+_ROOMS = (
+    r"(?:[a-z]*rooms?|corridor|field|flat|garage|hall|hallway|kitchen|lab|laboratory|lounge|meadow|office|passage|place"
+    r"|playground|road|space|street|study|workshop)"
+)
+EMPTY = (
+    r"(?<!half )(?<!non )(?<!not )(?<!semi )(?:(?:completely|entirely|totally|almost|nearly) )?"
+    rf"(?:bare|empty|unfurnished)(?= (?:[a-z]+ )?{_ROOMS}| ?[,.;]|$)"
+)
+"""How a place, not its walls or a desk in it, is said to hold nothing but what it was built with ..."""
 LOOSE = (
     *(kind for kind in FURNITURE if kind != "bench"),
     *("bicycle", "bin", "car", "floor lamp", "gas cylinder", "ladder", "plant", "rug", "television", "tyres"),

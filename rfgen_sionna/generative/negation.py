@@ -8,12 +8,15 @@ _NEGATION = (
     r"not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
     r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"
     r"|other than|anything but|(?:<refuse>|<fail>|unable) to|<lack>|omit(?:s|ted|ting)?"
+    r"|free of|[a-z]{3,} free(?= (?:[a-z]+ )?(?:[a-z]*room|corridor|field|garage|hall|lab|office|playground|street))"
+    r"|devoid|sans|zero(?! degrees?)|missing|w , o|(?:all|everything) but"
 )
 _NO_NEGATION = (
     r"(?:bus|coach|door|full|pit|rest|school bus|taxi|train|tram|trolley|truck) stops?(?! [a-z]+ing)"
     r"|stop (?:buttons?|lamps?|lights?|lines?|signs?|watch(?:es)?)|non stop"
     r"|no (?:entry|frills|go|man land|parking|smoking|stopping|through|waiting)|never ending|forget me nots?"
-    r"|(?:room|office|lab|laboratory|garage|corridor|street|field) used to (?!be\b|have\b|hold\b)[a-z]+"
+    r"|(?:without|with no) end"
+    r"|(?:room|office|lab|laboratory|garage|corridor|street|field|study) used to (?!be\b|have\b|hold\b)[a-z]+"
     r"|(?:room|office|lab|laboratory|garage|street|number) no (?:, )?\d+|minus(?= <n>)"
 )
 """Names and numbers that such words are part of: a bus stop, a never-ending corridor, minus 30 degrees."""

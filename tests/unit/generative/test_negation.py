@@ -20,6 +20,11 @@ from rfgen_sionna.generative.prompts import PromptError, parse_environment, pars
         ("a garage that used to be a shop", "used to"),
         ("minus the sofa", "minus"),
         ("a room lacking furniture", "lacking"),
+        ("a room free of furniture", "free of"),
+        ("a car-free street", "car free"),
+        ("an office missing its desk", "missing"),
+        ("zero sofas", "zero"),
+        ("a lab w/o chairs", "w , o"),
     ],
 )
 def test_a_negation_is_found(text: str, word: str) -> None:
@@ -38,6 +43,9 @@ def test_a_negation_is_found(text: str, word: str) -> None:
         "a garage used to repair cars",
         "turned by -30 degrees",
         "a notebook, a nook and a doorstop",
+        "a corridor without end",
+        "a free spot in a lab",
+        "turned by zero degrees",
     ],
 )
 def test_names_and_numbers_are_no_negations(text: str) -> None:

@@ -24,7 +24,7 @@ from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.text import PlaceEncoder
-from rfgen_sionna.generative.environment.wishes import check_words, read
+from rfgen_sionna.generative.environment.wishes import check_words, is_empty, read
 from rfgen_sionna.generative.furniture import LOOSE, OTHER_NAMES, SEVERAL
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -117,6 +117,23 @@ def test_a_place_without_furniture_has_none(text: PlaceEncoder) -> None:
     room = choose_room(wanted(text, "a living room", "furniture"), AHEAD, 2)
     assert not {"sofa", "armchair", "sideboard", "coffee table", "bookshelf"} & {*room.place.kinds}
     assert {"window", "door", "television"} <= {*room.place.kinds}
+
+
+@pytest.mark.parametrize(
+    ("text", "empty"),
+    [
+        ("an empty office", True),
+        ("a completely empty living room", True),
+        ("a bare, cold room", True),
+        ("the room is empty", True),
+        ("a living room with bare walls", False),
+        ("an office with an empty desk", False),
+        ("a half empty office", False),
+        ("a non-empty office", False),
+    ],
+)
+def test_places_are_empty_and_not_their_desks(text: str, empty: bool) -> None:
+    assert is_empty(text) is empty
 
 
 def test_an_empty_place_holds_what_is_named_alone() -> None:
