@@ -225,6 +225,7 @@ def test_coming_out_from_behind_a_pane_a_ghost_s_delay_and_level_stay_continuous
     assert np.abs(np.diff(level)).max() < 0.35 * level.max()
 
 
+@pytest.mark.slow
 def test_a_radar_that_moves_sees_the_same_ghosts_through_a_slab(radar):
     start, t = np.array([0.1, -0.05, 0.02]), 0.05
     going = replace(radar, trajectory=lambda t: start + np.array([0.5, 0.6, 0.1]) * t)
@@ -261,6 +262,7 @@ def test_a_slab_on_one_way_alone_may_take_more_than_one_there_and_back(radar):
     assert abs(ghosts[0] - ghosts[1]).max() < 0.02 * abs(ghosts[1]).max()
 
 
+@pytest.mark.slow
 def test_a_slab_that_turns_is_at_each_instant_as_it_stands_there(radar):
     """A glass leaf swung at 8 rad/s before a ball, and a ghost by a wall beside it."""
     leaf = np.array([[0, -0.4, -0.4], [0, 0.4, -0.4], [0, 0.4, 0.4], [0, -0.4, 0.4]], float)
@@ -271,9 +273,9 @@ def test_a_slab_that_turns_is_at_each_instant_as_it_stands_there(radar):
         trajectory=lambda t: (np.array([0.8, 0.0, 0.0]), (0.3 + 8.0 * t, 0.0, 0.0)),
     )
     scene = load_scene(scene_of(77e9, side=(WALL, "metal", 0.1)).sionna)
-    simulator = Simulator(scene, radar, [ball(0.02, 2), door], rtol=1e-2, max_bounces=2, transmission=True)
+    simulator = Simulator(scene, radar, [ball(0.02, 1), door], rtol=1e-2, max_bounces=2, transmission=True)
     run = simulator.tracer.trace(0.0, 0.005).moving
-    for t in (0.0, 0.003, 0.005):
+    for t in (0.0, 0.005):
         here, there = (
             each.select(each.object_id == each.object_names.index("ball"))
             for each in (run.at(np.array([t])), simulator.paths(t))

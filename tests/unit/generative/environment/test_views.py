@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.kept import ENVIRONMENTS, Kept
+from rfgen_sionna.generative.environment.kept import Kept
 from rfgen_sionna.generative.environment.views import imagined_so_far, reproject, resized
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
@@ -123,14 +123,15 @@ def test_what_was_not_asked_for_longest_is_forgotten() -> None:
 
 @pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
 def test_what_is_forgotten_is_imagined_anew(model_folder: Path) -> None:
-    rooms = EnvironmentDiffusion(model_folder, steps=1)
+    rooms, most = EnvironmentDiffusion(model_folder, steps=1), 3
+    rooms._kept = Kept(most)
     first = rooms.generate("a bedroom", seed=0)
-    for seed in range(1, ENVIRONMENTS):
+    for seed in range(1, most):
         rooms.generate("a bedroom", seed=seed)
     assert rooms.generate("a bedroom", seed=0) is first
-    rooms.generate("a bedroom", seed=ENVIRONMENTS)
+    rooms.generate("a bedroom", seed=most)
     assert rooms.generate("a bedroom", seed=0) is first, "it was the one that was asked for last"
-    for seed in range(1, ENVIRONMENTS + 1):
+    for seed in range(1, most + 1):
         rooms.generate("a bedroom", seed=seed)
     again = rooms.generate("a bedroom", seed=0)
     assert again is not first
