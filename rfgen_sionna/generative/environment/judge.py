@@ -30,7 +30,9 @@ _ROUGH = 0.02
 WIDTHS = (32, 48, 96, 128)
 """Channels of its four stages."""
 _LEVEL, _SPREAD = -135.0, 15.0
-"""Middle and spread [dB] of levels at 1 m."""
+"""Middle and spread [dB] of levels at 1 m ..."""
+_AT_ONE_METRE = 4
+"""... and where they are among the numbers of a pixel."""
 
 
 def sights(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirCodec) -> Tensor:
@@ -116,6 +118,7 @@ def train_judge(
     *,
     codec: PirCodec | None = None,
     widths: Sequence[int] = WIDTHS,
+    jitter_db: float = 0.0,
     seed: int = 0,
     steps: int = 2500,
     items: int = 48,
@@ -123,7 +126,8 @@ def train_judge(
 ) -> Judge:
     """A judge from (image, 3, row, column) channels, their classes, such as places, and views.
 
-    Classes are drawn equally often.
+    Classes are drawn equally often. Levels of whole images are raised or lowered by up to `jitter_db`: it learns not to
+    rely on them.
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng([seed, 61])
@@ -139,6 +143,11 @@ def train_judge(
         flip = torch.from_numpy(rng.integers(2, size=items) > 0)[:, None, None, None]
         x = torch.where(flip, x.flip(-1), x)
         x = x + _ROUGH * torch.randn(x.shape)
+        if jitter_db:
+            louder = torch.from_numpy(rng.uniform(-jitter_db, jitter_db, items)).float()[:, None, None]
+            there = shown[index][:, 2] > -2 / 3
+            x[:, 0] += there * louder * (2.0 / (codec.energy_db[1] - codec.energy_db[0]))
+            x[:, _AT_ONE_METRE] += there * louder / _SPREAD
         with precision():
             _, logits = net(x)
         loss = cross_entropy(logits.float(), torch.from_numpy(classes[index]), label_smoothing=0.05)
