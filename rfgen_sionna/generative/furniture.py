@@ -8,6 +8,7 @@ from functools import cache
 from types import MappingProxyType
 
 from rfgen_sionna.generative.reading import Reader, inflected
+from rfgen_sionna.generative.vocabulary import ROOM
 
 OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -101,13 +102,9 @@ SEVERAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """Names that several kinds go by."""
-_ROOMS = (
-    r"(?:[a-z]*rooms?|corridor|field|flat|garage|hall|hallway|kitchen|lab|laboratory|lounge|meadow|office|passage|place"
-    r"|playground|road|space|street|study|workshop)"
-)
 EMPTY = (
     r"(?<!half )(?<!non )(?<!not )(?<!semi )(?:(?:completely|entirely|totally|almost|nearly) )?"
-    rf"(?:bare|empty|unfurnished)(?= (?:[a-z]+ )?{_ROOMS}| ?[,.;]|$)"
+    rf"(?:bare|empty|unfurnished)(?= (?:[a-z]+ )?{ROOM}| ?[,.;]|$)"
 )
 """How a place, not its walls or a desk in it, is said to hold nothing but what it was built with ..."""
 LOOSE = (

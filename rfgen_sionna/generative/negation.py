@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from rfgen_sionna.generative.reading import Reader, compile_pattern
+from rfgen_sionna.generative.vocabulary import ROOM
 
 _NEGATION = (
     r"not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
     r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"
     r"|other than|anything but|(?:<refuse>|<fail>|unable) to|<lack>|omit(?:s|ted|ting)?"
-    r"|free of|[a-z]{3,} free(?= (?:[a-z]+ )?(?:[a-z]*room|corridor|field|garage|hall|lab|office|playground|street))"
+    rf"|free of|[a-z]{{3,}} free(?= (?:[a-z]+ )?{ROOM})"
     r"|devoid|sans|zero(?! degrees?)|missing|w , o|(?:all|everything) but"
 )
 _NO_NEGATION = (
@@ -31,4 +32,4 @@ def negation_in(text: str) -> str | None:
     reader = Reader(text)
     reader.take(_NO_NEGATION)
     found = compile_pattern(_NEGATION).search(reader.text)
-    return found.group() if found else None
+    return found.group().replace(" , ", "/") if found else None  # "w/o", as it was written

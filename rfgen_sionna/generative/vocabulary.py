@@ -241,6 +241,11 @@ HOW = (
     r"|public|open plan|home|school|university|hospital|suburban|grassy|green|flat|never ending)"
 )
 """What is said of a place without making it another one: "in a small office"."""
+ROOM = (
+    r"(?:[a-z]*rooms?|corridor|field|flat|garage|hall|hallway|kitchen|lab|laboratory|lounge|meadow|office|passage|place"
+    r"|playground|road|space|street|study|workshop)"
+)
+"""Last words of the names of places."""
 FREE_SPACE = r"(?:(?:in|inside) <a>)?(?:free space|empty space|vacuum|anechoic (?:chamber|room))"
 NO_SCENE = rf"{FREE_SPACE}|nothing|none|no (?:environment|surroundings|scene)"
 UNKNOWN_PLACE = (

@@ -11,6 +11,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.tracer import GAIN_PER_RTOL
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain
 from tests.sionna.rectangles import scene_of
@@ -324,4 +325,5 @@ def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
     traced, there = simulator.tracer.trace(0.0, 0.01).moving.at(np.array([0.007])), simulator.paths(0.007)
     box_alone = [each.select(each.object_id == each.object_names.index("box")) for each in (traced, there)]
     run, instant = map(channel, box_alone)
-    assert abs(run - instant).max() < 0.05 * abs(instant).max()
+    # what splines in time may err by, three times the tolerance, and the facets of either by that itself
+    assert abs(run - instant).max() < (GAIN_PER_RTOL + 2) * 1e-2 * abs(instant).max()

@@ -191,4 +191,4 @@ def test_ghosts_appear_in_a_run_as_soon_as_there_is_something_to_mirror_them():
     for count in (2, 3):
         a, b = (channel(each.select(each.bounces == count)) for each in (here, there))
         assert abs(b).max() > 0.05 * abs(channel(there)).max()
-        assert abs(a - b).max() < 0.02 * abs(channel(there)).max()
+        assert abs(a - b).max() < 2e-2 * abs(channel(there)).max()  # the tolerance of either

@@ -24,7 +24,7 @@ from rfgen_sionna.generative.prompts import PromptError, parse_environment, pars
         ("a car-free street", "car free"),
         ("an office missing its desk", "missing"),
         ("zero sofas", "zero"),
-        ("a lab w/o chairs", "w , o"),
+        ("a lab w/o chairs", "w/o"),
     ],
 )
 def test_a_negation_is_found(text: str, word: str) -> None:
