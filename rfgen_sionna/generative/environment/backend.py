@@ -206,22 +206,26 @@ class EmbeddedBackend:
         """What a prompt asks of a place that is without some kinds of things."""
         text = self.model.text
         place, _ = text.place_of(prompt)
-        if not is_empty(prompt):
-            return Wanted(place, text.things_in(prompt), without)
-        said = text.read(prompt).things  # whatever else the encoder hears in an empty room
-        return Wanted(place, said, (*without, *(kind for kind in LOOSE if kind not in said)))
+        said = text.read(prompt)
+        if is_empty(prompt):
+            without = (*without, *(kind for kind in LOOSE if kind not in said.things))
+        return Wanted(place, said.meant, without)
 
     def _tell_absent(self, prompt: str, wish: Wish) -> None:
-        """Warn of what the prompt asks for and the place that is drawn does not have."""
-        there = wish.room().place.kinds
-        absent = [words for words, kinds in self.model.text.read(prompt).words if not {*kinds} & {*there}]
-        if absent:
-            warnings.warn(
-                f"environment prompt {prompt!r}: of the layouts that were looked at none that suits has "
-                f"{', '.join(map(repr, absent))}; it leads the drawing alone",
-                AbsentThingWarning,
-                stacklevel=4,
-            )
+        """Warn of what the prompt asks for and the place that is drawn does not have, or not in view."""
+        room = wish.room()
+        words = [said for said, _ in self.model.text.read(prompt).words]
+        for where, kinds in (("has", room.place.kinds), ("shows", room.seen(wish.view).kinds(room.place))):
+            absent = [said for said, met in zip(words, wish.wanted.met(kinds), strict=True) if not met]
+            if absent:
+                warnings.warn(
+                    f"environment prompt {prompt!r}: of the layouts that were looked at none that suits {where} "
+                    f"{', '.join(map(repr, absent))}{' in this view' * (where == 'shows')}; the words lead the drawing "
+                    "alone",
+                    AbsentThingWarning,
+                    stacklevel=4,
+                )
+                return
 
     def encode(self, pir: Pir) -> Tensor:
         """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""

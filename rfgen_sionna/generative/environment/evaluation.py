@@ -86,7 +86,7 @@ def _wish(model: EnvironmentModel, corpus: Corpus, index: int, seed: int) -> Wis
     """A place of its own for the words and the direction of a view."""
     facts = corpus.views[index]
     view = View(NATIVE, facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, facts.roll))
-    things = model.text.things_in(corpus.captions[index])
+    things = model.text.read(corpus.captions[index]).meant
     return Wish(Wanted(corpus.names[corpus.places[index]], things), view, seed * 1_000_003 + index, anywhere=True)
 
 

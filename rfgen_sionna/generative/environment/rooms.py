@@ -5,6 +5,7 @@ Layouts come from seeds that no data set uses (:data:`FIRST_SEED`), so none of a
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -20,11 +21,15 @@ from rfgen_sionna.scene.furnished.scene import FurnishedScene
 
 FIRST_SEED = 1 << 40
 """Of the layouts that are imagined."""
-LAYOUTS = 6
-"""How many are looked at for the things that the words name."""
+LAYOUTS = 16
+"""How many are furnished, at most, in search of what the words name."""
+BUILT = 8
+"""How many of them are built of bricks and looked at, at most."""
 SPOTS = 24
 """Spots for the radar that are tried in each."""
-_COARSE = (16, 16)
+LOOKS = 8
+"""Looks from different spots, at most, at each place that is built."""
+_COARSE = (24, 24)
 _MARGIN = 0.25
 """Free space around a radar [m]."""
 _AIM = np.radians(12.0)
@@ -40,16 +45,23 @@ class Wanted:
     """What words ask of a place."""
 
     place: str
-    things: tuple[str, ...] = ()
-    """That should be in view."""
+    things: tuple[tuple[str, ...], ...] = ()
+    """That should be in view: for each, the kinds that its word may mean."""
     without: tuple[str, ...] = ()
     """That are not there."""
 
     def excludes(self, kind: str) -> bool:
         """Whether a kind is not there: an office chair is a chair, too, unless it is wanted itself."""
-        return kind in self.without or (
-            kind not in self.things and any(kind.endswith(f" {excluded}") for excluded in self.without)
-        )
+        wanted = any(kind in meant for meant in self.things)
+        return kind in self.without or (not wanted and any(_is(kind, excluded) for excluded in self.without))
+
+    def met(self, kinds: Collection[str]) -> list[bool]:
+        """Of each of the things, whether it is among `kinds`: who wants a chair has it in an office chair."""
+        return [any(_is(kind, each) for kind in kinds for each in meant) for meant in self.things]
+
+
+def _is(kind: str, other: str) -> bool:
+    return kind == other or kind.endswith(f" {other}")
 
 
 @dataclass(frozen=True)
@@ -81,30 +93,23 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
     """
     rng = np.random.default_rng([seed, 107])
     best: tuple[float, Room] | None = None
-    things = [thing for thing in wanted.things if not wanted.excludes(thing)]
-    enough = float(len(things))
+    enough, built = float(len(wanted.things)), 0
     for number in range(LAYOUTS):
         scene = furnished(wanted.place, FIRST_SEED + LAYOUTS * seed + number)
+        held = {*scene.layout.kinds, *(kind for kind, _ in scene.shell)}
+        if best is not None and sum(wanted.met(held)) <= best[0]:
+            continue  # not even with all of it in view
         place = Place.of(scene)
         place = place.without([kind for kind in set(place.kinds) if wanted.excludes(kind)])
-        offset = (0.0, 0.0)
-        if anywhere or not _may_stand(scene, view):
-            found = _spot(scene, view, rng)
-            if found is None:
-                continue
-            offset = found[0] - view.position[0], found[1] - view.position[1]
-        room = Room(place, offset)
-        sketch = room.seen(replace(view, resolution=_COARSE))
-        kinds = sketch.kinds(place)
-        score = float(sum(thing in kinds for thing in things))
-        reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
-        if reach.min() < NEAREST or np.median(reach) < SPACE:
-            score -= 10.0
-        if not anywhere and offset != (0.0, 0.0):
-            score -= 5.0
-        if best is None or score > best[0]:
-            best = score, room
-        if score >= enough:
+        for offset in _offsets(scene, view, rng, anywhere):
+            room = Room(place, offset)
+            score = _score(room, view, wanted) - 5.0 * (not anywhere and offset != (0.0, 0.0))
+            if best is None or score > best[0]:
+                best = score, room
+            if score >= enough:
+                return room
+        built += 1
+        if built == BUILT and best is not None:
             break
     if best is None:
         limit = f"; the ceiling of the last is {scene.layout.height:.2f} m high" if scene.layout.indoors else ""
@@ -113,6 +118,29 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
             f"free spot for a radar there{limit}"
         )
     return best[1]
+
+
+def _offsets(
+    scene: FurnishedScene, view: View, rng: np.random.Generator, anywhere: bool
+) -> Iterator[tuple[float, float]]:
+    """Where in a place the caller's origin may lie: at the place's own, or so that the radar stands on a free spot."""
+    if not anywhere and _may_stand(scene, view):
+        yield 0.0, 0.0
+        return
+    for _ in range(LOOKS):
+        found = _spot(scene, view, rng)
+        if found is None:
+            return
+        yield found[0] - view.position[0], found[1] - view.position[1]
+
+
+def _score(room: Room, view: View, wanted: Wanted) -> float:
+    """How many of the things a view of a room shows, much less where something is too near."""
+    sketch = room.seen(replace(view, resolution=_COARSE))
+    kinds = sketch.kinds(room.place)
+    reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
+    blocked = bool(reach.min() < NEAREST or np.median(reach) < SPACE)
+    return sum(wanted.met(kinds)) - 10.0 * blocked
 
 
 def _may_stand(scene: FurnishedScene, view: View) -> bool:

@@ -18,7 +18,6 @@ from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
 from rfgen_sionna.generative.diffusion.text import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
 from rfgen_sionna.generative.diffusion.text_training import roughened
 from rfgen_sionna.generative.environment import wishes
-from rfgen_sionna.generative.environment.captions import named
 
 TOKENS = MAX_WORDS + 2
 """Tokens a prompt and its view take: the numbers, the sentence as a whole, its words."""
@@ -105,16 +104,6 @@ class PlaceEncoder(SentenceEncoder):
         every = dict(zip(self.places, chances, strict=True))
         best = max(self.read(text).places or self.places, key=every.__getitem__)
         return best, every[best]
-
-    @torch.no_grad()
-    def things_in(self, text: str) -> tuple[str, ...]:
-        """The furniture that a text names, and that the encoder hears in it where it is a caption: one of a place."""
-        said = self.read(text)
-        if not said.places:
-            return said.things
-        chances = self.mentioned(self(tokenise([text]).to(self.place.device)).pooled).sigmoid()[0].tolist()
-        heard = named([thing for thing, chance in zip(self.things, chances, strict=True) if chance > 0.5])
-        return tuple(sorted({*said.things, *heard}))
 
 
 @dataclass(frozen=True)

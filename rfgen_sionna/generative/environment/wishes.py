@@ -30,9 +30,14 @@ class Named:
     """Phrases that name neither."""
 
     @property
+    def meant(self) -> tuple[tuple[str, ...], ...]:
+        """For each of the words, the kinds that it may mean."""
+        return tuple(kinds for _, kinds in self.words)
+
+    @property
     def things(self) -> tuple[str, ...]:
         """All kinds of furniture, doors and windows, in alphabetical order."""
-        return tuple(sorted({kind for _, kinds in self.words for kind in kinds}))
+        return tuple(sorted({kind for kinds in self.meant for kind in kinds}))
 
 
 def read(text: str) -> Named:
