@@ -5,8 +5,8 @@ A table is a top and four legs, a tree a stem and a crown, a car its wheels and 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -134,6 +134,8 @@ class Place:
     """What the pieces are built of, one after the other."""
     owner: NDArray[np.intp]
     """(part,) piece that each belongs to, ascending."""
+    finishes: Mapping[str, str] = field(default_factory=dict)
+    """What kinds are mostly made of, by names of :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
 
     @classmethod
     def of(cls, scene: FurnishedScene) -> Place:
@@ -157,7 +159,7 @@ class Place:
             kinds.append(item.kind)
             parts.append(built(points, faces, axes))
         owner = np.repeat(np.arange(len(parts)), [len(each) for each in parts])
-        return cls(Bricks.joined(wholes), tuple(kinds), shell, Bricks.joined(parts), owner)
+        return cls(Bricks.joined(wholes), tuple(kinds), shell, Bricks.joined(parts), owner, scene.finishes)
 
     def without(self, kinds: Collection[str]) -> Place:
         """The same place without pieces of some kinds; floor and walls stay. Nothing stands on pieces of furniture:
@@ -173,6 +175,7 @@ class Place:
             int(np.sum(kept < self.shell)),
             self.parts[parts],
             np.searchsorted(kept, self.owner[parts]),
+            self.finishes,
         )
 
     @classmethod

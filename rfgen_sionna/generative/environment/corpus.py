@@ -16,6 +16,7 @@ from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.sketch import mirrored
 from rfgen_sionna.generative.environment.text import Sentence, ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.records import IntArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
@@ -43,6 +44,8 @@ class Corpus:
     """(view, 3, row, column) of pairs: what a hurried tracer would have seen."""
     sketches: NDArray[np.float16] | None = None
     """(view, CHANNELS, row, column) of :mod:`.sketch`; kinds are numbered as `things`."""
+    layouts: IntArray | None = None
+    """(view,) seeds of the furnished places."""
 
     def __len__(self) -> int:
         return len(self.views)
@@ -155,6 +158,7 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched
         views,
         np.concatenate(before) if pairs else None,
         np.concatenate(sketches) if sketched else None,
+        data.layout,
     )
 
 

@@ -1,15 +1,16 @@
 """What an image is expected to be, given a sketch, and how far images stray from that.
 
 A wall is where its brick is and returns what walls do at that range and incidence; of a tree's brick a part is sky. For
-each kind of thing there is a plane through what training views were, the spread of how bright one of them is as a whole
-(its material), and the spread of each latent on what it covers. A network has to draw how an image differs from this:
-nothing on most of a wall, much where things end.
+each kind of thing there is a plane through what training views were, how bright it is in each finish, and the spread of
+each latent on what it covers. A network has to draw how an image differs from this: nothing on most of a wall, much
+where things end.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,8 @@ from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished.finishes import FINISHES
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
@@ -37,6 +40,8 @@ _RIDGE = 30.0
 """Pixels' worth of doubt."""
 _ENOUGH = 20
 """Pixels of a kind that tell how bright it is."""
+_UNFINISHED = 1.0
+"""Views' worth of doubt whether the finish matters."""
 _PURE = 0.99
 """Share of a patch from which it counts as of one kind."""
 _LEAST_RANGE = 0.3
@@ -62,22 +67,24 @@ class Expectation:
     planes: FloatArray
     """(kind, TERMS, 3) to the channels of energy, range and validity."""
     brighter: FloatArray
-    """(2, place, kind) mean and spread, over a place's views, of how much brighter all of a kind is than the plane
-    says, in the channel of energy."""
-    material: FloatArray
-    """(kind,) number of what it is made of: walls of one place are alike."""
+    """(2, 1 + finish, kind) mean and spread, over views, of how much brighter all of a kind is than the plane says, in
+    the channel of energy: whatever its finish, and in each of them."""
     within: FloatArray
     """(kind, latent) variance of latents where a patch shows one kind."""
     between: FloatArray
     """(kind, latent) variance where it shows several."""
+    finishes: tuple[str, ...] = ()
+    """Names of the finishes."""
 
     @classmethod
     def fit(cls, corpus: Corpus, kinds: int, vae: PatchAutoencoder, codec: PirCodec, seed: int = 0) -> Expectation:
         """Least squares over training views, for as many `kinds`, of which the corpus's things are the first; kinds
-        that were hardly seen come out as the mean over all."""
+        that were hardly seen come out as the mean over all. What things are made of is known of corpora of furnished
+        places."""
         if corpus.sketches is None:
             raise ValueError("data: the sketches were not read")
-        some = np.random.default_rng([seed, 47]).permutation(len(corpus))[:_VIEWS].tolist()
+        some = np.random.default_rng([seed, 47]).permutation(len(corpus))[:_VIEWS]
+        some = np.sort(some).tolist()  # views of one layout follow each other
         squares, products = np.zeros((kinds, TERMS, TERMS)), np.zeros((kinds, TERMS, 3))
         for i in some:
             sketch = corpus.sketches[i].astype(np.float64)
@@ -93,18 +100,18 @@ class Expectation:
         doubt = _RIDGE * everything / max(everything[0, 0], 1.0) + 1e-6 * np.eye(TERMS)
         fitted = zip(squares + doubt, products + doubt @ whole, strict=True)
         planes = np.stack([np.linalg.solve(square, product) for square, product in fitted])
-        latents, places = vae.config.latent_channels, len(corpus.names)
-        wall = [number for number, name in enumerate(corpus.things, start=1) if name.endswith(" wall")]
-        material = np.arange(kinds, dtype=np.float64)
-        material[wall] = min(wall, default=0)
+        latents, names = vae.config.latent_channels, tuple(FINISHES)
         none = np.zeros((kinds, latents))
-        flat = cls(planes, np.zeros((2, places, kinds)), material, none, none)
-        moments = np.zeros((3, places, kinds))
+        flat = cls(planes, np.zeros((2, 1 + len(names), kinds)), none, none, names)
+        moments = np.zeros((3, 1 + len(names), kinds))
+        every = np.arange(kinds)
         sums, counts = np.zeros((2, kinds, latents)), np.zeros((2, kinds))
         for i in some:
             sketch, image = corpus.sketches[i].astype(np.float32), corpus.images[i].astype(np.float32)
             bright = flat.offsets_of(image, sketch, corpus.views[i], codec)
-            moments[:, corpus.places[i]] += [bright != 0, bright, bright**2]
+            layout = None if corpus.layouts is None else int(corpus.layouts[i])
+            made_of = {} if layout is None else _finishes(corpus.names[corpus.places[i]], layout)
+            moments[:, flat.rows(made_of, corpus.things), every] += [bright != 0, bright, bright**2]
             apart = torch.from_numpy(image - flat.image(sketch, corpus.views[i], codec, bright))[None]
             with torch.no_grad():
                 size = (vae.encode(apart).latent_dist.mode() - vae.encode(0 * apart).latent_dist.mode())[0].square()
@@ -115,7 +122,7 @@ class Expectation:
                 counts[which] += shares[:, where].sum(axis=1)
         mean = sums.sum(axis=1, keepdims=True) / np.maximum(counts.sum(axis=1)[:, None, None], 1.0)
         within, between = (sums + 2.0 * mean) / (counts[..., None] + 2.0)
-        return cls(planes, _moments(moments), material, within, between)
+        return cls(planes, _moments(moments), within, between, names)
 
     def image(
         self, sketch: NDArray[np.floating], facts: ViewFacts, codec: PirCodec, bright: FloatArray
@@ -137,12 +144,19 @@ class Expectation:
         total = np.bincount(kind[there], (image[0] - plain[0]).ravel()[there], minlength=len(self.planes))
         return np.where(count >= _ENOUGH, total / np.maximum(count, 1), 0.0)
 
-    def drawn_offsets(self, place: int, seed: int) -> FloatArray:
-        """(kind,) how bright each kind is in a place, as far as what it is made of decides."""
+    def rows(self, made_of: Mapping[str, str], things: Sequence[str]) -> NDArray[np.intp]:
+        """(kind,) which row of `brighter` each kind is in, by the names of the first kinds, `things`, and what each is
+        `made_of`; the first where that isn't known."""
+        known = {name: number for number, name in enumerate(self.finishes, start=1)}
+        rows = np.zeros(len(self.planes), np.intp)
+        rows[1 : 1 + len(things)] = [known.get(made_of.get(thing, ""), 0) for thing in things]
+        return rows
+
+    def drawn_offsets(self, made_of: Mapping[str, str], things: Sequence[str], seed: int) -> FloatArray:
+        """(kind,) how bright each kind is where things are `made_of` that; what the finish leaves open is drawn."""
         rng = np.random.default_rng([seed, 109])
-        mean, spread = self.brighter[:, place]
-        drawn = np.clip(rng.standard_normal(len(mean)), -2.5, 2.5)[self.material.astype(np.intp)]
-        return np.asarray(mean + spread * drawn)
+        mean, spread = self.brighter[:, self.rows(made_of, things), np.arange(len(self.planes))]
+        return np.asarray(mean + spread * np.clip(rng.standard_normal(len(mean)), -2.5, 2.5))
 
     def of(
         self,
@@ -175,20 +189,29 @@ class Expectation:
     @property
     def tables(self) -> dict[str, FloatArray]:
         """Everything, for a file."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        return {name: getattr(self, name) for name in _TABLES}
 
     @classmethod
-    def from_tables(cls, tables: Mapping[str, FloatArray]) -> Expectation:
+    def from_tables(cls, tables: Mapping[str, FloatArray], finishes: Sequence[str]) -> Expectation:
         """From what a file holds."""
-        return cls(**{each.name: np.asarray(tables[each.name], np.float64) for each in fields(cls)})
+        return cls(**{name: np.asarray(tables[name], np.float64) for name in _TABLES}, finishes=tuple(finishes))
+
+
+_TABLES = ("planes", "brighter", "within", "between")
+
+
+@lru_cache(maxsize=256)
+def _finishes(place: str, layout: int) -> Mapping[str, str]:
+    """What the things of a layout are made of."""
+    return furnished(place, layout).finishes
 
 
 def _moments(sums: FloatArray) -> FloatArray:
-    """(2, place, kind) mean and spread from (3, place, kind) counts, sums and sums of squares; where a place has hardly
-    any of a kind those over all places have their part."""
-    whole = sums.sum(axis=1, keepdims=True)
-    many = np.maximum(whole[0], 1.0)
-    sums = sums + 3.0 * np.stack([np.ones_like(whole[0]), whole[1] / many, whole[2] / many])
+    """(2, 1 + finish, kind) mean and spread from (3, 1 + finish, kind) counts, sums and sums of squares; the first row
+    becomes those of all, which have their part where there is hardly any of a kind in a finish."""
+    sums[:, 0] = sums.sum(axis=1)
+    many = np.maximum(sums[0, 0], 1.0)
+    sums = sums + _UNFINISHED * np.stack([np.ones_like(many), sums[1, 0] / many, sums[2, 0] / many])[:, None]
     mean = sums[1] / sums[0]
     return np.stack([mean, np.sqrt(np.maximum(sums[2] / sums[0] - mean**2, 0.0))])
 

@@ -81,13 +81,11 @@ def imagine(
     `wishes`; the other arguments are those of :func:`draw`."""
     guide = guide or Guide()
     if wishes is not None and model.expectation is not None:
-        shown = []
+        shown, bright, things = [], [], model.text.things
         for wish in wishes:
             room = wish.room()
-            shown.append(room.seen(wish.view).channels(room.place, model.text.things, model.codec))
-        bright = [
-            model.expectation.drawn_offsets(model.text.places.index(wish.wanted.place), wish.seed) for wish in wishes
-        ]
+            shown.append(room.seen(wish.view).channels(room.place, things, model.codec))
+            bright.append(model.expectation.drawn_offsets(room.place.finishes, things, wish.seed))
         sampler = replace(sampler, spread=SPREAD * sampler.spread)
         guide = sketched(model, guide, np.stack(shown), [facts_of(wish.view) for wish in wishes], bright)
     drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)

@@ -230,7 +230,12 @@ def _loss(
     at: int | None = None,
 ) -> Tensor:
     count = scheduler.config.num_train_timesteps
-    steps = torch.randint(count, (len(clean),), generator=generator) if at is None else torch.full((len(clean),), at)
+    if at is None:
+        # One from each of as many equal parts as there are images: gradients differ less from step to step.
+        parts = torch.arange(len(clean)) + torch.rand(len(clean), generator=generator)
+        steps = (parts * (count / len(clean))).long().clamp(max=count - 1)
+    else:
+        steps = torch.full((len(clean),), at)
     noise = torch.randn(clean.shape, generator=generator).to(clean)
     steps = steps.to(clean.device)
     target = target_of(scheduler, clean, noise, steps)

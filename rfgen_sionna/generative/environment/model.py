@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     )
     from torch import Tensor
 
-FORMAT = "rfgen-environment-2"
+FORMAT = "rfgen-environment-3"
 CONTROL_FORMAT = "rfgen-environment-control-3"
 BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
 _DOUBT = "doubt."
@@ -156,6 +156,7 @@ def write_model(path: Path, model: EnvironmentModel) -> None:
         "things": model.text.things,
         "facts": model.facts,
         "polish": asdict(model.polish),
+        "finishes": model.expectation.finishes if model.expectation is not None else (),
     }
     exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
     if model.expectation is not None:
@@ -211,7 +212,7 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
     codec = PirCodec(**_tuples(header["codec"]))
     polish = Polish(**_tuples(header.get("polish", {})))
     tables = {k.removeprefix("expectation."): v.numpy() for k, v in tensors.items() if k.startswith("expectation.")}
-    expected = Expectation.from_tables(tables) if tables else None
+    expected = Expectation.from_tables(tables, header["finishes"]) if tables else None
     model = EnvironmentModel(unet, vae, text, codec, shape, header["facts"], polish, expected)
     return model if known is None else replace(model, control=known.net, control_facts=known.facts, doubt=known.doubt)
 

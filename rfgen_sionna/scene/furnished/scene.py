@@ -17,7 +17,7 @@ from rfgen_sionna.scene.furnished.piece import merge
 from rfgen_sionna.scene.furnished.shapes import Part
 from rfgen_sionna.scene.load import RadarScene, StaticObject
 from rfgen_sionna.scene.materials import warn_uncovered
-from rfgen_sionna.scene.mesh import face_normals
+from rfgen_sionna.scene.mesh import face_normals, lengths
 
 CEILING_OF_THE_SKY = 30.0
 """Height [m] up to which a radar may stand outdoors."""
@@ -97,6 +97,16 @@ class FurnishedScene(RadarScene):
             for (kind, _, part), owner in zip(self._parts, self._owners, strict=True)
             if owner < 0
         )
+
+    @cached_property
+    def finishes(self) -> dict[str, str]:
+        """What most of the surface of each kind of object is made of, by the names of
+        :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
+        areas: dict[str, dict[str, float]] = {}
+        for kind, _, part in self._parts:
+            own = areas.setdefault(kind, {})
+            own[part.finish] = own.get(part.finish, 0.0) + float(lengths(face_normals(part.points, part.faces)).sum())
+        return {kind: max(found, key=found.__getitem__) for kind, found in areas.items()}
 
     @cached_property
     def interior(self) -> Interior | None:

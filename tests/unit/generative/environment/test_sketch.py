@@ -17,7 +17,7 @@ from rfgen_sionna.generative.environment.expectation import Expectation, Expecte
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import KINDS
 from rfgen_sionna.generative.environment.imagining import Wish, imagine, sketched
-from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
+from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError, read_model
 from rfgen_sionna.generative.environment.render import render
 from rfgen_sionna.generative.environment.rooms import FIRST_SEED, Wanted, choose_room
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
@@ -31,6 +31,7 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished.finishes import FINISHES
 from rfgen_sionna.scene.furnished.piece import corners, legs
 from rfgen_sionna.scene.furnished.shapes import block, joined, leaves, tube
 
@@ -199,13 +200,19 @@ def test_what_is_expected_of_a_wall_is_a_wall(reader: EnvironmentModel) -> None:
         reader.expectation.of(no_sketch(1, 64, 64), [facts], [plain], reader.vae, CODEC)
 
 
-def test_how_bright_a_thing_is_comes_from_the_place_and_the_seed(reader: EnvironmentModel, corpus: Corpus) -> None:
+def test_how_bright_a_thing_is_comes_from_its_finish_and_the_seed(reader: EnvironmentModel, corpus: Corpus) -> None:
     assert reader.expectation is not None
-    learnt = replace(reader.expectation, brighter=np.stack([np.full((10, KINDS), 0.1), np.full((10, KINDS), 0.05)]))
-    drawn = np.array([learnt.drawn_offsets(0, seed) for seed in range(400)])
-    np.testing.assert_allclose(drawn.mean(axis=0), 0.1, atol=0.015)
+    table = np.stack([np.full((3, KINDS), 0.1), np.full((3, KINDS), 0.05)])
+    table[0, 2] = -0.4
+    learnt = replace(reader.expectation, brighter=table, finishes=("plaster", "brickwork"))
+    made_of = {"far wall": "brickwork", "left wall": "plaster", "a ghost": "brickwork"}
+    things = ("far wall", "left wall", "right wall")
+    drawn = np.array([learnt.drawn_offsets(made_of, things, seed) for seed in range(400)])
+    np.testing.assert_array_equal(learnt.rows(made_of, things)[:5], [0, 2, 1, 0, 0])
+    np.testing.assert_allclose(np.delete(drawn, 1, axis=1).mean(axis=0), 0.1, atol=0.015)
+    assert drawn[:, 1].mean() == pytest.approx(-0.4, abs=0.015)
     np.testing.assert_allclose(drawn.std(axis=0), 0.05, rtol=0.15)
-    np.testing.assert_array_equal(drawn[3], learnt.drawn_offsets(0, 3))
+    np.testing.assert_array_equal(drawn[3], learnt.drawn_offsets(made_of, things, 3))
     facts, (sketch, _) = corpus.views[0], a_wall(4.0, corpus.views[0])
     bright = np.zeros(KINDS)
     bright[1] = 0.2
@@ -213,6 +220,26 @@ def test_how_bright_a_thing_is_comes_from_the_place_and_the_seed(reader: Environ
     found = learnt.offsets_of(image, sketch[0], facts, CODEC)
     assert found[1] == pytest.approx(0.2, abs=0.02)
     assert np.abs(np.delete(found, 1)).max() < 0.02
+
+
+def test_walls_are_as_bright_as_what_they_are_made_of() -> None:
+    """Concrete returns more than plasterboard in training views, and a drawn room of it does, too."""
+    model = read_model()
+    assert model.expectation is not None
+    offsets = {
+        finish: model.expectation.drawn_offsets({"far wall": finish}, model.text.things, 1)[
+            1 + model.text.things.index("far wall")
+        ]
+        for finish in ("plaster", "masonry")
+    }
+    low, high = model.codec.energy_db
+    assert 0.5 * (high - low) * (offsets["masonry"] - offsets["plaster"]) > 3.0
+    scene = furnished("office", 5)
+    assert {"far wall", "floor", "desk"} <= scene.finishes.keys() == {*scene.kinds}
+    assert Place.of(scene).finishes == scene.finishes
+    for kind, finish in scene.finishes.items():
+        own = {item.material for name, item in zip(scene.kinds, scene.objects, strict=True) if name == kind}
+        assert FINISHES[finish].material in own, kind
 
 
 def test_a_network_that_says_nothing_draws_a_normal_distribution_about_what_is_expected(
