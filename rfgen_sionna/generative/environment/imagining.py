@@ -11,11 +11,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rfgen_sionna.generative.environment.flashes import flashes
 from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
 from rfgen_sionna.generative.environment.rooms import Room, Wanted, choose_room
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 
@@ -79,18 +81,30 @@ def imagine(
 ) -> FloatArray:
     """(image, 3, row, column) finished images, each over the sketch of its wish, or from words alone where there are no
     `wishes`; the other arguments are those of :func:`draw`."""
-    guide = guide or Guide()
+    guide, flashing = guide or Guide(), []
     if wishes is not None and model.expectation is not None:
         shown, bright, things = [], [], model.text.things
         for wish in wishes:
             room = wish.room()
-            shown.append(room.seen(wish.view).channels(room.place, things, model.codec))
+            sketch = room.seen(wish.view)
+            shown.append(sketch.channels(room.place, things, model.codec))
             bright.append(model.expectation.drawn_offsets(room.place.finishes, things, wish.seed))
+            flashing.append(flashes(room.place, sketch, room.moved(wish.view)))
         sampler = replace(sampler, spread=SPREAD * sampler.spread)
         guide = sketched(model, guide, np.stack(shown), [facts_of(wish.view) for wish in wishes], bright)
     drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
     finished = model.polish(drawn)
+    if flashing:
+        finished = _with_flashes(finished, np.stack(flashing), model.codec)
     if guide.keep is None:
         return finished
     known = np.kron(guide.keep.cpu().numpy(), np.ones((1, 1, PATCH, PATCH))) > 0
     return np.where(known, drawn, finished)
+
+
+def _with_flashes(images: FloatArray, energy: FloatArray, codec: PirCodec) -> FloatArray:
+    """(image, 3, row, column) channels, no weaker than flashes of some energy (image, row, column)."""
+    level = codec.encode_arrays(energy, np.zeros_like(energy), np.zeros_like(energy), clip=True)[:, 0]
+    images = images.copy()
+    images[:, 0] = np.where((energy > 0) & (images[:, 2] > -2 / 3), np.maximum(images[:, 0], level), images[:, 0])
+    return images

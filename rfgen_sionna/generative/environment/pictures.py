@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.generative.environment.captions import named
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.metrics import Physical
 from rfgen_sionna.generative.environment.path_evaluation import pir_of
@@ -32,7 +33,8 @@ def sheet(
     path: Path,
     each: int = 1,
 ) -> None:
-    """Write a picture: for each place, `each` views' energy and range, rendered above, drawn for the same words below.
+    """Write a picture: for each place, `each` views' energy and range, rendered above, drawn for the same words below;
+    those of which the render shows most kinds of furniture.
 
     Args:
         corpus: rendered views.
@@ -42,7 +44,9 @@ def sheet(
         path: the file.
         each: views of each place.
     """
-    chosen = [k for p in np.unique(corpus.places) for k in np.flatnonzero(corpus.places[index] == p)[:each].tolist()]
+    kinds = np.array([len(named(corpus.objects[i])) for i in index.tolist()])
+    most = np.argsort(-kinds, kind="stable")
+    chosen = [k for p in np.unique(corpus.places) for k in most[corpus.places[index[most]] == p][:each].tolist()]
     real = Physical.of(corpus.images[index[chosen]], codec)
     drawn = Physical.of(images[chosen], codec)
     rows: list[_Row] = [

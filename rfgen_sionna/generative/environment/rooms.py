@@ -74,7 +74,12 @@ class Room:
 
     def seen(self, view: View) -> Sketch:
         """What a view in the caller's world shows."""
-        return shown(self.place, _moved(view, self.offset))
+        return shown(self.place, self.moved(view))
+
+    def moved(self, view: View) -> View:
+        """The view in the world of the place."""
+        x, y, z = view.position
+        return replace(view, position=(x + self.offset[0], y + self.offset[1], z))
 
 
 @lru_cache(maxsize=256)
@@ -178,8 +183,3 @@ def _aimed(away: FloatArray, yaw: float) -> FloatArray:
     """Density of a yaw for somebody who points at each of `away` (target, 2)."""
     off = (yaw - np.arctan2(away[:, 1], away[:, 0]) + np.pi) % (2 * np.pi) - np.pi
     return np.asarray(np.exp(-0.5 * (off / _AIM) ** 2) / (_AIM * np.sqrt(2 * np.pi)))
-
-
-def _moved(view: View, offset: tuple[float, float]) -> View:
-    x, y, z = view.position
-    return replace(view, position=(x + offset[0], y + offset[1], z))
