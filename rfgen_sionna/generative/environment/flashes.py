@@ -39,7 +39,7 @@ def flashes(place: Place, sketch: Sketch, view: View) -> FloatArray:
         sketch: what `view` shows of it: what hides a foot hides its flash.
         view: in the world of the place.
     """
-    found = np.zeros(view.size)
+    found, nearest = np.zeros(view.size), np.full(view.size, np.inf)
     own = np.einsum("bij,bj->bi", place.parts.axes, np.asarray(view.position) - place.parts.centre)
     wavelength = SPEED_OF_LIGHT / FREQUENCY
     for side in range(3):
@@ -50,13 +50,14 @@ def flashes(place: Place, sketch: Sketch, view: View) -> FloatArray:
         for brick in np.flatnonzero(above & (distance > _NEAREST) & ~place.parts.round).tolist():
             towards = -np.sign(own[brick, side]) * place.parts.axes[brick, side]
             pixel, piece = int(view.pixels(towards)), int(place.owner[brick])
-            if pixel < 0 or sketch.piece.ravel()[pixel] != piece:
-                continue
+            if pixel < 0 or sketch.piece.ravel()[pixel] != piece or distance[brick] > nearest[pixel]:
+                continue  # of bricks of one piece the foremost hides the others
+            nearest[pixel] = distance[brick]
             ends = np.stack([-place.parts.half[brick, others], place.parts.half[brick, others]]) - own[brick, others]
             sines, cosines = fresnel(2.0 / np.sqrt(wavelength * distance[brick]) * ends)
             share = np.prod(np.diff(cosines + 1j * sines, axis=0) / (1.0 + 1.0j))
             mirror = (wavelength / (8.0 * np.pi * distance[brick])) ** 2 * abs(share) ** 2
-            found[pixel] += mirror * _coherent(place.finishes.get(place.kinds[piece], ""))
+            found[pixel] = mirror * _coherent(place.finishes.get(place.kinds[piece], ""))
     return found.reshape(view.resolution)
 
 

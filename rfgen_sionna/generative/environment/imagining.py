@@ -81,7 +81,7 @@ def imagine(
 ) -> FloatArray:
     """(image, 3, row, column) finished images, each over the sketch of its wish, or from words alone where there are no
     `wishes`; the other arguments are those of :func:`draw`."""
-    guide, flashing = guide or Guide(), []
+    guide, flashing, sketches = guide or Guide(), [], None
     if wishes is not None and model.expectation is not None:
         shown, bright, things = [], [], model.text.things
         for wish in wishes:
@@ -91,9 +91,10 @@ def imagine(
             bright.append(model.expectation.drawn_offsets(room.place.finishes, things, wish.seed))
             flashing.append(flashes(room.place, sketch, room.moved(wish.view)))
         sampler = replace(sampler, spread=SPREAD * sampler.spread)
-        guide = sketched(model, guide, np.stack(shown), [facts_of(wish.view) for wish in wishes], bright)
+        sketches = np.stack(shown)
+        guide = sketched(model, guide, sketches, [facts_of(wish.view) for wish in wishes], bright)
     drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
-    finished = model.polish(drawn)
+    finished = model.polish(drawn, sketches)
     if flashing:
         finished = _with_flashes(finished, np.stack(flashing), model.codec)
     if guide.keep is None:

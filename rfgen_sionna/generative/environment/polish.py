@@ -1,7 +1,8 @@
 """Surfaces of drawn images made as smooth as surfaces are: diffusion that stops at edges.
 
 The small model leaves a remainder of its noise on what should be one plane. Level and range are smoothed together, each
-pixel with those neighbours that belong to the same surface by both (Perona and Malik 1990); outlines stay.
+pixel with those neighbours that belong to the same surface by both (Perona and Malik 1990), and by the sketch that the
+image was drawn over; outlines stay.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray
 
+_TURN, _STEP = 0.15, 0.1
+"""Differences of a sketch's cosines of incidence and of its ranges, in −1 … 1, between neighbours of two surfaces."""
+
 
 @dataclass(frozen=True)
 class Polish:
@@ -23,18 +27,19 @@ class Polish:
     edge: tuple[float, float] = (0.06, 0.04)
     """Differences of the channels of energy and range between neighbours that count as an edge, in −1 … 1."""
 
-    def __call__(self, images: NDArray[np.floating]) -> FloatArray:
-        """(…, 3, row, column) channels in −1 … 1, smoothed; where nothing returns stays as it is."""
+    def __call__(self, images: NDArray[np.floating], sketches: NDArray[np.floating] | None = None) -> FloatArray:
+        """(…, 3, row, column) channels in −1 … 1, smoothed; where nothing returns stays as it is. `sketches` (…,
+        CHANNELS, row, column) tell surfaces apart that look alike: a door in its wall."""
         x = np.array(images, dtype=np.float64)
         there = x[..., 2, :, :] > -2.0 / 3.0
+        one = {axis: _pairs(there, axis) & (True if sketches is None else _alike(sketches, axis)) for axis in (-2, -1)}
         values = x[..., :2, :, :]
         scale = np.array(self.edge)[:, None, None]
         for _ in range(self.rounds):
             change = np.zeros_like(values)
             for axis in (-2, -1):
                 step = np.diff(values, axis=axis)
-                first, second = _pairs(there, axis)
-                weight = np.exp(-np.sum((step / scale) ** 2, axis=-3)) * (first & second)
+                weight = np.exp(-np.sum((step / scale) ** 2, axis=-3)) * one[axis]
                 flow = 0.2 * weight[..., None, :, :] * step
                 before, after = [(0, 0)] * values.ndim, [(0, 0)] * values.ndim
                 before[axis], after[axis] = (1, 0), (0, 1)
@@ -44,6 +49,13 @@ class Polish:
         return x
 
 
-def _pairs(there: NDArray[np.bool_], axis: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _pairs(there: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
+    """Whether something returns in both of neighbouring pixels."""
     count = there.shape[axis]
-    return np.take(there, range(count - 1), axis=axis), np.take(there, range(1, count), axis=axis)
+    return np.asarray(np.take(there, range(count - 1), axis=axis) & np.take(there, range(1, count), axis=axis))
+
+
+def _alike(sketches: NDArray[np.floating], axis: int) -> NDArray[np.bool_]:
+    """Whether neighbouring pixels of sketches show one surface: of one kind, in one direction, without a step."""
+    reach, cosine, kind = (np.abs(np.diff(sketches[..., channel, :, :], axis=axis)) for channel in (0, 2, -1))
+    return np.asarray((kind == 0) & (cosine < _TURN) & (reach < _STEP))

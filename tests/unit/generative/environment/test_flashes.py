@@ -72,6 +72,8 @@ def test_what_is_aslant_hidden_or_out_of_view_does_not_flash() -> None:
     before = flash(plate(3.0, 0.5, 0.5)).max()
     assert 0.0 < flash(shaded).max() < 1e-2 * before
     assert not flash(replace(two, finishes={"cupboard": "metal"})).any()
+    one = Place(both, ("cupboard", "cupboard"), 0, both, np.zeros(2, np.intp), {"cupboard": "metal"})
+    assert flash(one).max() == pytest.approx(flash(plate(2.0, 0.3, 0.3)).max()), "the back board is behind the door"
 
 
 def test_a_drawn_room_flashes_where_its_walls_are_met_at_right_angles() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.generative.environment.polish import Polish
+from rfgen_sionna.generative.environment.sketch import CHANNELS
 
 
 def image(noise: float) -> np.ndarray:
@@ -33,3 +34,27 @@ def test_where_nothing_returns_nothing_is_changed() -> None:
     np.testing.assert_array_equal(polished[:, :4], rough[:, :4])
     np.testing.assert_array_equal(polished[2], rough[2])
     np.testing.assert_array_equal(Polish()(rough), rough)
+
+
+def test_what_the_sketch_tells_apart_stays_apart() -> None:
+    """A door that is hardly darker than its wall, as far away: smoothed over without the sketch, kept with it."""
+    rng = np.random.default_rng(1)
+    plain = np.zeros((3, 32, 32))
+    plain[0], plain[1], plain[2] = -0.3, -0.6, 1 / 3
+    plain[0, 8:, 12:18] -= 0.03
+    rough = plain.copy()
+    rough[0] += 0.01 * rng.standard_normal((32, 32))
+    sketch = np.zeros((CHANNELS, 32, 32))
+    sketch[-1, 8:, 12:18] = 5.0
+
+    def step(x: np.ndarray) -> float:
+        return float(x[0, 10:, 11].mean() - x[0, 10:, 12].mean())
+
+    without, barred = Polish(rounds=20)(rough), Polish(rounds=20)(rough, sketch)
+    assert step(without) < 0.01 < 0.026 < step(barred) < 0.034
+    for channel, value in ((2, 0.5), (0, 0.3)):  # turned against the wall, before the wall
+        other = np.zeros((CHANNELS, 32, 32))
+        other[channel, 8:, 12:18] = value
+        np.testing.assert_array_equal(Polish(rounds=20)(rough, other), barred)
+    np.testing.assert_array_equal(Polish(rounds=20)(rough[None], sketch[None])[0], barred)
+    assert np.std(barred[0, :8]) < 0.3 * np.std(rough[0, :8])
