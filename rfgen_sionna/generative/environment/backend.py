@@ -206,10 +206,10 @@ class EmbeddedBackend:
         """What a prompt asks of a place that is without some kinds of things."""
         text = self.model.text
         place, _ = text.place_of(prompt)
-        said = text.read(prompt)
-        if is_empty(prompt):
-            without = (*without, *(kind for kind in LOOSE if kind not in said.things))
-        return Wanted(place, said.meant, without)
+        wanted = Wanted(place, text.read(prompt).meant, without)
+        if not is_empty(prompt):
+            return wanted
+        return replace(wanted, without=(*without, *(kind for kind in LOOSE if not wanted.wants(kind))))
 
     def _tell_absent(self, prompt: str, wish: Wish) -> None:
         """Warn of what the prompt asks for and the place that is drawn does not have, or not in view."""

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.flashes import flashes
+from rfgen_sionna.generative.environment.flashes import Flashes, flashes
 from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
 from rfgen_sionna.generative.environment.rooms import Room, Wanted, choose_room
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw
@@ -19,7 +19,7 @@ from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 SPREAD = 0.5
 """Of the noise over a sketch, against that of the sampler: what it leaves open is less than the network, as it is,
@@ -81,7 +81,8 @@ def imagine(
 ) -> FloatArray:
     """(image, 3, row, column) finished images, each over the sketch of its wish, or from words alone where there are no
     `wishes`; the other arguments are those of :func:`draw`."""
-    guide, flashing, sketches = guide or Guide(), [], None
+    guide, sketches = guide or Guide(), None
+    flashing: list[Flashes] = []
     if wishes is not None and model.expectation is not None:
         shown, bright, things = [], [], model.text.things
         for wish in wishes:
@@ -95,17 +96,17 @@ def imagine(
         guide = sketched(model, guide, sketches, [facts_of(wish.view) for wish in wishes], bright)
     drawn = draw(model, scheduler, sampler, tokens, against, noise, guide, progress)
     finished = model.polish(drawn, sketches)
-    if flashing:
-        finished = _with_flashes(finished, np.stack(flashing), model.codec)
-    if guide.keep is None:
-        return finished
-    known = np.kron(guide.keep.cpu().numpy(), np.ones((1, 1, PATCH, PATCH))) > 0
-    return np.where(known, drawn, finished)
+    if guide.keep is not None:
+        known = np.kron(guide.keep.cpu().numpy(), np.ones((1, 1, PATCH, PATCH))) > 0
+        finished = np.where(known, drawn, finished)
+    return _with_flashes(finished, flashing, model.codec) if flashing else finished
 
 
-def _with_flashes(images: FloatArray, energy: FloatArray, codec: PirCodec) -> FloatArray:
-    """(image, 3, row, column) channels, no weaker than flashes of some energy (image, row, column)."""
-    level = codec.encode_arrays(energy, np.zeros_like(energy), np.zeros_like(energy), clip=True)[:, 0]
+def _with_flashes(images: FloatArray, flashing: Sequence[Flashes], codec: PirCodec) -> FloatArray:
+    """(image, 3, row, column) channels, no weaker than the flashes of each."""
+    energy, reach = (np.stack(each) for each in zip(*flashing, strict=True))
+    flash = codec.encode_arrays(energy, 2.0 / SPEED_OF_LIGHT * reach, np.zeros_like(energy), clip=True)
+    stronger = (energy > 0) & (images[:, 2] > -2 / 3) & (flash[:, 0] > images[:, 0])
     images = images.copy()
-    images[:, 0] = np.where((energy > 0) & (images[:, 2] > -2 / 3), np.maximum(images[:, 0], level), images[:, 0])
+    images[:, :2] = np.where(stronger[:, None], flash[:, :2], images[:, :2])
     return images

@@ -230,15 +230,17 @@ def _loss(
     at: int | None = None,
 ) -> Tensor:
     count = scheduler.config.num_train_timesteps
-    if at is None:
-        # One from each of as many equal parts as there are images: gradients differ less from step to step.
-        parts = torch.arange(len(clean)) + torch.rand(len(clean), generator=generator)
-        steps = (parts * (count / len(clean))).long().clamp(max=count - 1)
-    else:
-        steps = torch.full((len(clean),), at)
+    steps = _spread_steps(len(clean), count, generator) if at is None else torch.full((len(clean),), at)
     noise = torch.randn(clean.shape, generator=generator).to(clean)
     steps = steps.to(clean.device)
     target = target_of(scheduler, clean, noise, steps)
     noisy = scheduler.add_noise(clean, noise, steps).to(base.unet.dtype)
     guess = base.unet(noisy, steps, **base.words(texts, views)).sample
     return torch.nn.functional.mse_loss(guess.float(), target.float())
+
+
+def _spread_steps(images: int, count: int, generator: torch.Generator) -> Tensor:
+    """(image,) time steps, one from each of as many equal parts of `count` as there are images: gradients differ less
+    from one batch to the next than with steps from anywhere."""
+    parts = torch.arange(images) + torch.rand(images, generator=generator)
+    return (parts * (count / images)).long().clamp(max=count - 1)

@@ -55,8 +55,12 @@ class Wanted:
         wanted = any(kind in meant for meant in self.things)
         return kind in self.without or (not wanted and any(_is(kind, excluded) for excluded in self.without))
 
+    def wants(self, kind: str) -> bool:
+        """Whether a kind is one of the things: who wants a chair has it in an office chair."""
+        return any(_is(kind, each) for meant in self.things for each in meant)
+
     def met(self, kinds: Collection[str]) -> list[bool]:
-        """Of each of the things, whether it is among `kinds`: who wants a chair has it in an office chair."""
+        """Of each of the things, whether it is among `kinds`."""
         return [any(_is(kind, each) for kind in kinds for each in meant) for meant in self.things]
 
 
@@ -111,10 +115,10 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
             score = _score(room, view, wanted) - 5.0 * (not anywhere and offset != (0.0, 0.0))
             if best is None or score > best[0]:
                 best = score, room
-            if score >= enough:
-                return room
+            if score >= enough and all(wanted.met(room.seen(view).kinds(place))):
+                return room  # a coarse look may be wrong about small things
         built += 1
-        if built == BUILT and best is not None:
+        if built >= BUILT and best is not None:
             break
     if best is None:
         limit = f"; the ceiling of the last is {scene.layout.height:.2f} m high" if scene.layout.indoors else ""

@@ -3,8 +3,8 @@
 A small network learns what a sofa or a hedge returns sooner than where one stands, that walls are flat, and how a room
 looks from elsewhere. So the furnishing of :mod:`rfgen_sionna.scene.furnished` decides where things stand, and each is
 built of a few bricks (:mod:`.bricks`). What the network is told of a pixel is the brick in front of it: range,
-incidence, where on the piece, of which kind; and how far floor and walls lie. Surfaces, materials, brightness, glints,
-and what is too small for a brick are the network's.
+incidence, where on the piece, of which kind; and how far floor and walls lie. Surfaces, glints of what isn't flat, and
+what is too small for a brick are the network's.
 """
 
 from __future__ import annotations

@@ -133,7 +133,17 @@ def _finer(
     arrival = np.where(one, smooth, arrival)
     level = np.log(np.maximum(pir.energy, 1e-30))
     energy = np.where(one & (energy > 0), np.exp(map_coordinates(level, where, order=1, mode="nearest")), energy)
-    return energy * (rows * columns) / (resolution[0] * resolution[1]), arrival
+    # As much comes from a pixel's place as did: interpolation of decibels takes most from single bright ones.
+    coarse = min(rows, resolution[0]), min(columns, resolution[1])
+
+    def places(shape: tuple[int, int]) -> NDArray[np.intp]:
+        row, column = (np.arange(n) * m // n for n, m in zip(shape, coarse, strict=True))
+        return np.asarray(row[:, None] * coarse[1] + column)
+
+    before = np.bincount(places((rows, columns)).ravel(), pir.energy.ravel(), coarse[0] * coarse[1])
+    after = np.bincount(places(resolution).ravel(), energy.ravel(), coarse[0] * coarse[1])
+    scale = np.divide(before, after, out=np.zeros(len(before)), where=after > 0)
+    return energy * scale[places(resolution)], arrival
 
 
 def _split(distance: FloatArray, energy: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraError, find_lora, read_facts
 from rfgen_sionna.generative.environment.backend import load_embedded
 from rfgen_sionna.generative.environment.bases import EmbeddedBase, StableDiffusionBase
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.lora_training import LoraRecipe, choose_rate, train_lora
+from rfgen_sionna.generative.environment.lora_training import LoraRecipe, _spread_steps, choose_rate, train_lora
 from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, Shape, write_model
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 
@@ -258,3 +259,13 @@ def test_the_base_has_no_text_encoder_to_adapt(corpus: Corpus, model_folder: Pat
     with pytest.raises(ValueError, match="text_encoder"):
         choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), corpus, corpus, tmp_path, recipe, [1e-3])
     assert (model_folder / CONTROL_FILE).is_file()
+
+
+def test_time_steps_of_a_batch_are_spread_evenly() -> None:
+    drawn = torch.stack([_spread_steps(16, 1000, torch.Generator().manual_seed(k)) for k in range(200)])
+    part = torch.arange(16) * 62.5
+    assert ((drawn > part - 1) & (drawn < part + 62.5)).all(), "one from each sixteenth"
+    assert drawn.min() < 5
+    assert drawn.max() > 995
+    assert abs(float(drawn.double().mean()) - 499.5) < 5.0
+    assert torch.equal(drawn[3], _spread_steps(16, 1000, torch.Generator().manual_seed(3)))

@@ -147,6 +147,12 @@ def test_an_empty_place_holds_what_is_named_alone() -> None:
     held = {*choose_room(wish, AHEAD, 2).place.kinds}
     assert held & {*LOOSE, "door"} == {"office chair"}
     assert backend.wanted("an office", ("door",)) == Wanted("office", (), ("door",))
+    wish = backend.wanted("an empty office with a chair", ())
+    assert not wish.excludes("office chair")
+    assert wish.excludes("desk")
+    room = choose_room(wish, AHEAD, 0)
+    assert {*LOOSE} & {*room.place.kinds} <= {"chair", "office chair"}
+    assert wish.met(room.seen(replace(AHEAD, resolution=(64, 64))).kinds(room.place)) == [True]
 
 
 def test_words_that_say_nothing_known_exclude_nothing(text: PlaceEncoder) -> None:
