@@ -12,6 +12,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import fresnel
 
 from rfgen_sionna.generative.environment.bricks import Place
@@ -83,7 +84,7 @@ def flashes(place: Place, sketch: Sketch, view: View) -> Flashes:
     return Flashes(energy.reshape(view.resolution), reach.reshape(view.resolution))
 
 
-def _around(view: View, direction: FloatArray) -> tuple[np.ndarray, FloatArray]:
+def _around(view: View, direction: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
     """Pixels of the view around a direction (3,), four at most, and each one's share of what comes from there."""
     row, column = (float(x) for x in view.coordinates(direction))
     if not (-0.5 <= row < view.resolution[0] - 0.5 and -0.5 <= column < view.resolution[1] - 0.5):

@@ -112,11 +112,14 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
         place = place.without([kind for kind in set(place.kinds) if wanted.excludes(kind)])
         for offset in _offsets(scene, view, rng, anywhere):
             room = Room(place, offset)
-            score = _score(room, view, wanted) - 5.0 * (not anywhere and offset != (0.0, 0.0))
+            score = _score(room, replace(view, resolution=_COARSE), wanted)
+            if score >= enough:
+                score = _score(room, view, wanted)  # a coarse look may be wrong about small things
+            score -= 5.0 * (not anywhere and offset != (0.0, 0.0))
             if best is None or score > best[0]:
                 best = score, room
-            if score >= enough and all(wanted.met(room.seen(view).kinds(place))):
-                return room  # a coarse look may be wrong about small things
+            if score >= enough:
+                return room
         built += 1
         if built >= BUILT and best is not None:
             break
@@ -145,7 +148,7 @@ def _offsets(
 
 def _score(room: Room, view: View, wanted: Wanted) -> float:
     """How many of the things a view of a room shows, much less where something is too near."""
-    sketch = room.seen(replace(view, resolution=_COARSE))
+    sketch = room.seen(view)
     kinds = sketch.kinds(room.place)
     reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
     blocked = bool(reach.min() < NEAREST or np.median(reach) < SPACE)

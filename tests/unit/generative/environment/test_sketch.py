@@ -10,6 +10,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna.generative.environment import rooms
 from rfgen_sionna.generative.environment.bricks import Bricks, Place, built
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.data import PLACES, PirData
@@ -296,6 +297,20 @@ def test_rooms_show_what_words_name_and_not_what_they_exclude() -> None:
         without += "television" in room.seen(view).kinds(room.place)
     assert shown >= 11 > bare + 2
     assert without == 0
+
+
+def test_what_a_coarse_look_takes_for_shown_is_looked_for_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = rooms._score
+
+    def hasty(room: rooms.Room, view: View, wanted: Wanted) -> float:
+        coarse = view.resolution == rooms._COARSE
+        return float(len(wanted.things)) if coarse else honest(room, view, wanted)
+
+    monkeypatch.setattr(rooms, "_score", hasty)
+    view, wish = replace(AHEAD, resolution=(64, 64)), Wanted("living room", (("television",),))
+    for seed in range(4):
+        room = choose_room.__wrapped__(wish, view, seed, anywhere=True)
+        assert wish.met(room.seen(view).kinds(room.place)) == [True]
 
 
 def test_other_views_of_a_room_see_the_same_room(model: EnvironmentModel) -> None:
