@@ -14,9 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import rfgen_sionna as rfgen
-from rfgen_sionna.generative.environment.shooting import Ranges, Stage, choose_shot, fields_of_view
-from rfgen_sionna.pir.raster import Raster
-from rfgen_sionna.radar.pose import rotation_matrix
+from rfgen_sionna.generative.environment.shooting import Ranges, Stage, choose_shot
 from rfgen_sionna.scene import MaterialRangeWarning
 from rfgen_sionna.scene.furnished import PLACES
 
@@ -35,8 +33,7 @@ radar = rfgen.Radar.load("awr1843")
 
 def photograph(stage, shot, pixels):
     """(row, column, 3) colours in daylight: what a camera beside the radar would see."""
-    view = Raster(pixels, pixels, fields_of_view(shot.fov_deg, pixels, pixels), rotation_matrix(shot.orientation))
-    directions = view.beams(1)[0]
+    directions = shot.view((pixels, pixels)).directions.reshape(-1, 3)
     hits = stage.rays.first_hit(shot.position, directions)
     hit = hits.object >= 0
     corners = stage.rays.corners(hits.facet[hit])

@@ -25,6 +25,7 @@ from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, Imagining, check_kind, set_up
 from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
 from rfgen_sionna.pir import View, image
+from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
@@ -71,6 +72,7 @@ def generate(
     look_at: tuple[float, float, float] | None = None,
     pir_resolution: tuple[int, int] | None = None,
     fov_deg: float | tuple[float, float] | None = None,
+    projection: str = "perspective",
     max_bounces: int | None = 1,
     transmission: bool = False,
     motion: str = "auto",
@@ -132,6 +134,8 @@ def generate(
     pir_resolution, fov_deg
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file, by default (128, 128) and 60.
         Imagined surroundings are by default 64 x 64 pixels and 90 degrees: beyond the field of view is nothing.
+    projection
+        Of those images: "perspective", or "equirectangular", azimuth and elevation evenly.
     max_bounces, transmission
         Most surfaces on a path, and whether walls and glass are seen through, as in
         :class:`~rfgen_sionna.simulation.Simulator`.
@@ -170,7 +174,7 @@ def generate(
     kind = check_kind(surroundings, asked, imagining)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
-    resolution, fov = _view(pir_resolution, fov_deg, kind)
+    resolution, fov = _view(pir_resolution, fov_deg, projection, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     radar = _placed(radar, preset, radar_position, look_at)
     radar.to_dict()  # what no file can hold is refused now
@@ -186,7 +190,9 @@ def generate(
     _check_size(duration, radar, resolution, target)
     # What they refuse is refused before a scene is read, and before a body is built.
     count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
-    setting = set_up(asked, kind, radar, seed=seed, imagining=imagining, fov_deg=fov, resolution=resolution)
+    setting = set_up(
+        asked, kind, radar, seed=seed, imagining=imagining, fov_deg=fov, resolution=resolution, projection=projection
+    )
     scene = setting.scene
     Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces, transmission=transmission)
 
@@ -242,14 +248,15 @@ def generate(
     )
     middle = 0.5 * radar.waveform.frame_length
     frames = simulator.frames(duration, seed=seed, receiver=impairments, device=device)
-    view = View(resolution, check_view(resolution, fov)[2], radar.position, radar.orientation)
+    shape = check_projection(projection)
+    view = View(resolution, check_view(resolution, fov, shape)[2], radar.position, radar.orientation, shape)
     with RunWriter(target, info, overwrite=overwrite) as writer:
         for frame in frames:
             t = frame.time + middle
             writer.append(
                 frame.samples,
                 time=frame.time,
-                pir=image(frame.paths, view, t) if frame.paths else simulator.pir(t, resolution, fov),
+                pir=image(frame.paths, view, t) if frame.paths else simulator.pir(t, resolution, fov, projection=shape),
                 mesh_time=t,
                 full_scale=frame.full_scale,
                 clipped=frame.clipped,
@@ -263,12 +270,12 @@ def generate(
 
 
 def _view(
-    resolution: tuple[int, int] | None, fov_deg: float | tuple[float, float] | None, kind: str
+    resolution: tuple[int, int] | None, fov_deg: float | tuple[float, float] | None, projection: str, kind: str
 ) -> tuple[tuple[int, int], float | tuple[float, float]]:
     """Resolution and field of view [degrees] of the images in the file, checked."""
     usual = (IMAGE_PIXELS, IMAGE_FOV) if kind == "diffusion" else ((128, 128), 60.0)
     resolution, fov = usual[0] if resolution is None else resolution, usual[1] if fov_deg is None else fov_deg
-    check_view(resolution, fov)
+    check_view(resolution, fov, projection)
     return resolution, fov
 
 

@@ -302,6 +302,7 @@ class Pir:
     orientation: tuple[float, float, float]
     """Yaw, pitch, roll of the viewpoint [rad], Sionna's convention."""
     projection: str = "perspective"
+    """"perspective", or "equirectangular": columns are evenly spaced in azimuth and rows in elevation."""
     time: float = 0.0
     """Instant [s]."""
 

@@ -15,6 +15,7 @@ from rfgen_sionna.echoes import echoes, stretches
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.fused import Fusion, Refiner
 from rfgen_sionna.pir.fusion import image, together
+from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
@@ -213,13 +214,15 @@ class Simulator:
         position: Vector | None = None,
         orientation: Vector | None = None,
         bounces: int = 1,
+        projection: str = "perspective",
     ) -> Pir:
         """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` surfaces.
 
         It is rendered by :func:`~rfgen_sionna.pir.render_pir`; surroundings that are known from an image are rasterised
         together with the actors' paths, for which their own resolution and field of view suit best.
         """
-        rows, columns, angles = check_view(resolution, fov_deg)
+        shape = check_projection(projection)
+        rows, columns, angles = check_view(resolution, fov_deg, shape)
         instant = _time("t", t)
         view = self.radar.placed(position=position, orientation=orientation)
         if self._fusion is not None:
@@ -227,9 +230,18 @@ class Simulator:
                 raise ValueError("position: an image of surroundings is seen from where the radar stands: give None")
             if bounces != 1:
                 raise ValueError(f"bounces is {bounces!r}: surroundings from an image reflect nothing, 1 is needed")
-            own = View((rows, columns), angles, view.position, view.orientation)
+            own = View((rows, columns), angles, view.position, view.orientation, shape)
             return image(self._fusion.instant(instant), own, instant)
-        pir = render_pir(self.tracer, instant, resolution, fov_deg, view.position, view.orientation, bounces=bounces)
+        pir = render_pir(
+            self.tracer,
+            instant,
+            resolution,
+            angles,
+            view.position,
+            view.orientation,
+            bounces=bounces,
+            projection=shape,
+        )
         if self.radar.trajectory is None:
             return pir
         here = self.radar.at(instant)

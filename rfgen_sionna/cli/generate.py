@@ -115,6 +115,9 @@ def generate(
         float | None,
         typer.Option(help="Horizontal field of view of the images in degrees (default: 60, imagined 90)."),
     ] = None,
+    projection: Annotated[
+        str, typer.Option(help='Of the images: "perspective", or "equirectangular", azimuth and elevation evenly.')
+    ] = "perspective",
     max_bounces: Annotated[
         int,
         typer.Option(min=1, max=3, help="Most surfaces on a path; 2 and 3 have ghosts and corners, and take longer."),
@@ -178,6 +181,7 @@ def generate(
             look_at=target_point,
             pir_resolution=resolution,
             fov_deg=fov_deg,
+            projection=projection,
             max_bounces=max_bounces,
             transmission=transmission,
             motion=motion,

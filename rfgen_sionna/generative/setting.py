@@ -174,6 +174,7 @@ def set_up(
     imagining: Imagining = Imagining(),
     fov_deg: float | tuple[float, float] = IMAGE_FOV,
     resolution: tuple[int, int] = IMAGE_PIXELS,
+    projection: str = "perspective",
 ) -> Setting:
     """The surroundings that are asked for; `kind` is that of :func:`check_kind`.
 
@@ -187,8 +188,8 @@ def set_up(
         Of the layout, or of the drawing.
     imagining
         How a place is imagined.
-    fov_deg, resolution
-        Field of view and (rows, columns) of an imagined image.
+    fov_deg, resolution, projection
+        Field of view, (rows, columns) and projection of an imagined image.
     """
     if asked is None or kind == "none":
         return Setting(load_scene(None), "")
@@ -203,7 +204,16 @@ def set_up(
         size = f"{layout.x[1] - layout.x[0]:.1f} x {layout.y[1] - layout.y[0]:.1f} m"
         what = f"{place} of {size} with {sum(layout.kinds.values())} pieces"
         return Setting(room, f"furnished {place}", decisions=(Decision("place", what, drawn(seed)),))
-    return _imagined(asked, place, radar, seed=seed, imagining=imagining, fov_deg=fov_deg, resolution=resolution)
+    return _imagined(
+        asked,
+        place,
+        radar,
+        seed=seed,
+        imagining=imagining,
+        fov_deg=fov_deg,
+        resolution=resolution,
+        projection=projection,
+    )
 
 
 def _imagined(
@@ -215,6 +225,7 @@ def _imagined(
     imagining: Imagining,
     fov_deg: float | tuple[float, float],
     resolution: tuple[int, int],
+    projection: str,
 ) -> Setting:
     from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 
@@ -226,6 +237,7 @@ def _imagined(
         negative=imagining.negative,
         fov_deg=fov_deg,
         resolution=resolution,
+        projection=projection,
         position=here.position,
         orientation=here.orientation,
         seed=seed,

@@ -150,6 +150,8 @@ class AuthorsCodec:
         ------
         ImageRangeError
             If energies or depths are out of the convention's range and `clip` doesn't hold them at its ends.
+        ValueError
+            If the projection isn't perspective.
         """
         there = (pir.energy > 0) & np.isfinite(pir.time_of_arrival)
         depth = np.where(there, 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival, self.nearest) / _slant(pir)
@@ -206,6 +208,8 @@ def check_image(image: ArrayLike, *, clip: bool = False) -> FloatArray:
 def _slant(pir: Pir) -> FloatArray:
     """(row, column) length of a ray over its depth along the line of sight, at the pixels' middles."""
     view = View.of(pir)
+    if view.projection != "perspective":
+        raise ValueError(f"pir.projection is {view.projection!r}: the authors' pictures are in 'perspective'")
     return np.asarray(1.0 / (view.directions @ rotation_matrix(view.orientation)[:, 0]))
 
 

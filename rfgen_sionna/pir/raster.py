@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.pir.projection import ImagePlane, Projection
 from rfgen_sionna.records import FloatArray
 
 Indices: TypeAlias = NDArray[np.integer[Any]]
@@ -29,20 +30,21 @@ class Raster:
     """Horizontal, vertical."""
     rotation: FloatArray
     """(3, 3) from the viewpoint's frame, which looks along +x with +y to the left, to the world."""
+    projection: Projection = "perspective"
 
     @property
     def size(self) -> int:
         return self.rows * self.columns
 
     @cached_property
-    def _half(self) -> FloatArray:
-        """Half the extents (horizontal, vertical) of the image plane at distance 1."""
-        return np.asarray(np.tan(np.radians(self.fov_deg) / 2))
+    def _plane(self) -> ImagePlane:
+        return ImagePlane(self.projection, self.fov_deg)
 
     @property
     def pixel(self) -> float:
-        """Longer edge of a pixel in the image plane at distance 1, about its angle [rad]."""
-        return float(2 * max(self._half[0] / self.columns, self._half[1] / self.rows))
+        """Longer edge of a pixel in the middle of the image, about its angle [rad]."""
+        half = self._plane.half
+        return float(2 * max(half[0] / self.columns, half[1] / self.rows))
 
     def split(self, patch: float, pixels: int) -> int:
         """Into how many patches, `patch` [m] wide at `PATCH_RANGE`, each edge of `pixels` of the pixels is split."""
@@ -61,31 +63,25 @@ class Raster:
 
     def pixels(self, directions: FloatArray) -> Indices:
         """(ray,) the pixels that directions (ray, 3) fall into, -1 for those outside of the image."""
-        x, y, z = (directions @ self.rotation).T
-        ahead = x > 1e-6
-        depth = np.where(ahead, x, 1.0)
-        column = np.floor(0.5 * self.columns * (1 - y / depth / self._half[0])).astype(np.int64)
-        row = np.floor(0.5 * self.rows * (1 - z / depth / self._half[1])).astype(np.int64)
-        inside = ahead & (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
-        return np.where(inside, row * self.columns + column, -1)
+        left, up = self._plane.places(directions @ self.rotation)
+        row, column = np.floor(0.5 * self.rows * (1 - up)), np.floor(0.5 * self.columns * (1 - left))
+        inside = (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
+        return np.where(inside, np.where(inside, row * self.columns + column, 0), -1).astype(np.int64)
 
     def directions(self, row: FloatArray, column: FloatArray) -> FloatArray:
         """(..., 3) unit vectors through places in pixels from the upper left corner of the image."""
-        y = self._half[0] * (1 - 2 * column / self.columns)
-        z = self._half[1] * (1 - 2 * row / self.rows)
-        vectors = np.stack([np.ones_like(y), y, z], axis=-1)
-        vectors /= np.sqrt(1 + y**2 + z**2)[..., None]
-        return np.asarray(vectors @ self.rotation.T)
+        return np.asarray(self._plane.directions(*self._places(row, column)) @ self.rotation.T)
+
+    def _places(self, row: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return 1 - 2 * column / self.columns, 1 - 2 * row / self.rows
 
     def beams(self, split: int) -> tuple[FloatArray, FloatArray, Indices]:
         """Directions (beam, 3), solid angles (beam,) [sr] and pixels (beam,) of `split` times `split` beams each."""
         down, right = ((np.arange(count * split) + 0.5) / split for count in (self.rows, self.columns))
         row, column = (grid.ravel() for grid in np.meshgrid(down, right, indexing="ij"))
-        y = self._half[0] * (1 - 2 * column / self.columns)
-        z = self._half[1] * (1 - 2 * row / self.rows)
-        cell = 4 * self._half[0] * self._half[1] / (self.size * split**2)
+        cell = 4 / (self.size * split**2) * self._plane.density(*self._places(row, column))
         pixel = row.astype(np.int64) * self.columns + column.astype(np.int64)
-        return self.directions(row, column), np.asarray(cell / (1 + y**2 + z**2) ** 1.5), pixel
+        return self.directions(row, column), cell, pixel
 
     def places(self, pixel: Indices, place: Indices, split: int) -> tuple[FloatArray, FloatArray]:
         """Row and column of patches in pixels from the first pixel's centre; `place` is a patch's number within."""

@@ -55,5 +55,6 @@ def rasterise(paths: RadarPaths, view: View, t: float) -> Pir:
         fov_deg=view.fov_deg,
         position=view.position,
         orientation=view.orientation,
+        projection=view.projection,
         time=float(t),
     )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import operator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.pir.projection import check_fov, check_projection
 from rfgen_sionna.pir.raster import Indices, Raster
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
@@ -42,6 +42,7 @@ def render_pir(
     patch_wavelengths: float = PATCH_WAVELENGTHS,
     bounces: int = 1,
     tubes: bool = True,
+    projection: str = "perspective",
 ) -> Pir:
     """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
 
@@ -65,7 +66,8 @@ def render_pir(
     resolution
         (rows, columns).
     fov_deg
-        Horizontal field of view [degrees], with square pixels, or (horizontal, vertical).
+        Horizontal field of view [degrees], with square pixels, or (horizontal, vertical): below 180 in perspective, up
+        to (360, 180) in an equirectangular image.
     position, orientation
         Viewpoint [m] and its yaw, pitch, roll [rad]; those of the radar if None.
     patch_wavelengths
@@ -77,20 +79,24 @@ def render_pir(
         time are in (:mod:`rfgen_sionna.tracing.gloss`). Where the tracer sees through slabs, so do tubes.
     tubes
         False leaves tubes out, which take minutes in a furnished room: the diffuse returns alone are added.
+    projection
+        "perspective", or "equirectangular": azimuth and elevation evenly
+        (:class:`~rfgen_sionna.pir.projection.ImagePlane`).
 
     Raises
     ------
     ValueError
-        If the resolution, the field of view, `patch_wavelengths` or `bounces` is out of range.
+        If the resolution, the projection, the field of view, `patch_wavelengths` or `bounces` is out of range.
     """
-    rows, columns, fov = check_view(resolution, fov_deg)
+    shape = check_projection(projection)
+    rows, columns, fov = check_view(resolution, fov_deg, shape)
     if not 0.25 <= patch_wavelengths <= 100.0:
         raise ValueError(f"patch_wavelengths is {patch_wavelengths!r}: a number of 0.25 … 100 is needed")
     if isinstance(bounces, bool) or bounces not in range(1, MOST_BOUNCES + 1):
         raise ValueError(f"bounces is {bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
     position = tracer.radar.position if position is None else position
     orientation = tracer.radar.orientation if orientation is None else orientation
-    view = Raster(rows, columns, fov, rotation_matrix(orientation))
+    view = Raster(rows, columns, fov, rotation_matrix(orientation), shape)
     stage = Stage.of(tracer, t, np.asarray(position, dtype=np.float64))
     field = rotation_matrix(orientation) @ np.asarray(POLARIZATIONS["V"])
     counts, beams = np.ones(view.size, dtype=np.bool_), Returns.none()
@@ -129,6 +135,7 @@ def render_pir(
         fov_deg=fov,
         position=position,
         orientation=orientation,
+        projection=shape,
         time=float(t),
     )
 
@@ -240,7 +247,7 @@ def _blend(a: ComplexArray, row: FloatArray, column: FloatArray, own: Indices, v
 
 
 def check_view(
-    resolution: tuple[int, int], fov_deg: float | tuple[float, float]
+    resolution: tuple[int, int], fov_deg: float | tuple[float, float], projection: str = "perspective"
 ) -> tuple[int, int, tuple[float, float]]:
     """Rows, columns and (horizontal, vertical) field of view [degrees], or a ValueError that says what is allowed."""
     try:
@@ -249,16 +256,4 @@ def check_view(
         rows = columns = 0
     if not (1 <= rows <= 4096 and 1 <= columns <= 4096):
         raise ValueError(f"resolution is {resolution!r}: (rows, columns), whole numbers in 1 … 4096, are needed")
-    try:
-        angles = np.asarray(fov_deg, dtype=np.float64)
-    except (TypeError, ValueError):
-        angles = np.array([])
-    if isinstance(fov_deg, bool) or angles.shape not in ((), (2,)) or not ((angles > 0) & (angles < 180)).all():
-        raise ValueError(
-            f"fov_deg is {fov_deg!r}: an angle above 0 and below 180 degrees, or (horizontal, vertical), is needed"
-        )
-    if angles.shape == (2,):
-        return rows, columns, (float(angles[0]), float(angles[1]))
-    horizontal = float(angles)
-    vertical = math.degrees(2 * math.atan(math.tan(math.radians(horizontal) / 2) * rows / columns))
-    return rows, columns, (horizontal, vertical)
+    return rows, columns, check_fov(fov_deg, check_projection(projection), (rows, columns))

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.pir.projection import ImagePlane, Projection, check_projection
 from rfgen_sionna.radar.pose import Vector, rotation_matrix
 from rfgen_sionna.records import FloatArray, Pir
 
 
 @dataclass(frozen=True)
 class View:
-    """A perspective view: square to the boresight, row 0 on top, column 0 on the left."""
+    """A view: row 0 on top, column 0 on the left."""
 
     resolution: tuple[int, int]
     """(rows, columns)."""
@@ -23,6 +25,7 @@ class View:
     """Viewpoint, world frame [m]."""
     orientation: Vector
     """Yaw, pitch, roll [rad], Sionna's convention."""
+    projection: Projection = "perspective"
 
     @classmethod
     def of(cls, pir: Pir) -> View:
@@ -31,12 +34,11 @@ class View:
         Raises
         ------
         ValueError
-            If its projection is not perspective.
+            If its projection is unknown.
         """
-        if pir.projection != "perspective":
-            raise ValueError(f"pir.projection is {pir.projection!r}: 'perspective' is needed")
         rows, columns = pir.energy.shape
-        return cls((rows, columns), pir.fov_deg, pir.position, pir.orientation)
+        projection = check_projection(pir.projection)
+        return cls((rows, columns), pir.fov_deg, pir.position, pir.orientation, projection)
 
     @property
     def size(self) -> int:
@@ -50,34 +52,18 @@ class View:
 
     @property
     def solid_angles(self) -> FloatArray:
-        """(row, column) of the pixels [sr]: of a small rectangle square to the boresight, at the pixel's middle."""
-        rows, columns = self.resolution
-        half = self._half
-        y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
-        z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
-        stretch = (1 + y[None, :] ** 2 + z[:, None] ** 2) ** -1.5
-        return np.asarray(4 * half[0] * half[1] / self.size * stretch)
+        """(row, column) of the pixels [sr], as large all over as at their middles."""
+        return np.asarray(4 / self.size * self.plane.density(*self._grid(1)))
 
     def subpixels(self, split: int) -> FloatArray:
         """(row * split, column * split, 3) unit vectors through the middles of pixels that are split evenly."""
-        rows, columns = (split * count for count in self.resolution)
-        half = self._half
-        y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
-        z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
-        grid_z, grid_y = np.meshgrid(z, y, indexing="ij")
-        vectors = np.stack([np.ones_like(grid_y), grid_y, grid_z], axis=-1)
-        vectors /= np.linalg.norm(vectors, axis=-1, keepdims=True)
-        return np.asarray(vectors @ rotation_matrix(self.orientation).T)
+        return np.asarray(self.plane.directions(*self._grid(split)) @ rotation_matrix(self.orientation).T)
 
     def coordinates(self, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Row and column of directions (..., 3), counted in pixels from the first pixel's middle; NaN behind the
-        viewpoint."""
-        device = directions @ rotation_matrix(self.orientation)
-        ahead = np.where(device[..., 0] > 1e-9, device[..., 0], np.nan)
-        half = self._half
-        column = 0.5 * (1 - device[..., 1] / ahead / half[0]) * self.resolution[1] - 0.5
-        row = 0.5 * (1 - device[..., 2] / ahead / half[1]) * self.resolution[0] - 0.5
-        return row, column
+        """Row and column of directions (..., 3), counted in pixels from the first pixel's middle; NaN where the
+        projection has no place for them."""
+        left, up = self.plane.places(directions @ rotation_matrix(self.orientation))
+        return 0.5 * (1 - up) * self.resolution[0] - 0.5, 0.5 * (1 - left) * self.resolution[1] - 0.5
 
     def pixels(self, directions: FloatArray) -> NDArray[np.intp]:
         """(...,) index of the pixel, row by row, that directions (..., 3) fall into; -1 outside of the view."""
@@ -86,7 +72,14 @@ class View:
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         return np.where(inside, np.where(inside, row, 0) * columns + np.where(inside, column, 0), -1).astype(np.intp)
 
-    @property
-    def _half(self) -> FloatArray:
-        """Tangent of half the field of view, horizontal and vertical."""
-        return np.asarray(np.tan(np.radians(self.fov_deg) / 2))
+    @cached_property
+    def plane(self) -> ImagePlane:
+        """Where directions lie on the image."""
+        return ImagePlane(self.projection, self.fov_deg)
+
+    def _grid(self, split: int) -> tuple[FloatArray, FloatArray]:
+        """(row * split, column * split) places (left, up) of the middles of pixels that are split evenly."""
+        rows, columns = (split * count for count in self.resolution)
+        left = 1 - (2 * np.arange(columns) + 1) / columns
+        up = 1 - (2 * np.arange(rows) + 1) / rows
+        return np.broadcast_to(left, (rows, columns)), np.broadcast_to(up[:, None], (rows, columns))

@@ -79,6 +79,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu", "--max-bounces", "2", "--transmission"),
         *("--surroundings", "diffusion", "--negative-environment", "sofa", "--no-refine"),
         *("--environment-model", "folder", "--environment-lora", "owner/lora", "--fov-deg", "80"),
+        *("--projection", "equirectangular"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -107,6 +108,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
         "look_at": (3.0, 0.0, 1.0),
         "pir_resolution": (32, 64),
         "fov_deg": 80.0,
+        "projection": "equirectangular",
         "max_bounces": 2,
         "transmission": True,
         "motion": "diffusion",

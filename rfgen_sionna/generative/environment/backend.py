@@ -20,13 +20,14 @@ from rfgen_sionna.generative.environment.sampling import Guide, Sampler, memory_
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.generative.environment.wishes import is_empty
 from rfgen_sionna.generative.furniture import LOOSE
+from rfgen_sionna.pir.projection import Projection
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
 Progress = Callable[[int, int], None]
 
-FOV_DEG = (35.0, 110.0)
-"""Fields of view that the embedded model draws [degrees]; it was shown 40 … 100."""
+FOV_DEG: dict[Projection, tuple[float, float]] = {"perspective": (35.0, 110.0), "equirectangular": (35.0, 160.0)}
+"""Fields of view that the embedded model draws [degrees]; it was shown 40 … 100 in perspective."""
 
 
 class UnknownThingWarning(UserWarning):
@@ -144,10 +145,15 @@ class EmbeddedBackend:
 
     def check_view(self, view: View) -> None:
         """Refuse fields of view that it was never shown."""
+        low, high = FOV_DEG[view.projection]
         for name, angle in zip(("horizontal", "vertical"), view.fov_deg, strict=True):
-            if not FOV_DEG[0] <= angle <= FOV_DEG[1]:
+            if not low <= angle <= high:
+                wider = ""
+                if view.projection == "perspective" and high < angle <= FOV_DEG["equirectangular"][1]:
+                    wider = ", an equirectangular view up to {:g}".format(FOV_DEG["equirectangular"][1])
                 raise ValueError(
-                    f"fov_deg: {angle:.4g} degrees {name}; the environment model draws {FOV_DEG[0]:g} … {FOV_DEG[1]:g}"
+                    f"fov_deg: {angle:.4g} degrees {name}; the environment model draws {low:g} … {high:g} in "
+                    f"{view.projection} views{wider}"
                 )
 
     def tokens(self, prompt: str, negative: str, view: View) -> tuple[Tensor, Tensor]:

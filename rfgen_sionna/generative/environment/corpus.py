@@ -16,6 +16,7 @@ from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.sketch import mirrored
 from rfgen_sionna.generative.environment.text import Sentence, ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.records import IntArray
 
 if TYPE_CHECKING:
@@ -146,8 +147,10 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched
         if pairs:
             before.append(codec.encode_arrays(*data.incomplete(index), clip=True).astype(np.float16))
     views = [
-        ViewFacts((float(f[0]), float(f[1])), float(h), float(p), float(y))
-        for f, h, p, y in zip(data.fov_deg, data.height, data.pitch, data.yaw, strict=True)
+        ViewFacts((float(f[0]), float(f[1])), float(h), float(p), float(y), float(r), check_projection(shape))
+        for f, h, p, y, r, shape in zip(
+            data.fov_deg, data.height, data.pitch, data.yaw, data.roll, data.projection, strict=True
+        )
     ]
     return Corpus(
         np.concatenate(images),

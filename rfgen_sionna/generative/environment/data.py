@@ -142,6 +142,8 @@ class PirData:
     """(view,) [rad], positive looks down."""
     yaw: FloatArray
     """(view,) [rad], positive is to the left."""
+    roll: FloatArray
+    """(view,) [rad]"""
     position: FloatArray
     """(view, 3) [m]"""
     projection: list[str]
@@ -194,6 +196,7 @@ class PirData:
             height=joined["height"],
             pitch=joined["pitch"],
             yaw=joined["yaw"],
+            roll=joined["roll"],
             position=joined["position"],
             projection=joined["projection"].tolist(),
             layout=joined["layout"],
@@ -233,7 +236,7 @@ class PirData:
     def take(self, index: Sequence[int] | NDArray[np.intp]) -> PirData:
         """The views that `index` counts out, in its order."""
         chosen = np.asarray(index, dtype=np.intp)
-        arrays = ("places", "fov_deg", "height", "pitch", "yaw", "position", "layout", "people", "where")
+        arrays = ("places", "fov_deg", "height", "pitch", "yaw", "roll", "position", "layout", "people", "where")
         lists = ("captions", "objects", "absent", "projection", "split")
         taken: dict[str, Any] = {name: getattr(self, name)[chosen] for name in arrays}
         taken |= {name: [getattr(self, name)[i] for i in chosen] for name in lists}

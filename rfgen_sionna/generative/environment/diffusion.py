@@ -10,6 +10,7 @@ from rfgen_sionna.generative.environment.kept import Kept
 from rfgen_sionna.generative.environment.views import NATIVE, imagined_so_far, resized
 from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed
+from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar.pose import Vector, vector
@@ -82,6 +83,7 @@ class EnvironmentDiffusion:
         resolution: tuple[int, int] = NATIVE,
         position: Vector = (0.0, 0.0, 1.0),
         orientation: Vector = (0.0, 0.0, 0.0),
+        projection: str = "perspective",
         seed: int = 0,
         progress: Callable[[int, int], None] | None = None,
     ) -> Pir:
@@ -100,6 +102,8 @@ class EnvironmentDiffusion:
             (rows, columns).
         position, orientation
             Viewpoint [m] and its yaw, pitch, roll [rad].
+        projection
+            "perspective", or "equirectangular" (azimuth and elevation evenly).
         seed
             The same prompt, views and seed give the same images; later views depend on those that were asked for
             before them.
@@ -115,8 +119,7 @@ class EnvironmentDiffusion:
         DeviceMemoryError
             If the device's memory doesn't suffice.
         """
-        rows, columns, fov = check_view(resolution, fov_deg)
-        view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
+        (rows, columns), view = _view(resolution, fov_deg, position, orientation, projection)
         self._check(prompt, negative, view)
         check_seed(seed)
         environment = prompt, negative, int(seed), self.sampler
@@ -141,6 +144,7 @@ class EnvironmentDiffusion:
         resolution: tuple[int, int] = NATIVE,
         position: Vector = (0.0, 0.0, 1.0),
         orientation: Vector = (0.0, 0.0, 0.0),
+        projection: str = "perspective",
         batch: int = 16,
         progress: Callable[[int, int], None] | None = None,
     ) -> list[Pir]:
@@ -153,8 +157,7 @@ class EnvironmentDiffusion:
             raise ValueError(
                 f"seeds: {len(seeds)} for {len(prompts)} prompts, {batch} at a time; one for each is needed"
             )
-        rows, columns, fov = check_view(resolution, fov_deg)
-        view = View(NATIVE, fov, vector("position", position), vector("orientation", orientation))
+        (rows, columns), view = _view(resolution, fov_deg, position, orientation, projection)
         for prompt, seed in zip(prompts, seeds, strict=True):
             self._check(prompt, negative, view)
             check_seed(seed)
@@ -173,3 +176,16 @@ class EnvironmentDiffusion:
         if not view.position[2] > 0:
             raise ValueError(f"position: {view.position[2]:g} m high, and the floor is z = 0; above it is needed")
         self._backend.check_view(view)
+
+
+def _view(
+    resolution: tuple[int, int],
+    fov_deg: float | tuple[float, float],
+    position: Vector,
+    orientation: Vector,
+    projection: str,
+) -> tuple[tuple[int, int], View]:
+    """The resolution that is asked for, and the view with the pixels that are drawn."""
+    shape = check_projection(projection)
+    rows, columns, fov = check_view(resolution, fov_deg, shape)
+    return (rows, columns), View(NATIVE, fov, vector("position", position), vector("orientation", orientation), shape)

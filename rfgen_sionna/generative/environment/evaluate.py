@@ -57,6 +57,10 @@ def main(
     data: Data,
     out: Out,
     model: Annotated[Path | None, typer.Option(help="Model; none: the one that ships.")] = None,
+    other: Annotated[
+        list[Path] | None,
+        typer.Option(help="Views of another kind, rolled or in another projection, of layouts not seen; repeat it."),
+    ] = None,
     pairs: Annotated[Path | None, typer.Option(help="Folder of pairs; none: path diffusion isn't examined.")] = None,
     control: Annotated[Path | None, typer.Option(help="ControlNet; none: the one beside the model.")] = None,
     lora_base: Annotated[Path | None, typer.Option(help="Model that has not seen --lora-place.")] = None,
@@ -122,6 +126,18 @@ def main(
             write()
             if seed == 0:
                 sheet(test, which.first, images, own.codec, out / "environment-model.png")
+        for folder in other or ():
+            part = PirData.open(folder)
+            if np.isin(part.layout, views.select(split="train").layout).any():
+                raise typer.BadParameter(f"other: {folder} shares layouts with the training split; render another seed")
+            task = bar.add_task(folder.name, total=1, note="")
+            figures, _, _ = examine(
+                own, read_corpus(part, own.codec), part.layout, bank, judge, sampler=sampler, each=each, seed=0,
+                sketched=sketched,
+            )  # fmt: skip
+            report.setdefault("other views", {})[folder.name] = figures
+            bar.update(task, completed=1)
+            write()
         if view_count:
             task = bar.add_task("several views", total=1, note="")
             rooms = EnvironmentDiffusion(model, steps=steps, guidance=guidance, sketched=sketched, half=half)

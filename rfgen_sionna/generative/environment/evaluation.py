@@ -27,7 +27,6 @@ from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Sampler, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 
 Note = Callable[[int, int], None]
@@ -84,8 +83,7 @@ def drawn_like(
 
 def _wish(model: EnvironmentModel, corpus: Corpus, index: int, seed: int) -> Wish:
     """A place of its own for the words and the direction of a view."""
-    facts = corpus.views[index]
-    view = View(NATIVE, facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, facts.roll))
+    view = corpus.views[index].view(NATIVE)
     things = model.text.read(corpus.captions[index]).meant
     return Wish(Wanted(corpus.names[corpus.places[index]], things), view, seed * 1_000_003 + index, anywhere=True)
 
@@ -154,7 +152,6 @@ def examine(
         return judge.right(chances, goal, rooms if together else None)
 
     named, named_together = recognised(chances), recognised(chances, True)
-    shape = [np.array(x) for x in zip(*((v.height, v.pitch, v.fov_deg) for v in first), strict=True)]
     result = {
         "views": len(split.first),
         "layouts": len(np.unique(np.stack([rooms, goal]), axis=1).T),
@@ -170,10 +167,8 @@ def examine(
         "real": floor,
         "frechet over floor": drawn["frechet"] / floor["frechet"],
         "smooth pixels, real of the other half": smooth_share(Physical.of(real_b, model.codec)),
-        "floor where geometry puts it": floor_share(Physical.of(images, model.codec), shape[0], shape[1], shape[2]),
-        "floor where geometry puts it, real": floor_share(
-            Physical.of(real_a, model.codec), shape[0], shape[1], shape[2]
-        ),
+        "floor where geometry puts it": floor_share(Physical.of(images, model.codec), first),
+        "floor where geometry puts it, real": floor_share(Physical.of(real_a, model.codec), first),
         "distance to the nearest training image": float(np.median(nearest(images, bank))),
         "distance to the nearest training image, least": float(np.min(nearest(images, bank))),
         "distance to the nearest training image, real": float(np.median(nearest(real_a, bank))),

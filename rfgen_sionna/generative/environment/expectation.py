@@ -21,7 +21,6 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
@@ -228,7 +227,7 @@ def _shares(kind: NDArray[np.floating], kinds: int) -> FloatArray:
 def _terms(sketch: FloatArray, facts: ViewFacts, codec: PirCodec) -> FloatArray:
     """(row, column, TERMS) what planes are laid through, of a sketch (CHANNELS, row, column)."""
     rows, columns = sketch.shape[1:]
-    angle = View((rows, columns), facts.fov_deg, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).solid_angles
+    angle = facts.view((rows, columns)).solid_angles
     low, high = codec.energy_db
 
     def level(channel: FloatArray) -> FloatArray:

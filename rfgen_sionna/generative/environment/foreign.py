@@ -102,6 +102,11 @@ class StableDiffusionBackend:
 
     def check_view(self, view: View) -> None:
         """Refuse views other than the paper's: words tell such a base nothing about fields of view."""
+        if view.projection != "perspective":
+            raise ValueError(
+                f"projection: {view.projection!r}; images of a Stable Diffusion base are in perspective, the embedded "
+                "model draws others"
+            )
         if any(abs(angle - FOV_DEG) > 0.5 for angle in view.fov_deg):
             raise ValueError(
                 f"fov_deg: {view.fov_deg[0]:.4g} × {view.fov_deg[1]:.4g} degrees; images of a Stable Diffusion base "

@@ -47,6 +47,21 @@ def numbers_of(token: Tensor) -> Tensor:
     return torch.atan2(bands[..., 0], bands[..., half]) / (0.25 * math.pi)
 
 
+def plain(tokens: Tensor) -> Tensor:
+    """(view, 1, WIDTH) tokens of the same views without roll and in perspective: networks that saw no others take what
+    lies where from the maps alone. Tokens of such views stay as they are."""
+    bands = tokens.reshape(len(tokens), _NUMBERS, -1)
+    level = torch.zeros_like(bands)
+    half = bands.shape[-1] // 2
+    phase = 0.5 * math.pi * 2.0 ** (torch.arange(half, device=tokens.device) - 1.0)
+    level[:, :, half:] = 1.0
+    level[:, 6, :half], level[:, 6, half:] = phase.sin(), phase.cos()
+    other = torch.zeros(1, _NUMBERS, 1, dtype=torch.bool, device=tokens.device)
+    other[:, 6:] = True
+    lies = (numbers_of(tokens[:, 0])[:, 6:] - torch.tensor([1.0, 0.0], device=tokens.device)).abs().amax(dim=1) > 0.02
+    return torch.where(other & lies[:, None, None], (level * math.sqrt(2.0)).to(bands), bands).reshape(tokens.shape)
+
+
 def view_maps(token: Tensor, rows: int, columns: int, codec: PirCodec | None = None) -> Tensor:
     """(view, MAPS, row, column) of the views in (view, WIDTH) tokens.
 
@@ -55,16 +70,25 @@ def view_maps(token: Tensor, rows: int, columns: int, codec: PirCodec | None = N
     """
     codec = codec or PirCodec()
     x = numbers_of(token)
-    fov = torch.deg2rad(60.0 * (x[:, :2] + 1.0)).clamp(0.05, 3.0)
+    fov = torch.deg2rad(60.0 * (x[:, :2] + 1.0)).clamp(0.05, 2.0 * math.pi)
     height, pitch = (x[:, 2] + 1.0).clamp(min=0.05), 0.5 * x[:, 3]
     yaw, roll = torch.atan2(x[:, 5], x[:, 4]), torch.atan2(x[:, 7], x[:, 6])
-    half = torch.tan(0.5 * fov)
+    flat = (x[:, 6:].norm(dim=1) > 0.75)[:, None, None, None]
+    half = 0.5 * fov
     across = 1.0 - (2.0 * torch.arange(columns, device=x.device) + 1.0) / columns
     up = 1.0 - (2.0 * torch.arange(rows, device=x.device) + 1.0) / rows
-    left = (half[:, :1] * across)[:, None, :].expand(-1, rows, -1)
-    above = (half[:, 1:] * up)[:, :, None].expand(-1, -1, columns)
+
+    def spread(half: Tensor) -> tuple[Tensor, Tensor]:
+        left = (half[:, :1] * across)[:, None, :].expand(-1, rows, -1)
+        return left, (half[:, 1:] * up)[:, :, None].expand(-1, -1, columns)
+
+    # Both of :class:`~rfgen_sionna.pir.projection.ImagePlane`.
+    left, above = spread(torch.tan(half.clamp(max=1.5)))
     device = torch.stack([torch.ones_like(left), left, above], dim=-1)
-    device = device / device.norm(dim=-1, keepdim=True)
+    azimuth, elevation = spread(half)
+    level = elevation.cos()
+    around = torch.stack([level * azimuth.cos(), level * azimuth.sin(), elevation.sin()], dim=-1)
+    device = torch.where(flat, device / device.norm(dim=-1, keepdim=True), around)
     world = torch.einsum("nij,nrcj->nrci", _rotation(yaw, pitch, roll), device)
     away = world.abs().clamp(min=_LEAST)
 
@@ -179,6 +203,7 @@ class ViewUNet(UNet2DConditionModel):
         with torch.no_grad():
             maps = view_maps(encoder_hidden_states[:, 0], PATCH * rows, PATCH * columns)
             patches = nn.functional.pixel_unshuffle(maps, PATCH).to(self.view_in.weight)
+            words = torch.cat([plain(encoder_hidden_states[:, :1]), encoder_hidden_states[:, 1:]], dim=1)
         added = self.view_in(patches)
         here = torch.ones(1, 1, 1, 1, dtype=torch.bool, device=sample.device)
         if sketch is not None:
@@ -199,9 +224,7 @@ class ViewUNet(UNet2DConditionModel):
         conv = getattr(self.conv_in, "base_layer", self.conv_in)
         conv.added = added
         try:
-            drawn = super().forward(
-                (off / total.sqrt()).to(sample.dtype), timestep, encoder_hidden_states, *args, **kwargs
-            )
+            drawn = super().forward((off / total.sqrt()).to(sample.dtype), timestep, words, *args, **kwargs)
         finally:
             conv.added = None
         rest_of_it = spread * noise / total.sqrt()

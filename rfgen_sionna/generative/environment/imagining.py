@@ -46,7 +46,7 @@ class Wish:
 def facts_of(view: View) -> ViewFacts:
     """What a view tells the embedded model; the floor is z = 0."""
     yaw, pitch, roll = view.orientation
-    return ViewFacts(view.fov_deg, view.position[2], pitch, yaw, roll)
+    return ViewFacts(view.fov_deg, view.position[2], pitch, yaw, roll, view.projection)
 
 
 def sketched(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import wasserstein_distance
 
+from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
@@ -77,27 +79,19 @@ def nearest(images: NDArray[np.floating], bank: NDArray[np.floating]) -> FloatAr
     return np.asarray(np.sqrt(np.mean((rows - closest) ** 2, axis=1)), dtype=np.float64)
 
 
-def floor_share(
-    x: Physical, height: FloatArray, pitch: FloatArray, fov_deg: FloatArray, tolerance: float = 0.05
-) -> float:
+def floor_share(x: Physical, views: Sequence[ViewFacts], tolerance: float = 0.05) -> float:
     """Share of the pixels in the lowest eighth of each image that lie on the floor, within `tolerance` of their range.
 
-    Where the floor is seen follows from field of view, pitch and height alone: an image that ignores one of them has it
-    elsewhere. Views that look up from there are left out.
+    Where the floor is seen follows from field of view, direction and height alone: an image that ignores one of them
+    has it elsewhere. Views that don't look down all over there are left out.
     """
     rows, columns = x.range.shape[1:]
-    hits, count = 0.0, 0
-    for r, h, p, fov in zip(x.range, height, pitch, fov_deg, strict=True):
-        half = np.tan(np.radians(fov) / 2)
-        y = half[0] * (1 - (2 * np.arange(columns) + 1) / columns)
-        z = half[1] * (1 - (2 * np.arange(rows) + 1) / rows)
-        grid_z, grid_y = np.meshgrid(z, y, indexing="ij")
-        up = (-np.sin(p) + np.cos(p) * grid_z) / np.sqrt(1 + grid_y**2 + grid_z**2)
-        low = np.s_[-(rows // 8) :]
-        if up[low].max() > -0.1:
-            continue
-        expected = h / -up[low]
-        with np.errstate(invalid="ignore"):
-            hits += float((np.abs(r[low] - expected) < tolerance * expected).mean())
-        count += 1
-    return hits / count if count else float("nan")
+    low = np.s_[-(rows // 8) :]
+    shares = []
+    for reach, facts in zip(x.range, views, strict=True):
+        up = facts.view((rows, columns)).directions[low][..., 2]
+        if up.max() <= -0.1:
+            expected = facts.height / -up
+            with np.errstate(invalid="ignore"):
+                shares.append(float((np.abs(reach[low] - expected) < tolerance * expected).mean()))
+    return float(np.mean(shares)) if shares else float("nan")

@@ -60,6 +60,7 @@ def pir_of(channels: NDArray[np.floating], view: ViewFacts, codec: PirCodec) -> 
         view.fov_deg,
         (0.0, 0.0, view.height),
         (view.yaw, view.pitch, view.roll),
+        view.projection,
     )
     return codec.decode(channels.astype(np.float64), like, clip=True)
 

@@ -21,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rfgen_sionna.generative.environment.data import PLACES, DataError
 from rfgen_sionna.generative.environment.shards import Kind, Settings, check_folder, shard_file, write_shard
 from rfgen_sionna.generative.environment.shooting import Ranges
+from rfgen_sionna.pir.projection import PROJECTIONS, check_projection
 
 PRESETS = {"paper": 800, "ours": 10_000}
 """Views of the two settings."""
@@ -116,14 +117,22 @@ def main(
         40.0,
         100.0,
     ),
+    roll: Annotated[tuple[float, float], typer.Option(help="About the line of sight, least and greatest [deg].")] = (
+        0.0,
+        0.0,
+    ),
+    projections: Annotated[
+        str, typer.Option(help=f"Comma-separated, as often each; there are {', '.join(PROJECTIONS)}.")
+    ] = PROJECTIONS[0],
     radar: Annotated[str, typer.Option(help="Radar whose band counts: a name or a TOML file.")] = "awr1843",
     workers: Annotated[int, typer.Option(help="Processes; 0 is one for each core.", min=0)] = 0,
 ) -> None:
     """Render images of what a radar receives from furnished places (PIRs), with captions, into HDF5 shards.
 
     Every view is drawn from the seed: a layout, a free spot for the radar, its height, tilt, direction and field of
-    view. Layouts fall into train, validation and test by their seed. Stop it whenever you like: shards that are done
-    stay, the same command goes on where it was, and a larger --count adds to what is there.
+    view, and roll and projection where several are allowed. Layouts fall into train, validation and test by their
+    seed. Stop it whenever you like: shards that are done stay, the same command goes on where it was, and a larger
+    --count adds to what is there.
 
     [bold]The paper's setting:[/bold] --preset paper. [bold]Ours:[/bold] --preset ours, then --kind pairs in a folder of
     its own.
@@ -135,11 +144,11 @@ def main(
         settings = Settings(
             kind=cast(Kind, kind),
             seed=seed,
-            places=tuple(name.strip() for name in places.split(",") if name.strip()),
+            places=_names(places),
             views=views,
             resolution=(resolution, resolution),
             people=(0.5 if kind == "pairs" else 0.0) if people is None else people,
-            ranges=Ranges(height, pitch, fov),
+            ranges=Ranges(height, pitch, fov, roll, tuple(check_projection(name) for name in _names(projections))),
             radar=radar,
         )
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -149,6 +158,10 @@ def main(
         console.print(f"[red]{error}[/red]", highlight=False)
         raise typer.Exit(2) from error
     console.print(f"{made} views rendered, {count or PRESETS[preset]} in {out}")
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 app = typer.Typer(add_completion=False, rich_markup_mode="rich")

@@ -32,11 +32,9 @@ from rfgen_sionna.generative.environment.shooting import (
     Shot,
     Stage,
     choose_shot,
-    fields_of_view,
     place_person,
 )
 from rfgen_sionna.generative.environment.sketch import shown
-from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.actor import Actor
@@ -206,11 +204,11 @@ def _fields(
         "caption": caption(place, seen, rng, people),
         "objects": json.dumps(seen),
         "absent": json.dumps(absent(place, [*scene.layout.kinds, *scene.kinds])),
-        "fov_deg": fields_of_view(shot.fov_deg, rows, columns),
+        "fov_deg": pir.fov_deg,
         "height": shot.position[2],
         "pitch": shot.pitch,
         "yaw": shot.yaw,
-        "roll": 0.0,
+        "roll": shot.roll,
         "position": shot.position,
         "projection": pir.projection,
         "layout": scene.layout.seed,
@@ -224,8 +222,7 @@ def _fields(
 
 
 def _sketched(place: Place, shot: Shot, resolution: tuple[int, int]) -> dict[str, Any]:
-    view = View(resolution, fields_of_view(shot.fov_deg, *resolution), shot.position, shot.orientation)
-    sketch = shown(place, view)
+    sketch = shown(place, shot.view(resolution))
     return {
         "sketch_range": sketch.range,
         "sketch_shell": sketch.shell,
@@ -269,8 +266,15 @@ def check_folder(folder: Path, settings: Settings) -> None:
     for file in sorted(folder.glob("shard-*.h5"))[:1]:
         with h5py.File(file) as shard:
             made = str(shard.attrs.get("command", ""))
-        if made != settings.command():
+        if not made or _complete(made) != _complete(settings.command()):
             raise DataError(
                 f"{file} was made with other settings:\n  {made}\nnot with\n  {settings.command()}\n"
                 "choose another --out, or the same options (a larger --count goes on)"
             )
+
+
+def _complete(command: str) -> dict[str, Any]:
+    """What a file's settings say; those that are younger than it have their defaults."""
+    said: dict[str, Any] = json.loads(command)
+    usual: dict[str, Any] = json.loads(Settings().command())
+    return {**usual, **said, "ranges": {**usual["ranges"], **said.get("ranges", {})}}

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.pir.raster import Raster
+from rfgen_sionna.pir.projection import PROJECTIONS, Projection, check_fov, check_projection
 from rfgen_sionna.pir.render import render_pir
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import FloatArray, Pir
 from rfgen_sionna.scene.furnished import FurnishedScene
 from rfgen_sionna.scene.furnished.layout import Ground
@@ -45,12 +45,22 @@ class Ranges:
     """Positive looks down."""
     fov_deg: tuple[float, float] = (40.0, 100.0)
     """Horizontal."""
+    roll_deg: tuple[float, float] = (0.0, 0.0)
+    """About the line of sight."""
+    projections: tuple[Projection, ...] = PROJECTIONS[:1]
+    """As often each."""
 
     def __post_init__(self) -> None:
-        for name, low, high in (("height", 0.1, 20.0), ("pitch_deg", -89.0, 89.0), ("fov_deg", 1.0, 170.0)):
+        widest = 170.0 if "perspective" in self.projections else 360.0
+        limits = (("height", 0.1, 20.0), ("pitch_deg", -89.0, 89.0), ("fov_deg", 1.0, widest), ("roll_deg", -180, 180))
+        for name, low, high in limits:
             a, b = getattr(self, name)
             if not low <= a <= b <= high:
                 raise ValueError(f"{name} is ({a}, {b}): a range within {low:g} … {high:g} is needed")
+        if not self.projections:
+            raise ValueError(f"projections is empty: some of {', '.join(PROJECTIONS)} are needed")
+        for projection in self.projections:
+            check_projection(projection)
 
 
 @dataclass(frozen=True)
@@ -65,10 +75,18 @@ class Shot:
     """[rad], positive looks down."""
     fov_deg: float
     """Horizontal."""
+    roll: float = 0.0
+    """[rad]"""
+    projection: Projection = "perspective"
 
     @property
     def orientation(self) -> tuple[float, float, float]:
-        return self.yaw, self.pitch, 0.0
+        return self.yaw, self.pitch, self.roll
+
+    def view(self, resolution: tuple[int, int]) -> View:
+        """With pixels (rows, columns)."""
+        fov = check_fov(self.fov_deg, self.projection, resolution)
+        return View(resolution, fov, self.position, self.orientation, self.projection)
 
 
 class Stage:
@@ -94,8 +112,7 @@ class Stage:
 
     def first_hits(self, shot: Shot, rows: int, columns: int) -> tuple[NDArray[np.int32], FloatArray]:
         """(pixel,) object in front in the middle of each pixel, -1 for none, and its distance [m]."""
-        raster = Raster(rows, columns, fields_of_view(shot.fov_deg, rows, columns), rotation_matrix(shot.orientation))
-        hits = self.rays.first_hit(shot.position, raster.beams(1)[0])
+        hits = self.rays.first_hit(shot.position, shot.view((rows, columns)).directions.reshape(-1, 3))
         return hits.object, hits.distance
 
     def in_view(self, objects: NDArray[np.int32], share: float = 0.004) -> list[str]:
@@ -115,13 +132,8 @@ class Stage:
             patch_wavelengths=PATCHES,
             bounces=bounces,
             tubes=False,
+            projection=shot.projection,
         )
-
-
-def fields_of_view(horizontal: float, rows: int, columns: int) -> tuple[float, float]:
-    """(horizontal, vertical) field of view [degrees] with square pixels."""
-    vertical = 2 * np.arctan(np.tan(np.radians(horizontal) / 2) * rows / columns)
-    return float(horizontal), float(np.degrees(vertical))
 
 
 def choose_shot(stage: Stage, rng: np.random.Generator, ranges: Ranges) -> Shot:
@@ -139,6 +151,11 @@ def choose_shot(stage: Stage, rng: np.random.Generator, ranges: Ranges) -> Shot:
         shot = Shot(
             (x, y, height), yaw, float(np.radians(rng.uniform(*ranges.pitch_deg))), float(rng.uniform(*ranges.fov_deg))
         )
+        if ranges.roll_deg != (0.0, 0.0) or len(ranges.projections) > 1:  # so that other data sets stay as they were
+            roll = float(np.radians(rng.uniform(*ranges.roll_deg)))
+            shot = replace(shot, roll=roll, projection=ranges.projections[int(rng.integers(len(ranges.projections)))])
+        else:
+            shot = replace(shot, projection=ranges.projections[0])
         if not layout.is_free(x, y, height, 0.25):
             continue
         objects, distance = stage.first_hits(shot, 12, 12)

@@ -18,6 +18,8 @@ from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
 from rfgen_sionna.generative.diffusion.text import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
 from rfgen_sionna.generative.diffusion.text_training import roughened
 from rfgen_sionna.generative.environment import wishes
+from rfgen_sionna.pir.projection import Projection
+from rfgen_sionna.pir.view import View
 
 TOKENS = MAX_WORDS + 2
 """Tokens a prompt and its view take: the numbers, the sentence as a whole, its words."""
@@ -38,14 +40,21 @@ class ViewFacts:
     """[rad]; positive is to the left."""
     roll: float = 0.0
     """[rad]"""
+    projection: Projection = "perspective"
 
     def mirrored(self) -> ViewFacts:
         """Of the image whose columns are swapped."""
-        return ViewFacts(self.fov_deg, self.height, self.pitch, -self.yaw, -self.roll)
+        return replace(self, yaw=-self.yaw, roll=-self.roll)
+
+    def view(self, resolution: tuple[int, int]) -> View:
+        """With pixels (rows, columns), at the origin."""
+        orientation = self.yaw, self.pitch, self.roll
+        return View(resolution, self.fov_deg, (0.0, 0.0, self.height), orientation, self.projection)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Eight numbers of the order of 1."""
+        """Eight numbers of the order of 1; the last two have the length 1 in perspective, half of it otherwise."""
+        length = 1.0 if self.projection == "perspective" else 0.5
         return (
             self.fov_deg[0] / 60.0 - 1.0,
             self.fov_deg[1] / 60.0 - 1.0,
@@ -53,8 +62,8 @@ class ViewFacts:
             2.0 * self.pitch,
             math.cos(self.yaw),
             math.sin(self.yaw),
-            math.cos(self.roll),
-            math.sin(self.roll),
+            length * math.cos(self.roll),
+            length * math.sin(self.roll),
         )
 
 

@@ -46,7 +46,7 @@ def reproject(shown: Sequence[Pir], view: View) -> tuple[FloatArray, FloatArray]
         away = np.linalg.norm(offset, axis=-1)
         target = view.pixels(offset)
         inside = (target >= 0) & (away > 1e-3)
-        angle = _solid_angle(view) / _solid_angle(old)
+        angle = view.solid_angles.ravel()[target] / np.kron(old.solid_angles, np.ones((SPLIT, SPLIT)))[there]
         power = level[there] * (reach[there] / np.maximum(away, 1e-3)) ** 2 * angle
         np.minimum.at(best, target[inside], away[inside])
         parts.append((target[inside], away[inside], power[inside]))
@@ -87,7 +87,8 @@ def imagined_so_far(shown: Sequence[Pir], view: View) -> Known | None:
 
 def blank(view: View, energy: FloatArray, arrival: FloatArray) -> Pir:
     """A PIR of `view` in which nothing moves."""
-    return Pir(energy, arrival, np.zeros_like(energy), view.fov_deg, view.position, view.orientation)
+    still = np.zeros_like(energy)
+    return Pir(energy, arrival, still, view.fov_deg, view.position, view.orientation, view.projection)
 
 
 def resized(pir: Pir, resolution: tuple[int, int]) -> Pir:
@@ -157,8 +158,3 @@ def _split(distance: FloatArray, energy: FloatArray) -> tuple[FloatArray, FloatA
     one = np.abs(smooth - nearest) < EDGE * np.nan_to_num(nearest)
     level = np.repeat(np.repeat(energy, SPLIT, axis=0), SPLIT, axis=1)
     return np.where(one, smooth, nearest), level
-
-
-def _solid_angle(view: View) -> float:
-    half = np.tan(np.radians(view.fov_deg) / 2)
-    return float(4 * half[0] * half[1] / view.size)

@@ -114,6 +114,8 @@ def test_the_authors_pictures_hold_five_to_ten_metres() -> None:
     like = pir([[1e-9]], [[12.0]], [[0.0]])
     with pytest.raises(ImageRangeError, match="depth"):
         AuthorsCodec().encode(like)
+    with pytest.raises(ValueError, match="projection is 'equirectangular'"):
+        AuthorsCodec().encode(replace(like, projection="equirectangular"))
     near = replace(like, time_of_arrival=np.array([[2 * 7.0 / SPEED_OF_LIGHT]]))
     assert AuthorsCodec().decode(AuthorsCodec().encode(near), near).time_of_arrival == pytest.approx(
         near.time_of_arrival

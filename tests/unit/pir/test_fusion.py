@@ -33,9 +33,11 @@ def ball():
     return Actor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.3, 0.8, 0.1))
 
 
-def wall(radar, distance=4.0, level_db=-90.0, spread_db=3.0, seed=0, velocity=0.0, fov=(60.0, 46.0)):
+def wall(
+    radar, distance=4.0, level_db=-90.0, spread_db=3.0, seed=0, velocity=0.0, fov=(60.0, 46.0), projection="perspective"
+):
     """A wall across the boresight, of random energies."""
-    view = View(PIXELS, fov, radar.position, radar.orientation)
+    view = View(PIXELS, fov, radar.position, radar.orientation, projection)
     reach = distance / (view.directions @ radar.rotation[:, 0])
     levels = level_db + spread_db * np.random.default_rng(seed).normal(size=PIXELS)
     return Pir(
@@ -45,6 +47,7 @@ def wall(radar, distance=4.0, level_db=-90.0, spread_db=3.0, seed=0, velocity=0.
         view.fov_deg,
         view.position,
         view.orientation,
+        view.projection,
     )
 
 
@@ -76,10 +79,10 @@ class Refine:
         return out
 
 
-@pytest.mark.parametrize("t", [0.0, 0.13])
-def test_rasterising_what_was_fused_gives_the_image_back(radar, ball, t):
+@pytest.mark.parametrize(("t", "projection"), [(0.0, "perspective"), (0.13, "perspective"), (0.13, "equirectangular")])
+def test_rasterising_what_was_fused_gives_the_image_back(radar, ball, t, projection):
     """Every pixel: with an actor in front, without anything before, beside the actor; within 0.1 dB (here 1e-9)."""
-    environment = wall(radar)
+    environment = wall(radar, projection=projection)
     environment.energy[:, :6] = 0.0  # nothing known there
     fusion = Fusion(Simulator(None, radar, [ball]).tracer, environment, 1, Refine(added=3e-10))
     (mixed,) = fusion.images([t])
@@ -127,10 +130,13 @@ def test_a_moving_pixel_has_its_doppler(radar):
     assert np.angle(np.exp(1j * (turn - expected))) == pytest.approx(0.0, abs=np.radians(0.5))
 
 
-@pytest.mark.parametrize(("row", "column"), [(12, 16), (3, 28), (20, 1)])
-def test_a_pixel_returns_its_energy_from_its_place(radar, row, column):
+@pytest.mark.parametrize(
+    ("row", "column", "projection"),
+    [(12, 16, "perspective"), (3, 28, "perspective"), (20, 1, "perspective"), (20, 1, "equirectangular")],
+)
+def test_a_pixel_returns_its_energy_from_its_place(radar, row, column, projection):
     """|sample|^2 = E G_t G_r P_t, and the beat frequency is that of its distance."""
-    pir = single(wall(radar), row, column)
+    pir = single(wall(radar, projection=projection), row, column)
     paths = Simulator(None, radar, environment=pir).paths()
     direction = View.of(pir).directions[row, column]
     np.testing.assert_allclose(paths.direction[0, 0], direction, atol=1e-12)
@@ -308,10 +314,12 @@ def test_what_does_not_go_together_is_refused(radar, ball):
         Refinement([environment], [replace(environment, fov_deg=(50.0, 40.0))], radar, 0)
 
 
-def test_the_image_of_a_run_is_the_one_that_was_given(radar):
+@pytest.mark.parametrize("projection", ["perspective", "equirectangular"])
+def test_the_image_of_a_run_is_the_one_that_was_given(radar, projection):
     """Without actors the rasterised surroundings are the image again."""
-    environment = wall(radar)
-    found = Simulator(None, radar, environment=environment).pir(0.0, PIXELS, (60.0, 46.0))
+    environment = wall(radar, projection=projection)
+    found = Simulator(None, radar, environment=environment).pir(0.0, PIXELS, (60.0, 46.0), projection=projection)
+    assert found.projection == projection
     np.testing.assert_allclose(found.energy, environment.energy, rtol=1e-9)
     np.testing.assert_allclose(found.time_of_arrival, environment.time_of_arrival, atol=2e-12)
     twice = image(

@@ -1,12 +1,16 @@
 """The PIR shows what is where, as strong and as fast as it is, from the radar's side."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna.pir.projection import PROJECTIONS
+from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MATERIALS, Actor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS, RANGE = 0.1, 2.5
@@ -106,3 +110,41 @@ def test_nothing_there(radar):
 def test_bad_view(radar, options, message):
     with pytest.raises(ValueError, match=message):
         Simulator(None, radar).pir(**options)
+
+
+def test_what_is_behind_is_in_a_view_all_around(radar, sphere):
+    """An equirectangular image shows the sphere at its azimuth and elevation, wherever it is, as far and as strong as a
+    perspective one that looks at it: patches of another shape make another phase grating of a bend, within 0.5 dB."""
+    azimuth, elevation = np.radians(130.0), np.radians(20.0)
+    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    sim = simulate(radar, sphere, tuple(np.array([0, 0, 1]) + RANGE * towards), tuple(-0.5 * towards))
+    around = sim.pir(fov_deg=360, resolution=(60, 120), projection="equirectangular")
+    assert around.projection == "equirectangular"
+    assert around.fov_deg == (360.0, 180.0)
+    row, column = np.unravel_index(around.energy.argmax(), around.energy.shape)
+    assert 90 - 3 * (row + 0.5) == pytest.approx(20.0, abs=3)
+    assert 180 - 3 * (column + 0.5) == pytest.approx(130.0, abs=3)
+    ahead = sim.pir(fov_deg=40, resolution=(13, 13), orientation=(azimuth, -elevation, 0.0))
+    seen = np.isfinite(around.time_of_arrival)
+    assert np.nanmin(around.time_of_arrival) == pytest.approx(np.nanmin(ahead.time_of_arrival), rel=2e-3)
+    np.testing.assert_allclose(around.velocity[seen], -0.5, atol=5e-3)
+    one, other = (
+        sim.pir(fov_deg=30, resolution=(1, 1), orientation=(azimuth - 0.1, tilt, 0.0), projection=projection).energy
+        for projection, tilt in (("equirectangular", -elevation - 0.1), ("perspective", -elevation))
+    )
+    assert abs(10 * np.log10(one.item() / other.item())) < 0.5
+
+
+def test_a_wall_returns_the_same_in_both_projections(radar):
+    """Diffuse energy of a rough wall goes with the solid angle of the pixels, not with their projection."""
+    wall = trimesh.creation.box((0.1, 4.0, 4.0))
+    rough = replace(MATERIALS["concrete"], thickness=None, scattering_coefficient=1.0)
+    sim = Simulator(None, radar, [Actor.from_mesh(wall, material=rough, position=(3.05, 0, 1))])
+    flat, even = (sim.pir(fov_deg=30, resolution=(24, 24), projection=each) for each in PROJECTIONS)
+    views = [View.of(each) for each in (flat, even)]
+    density = [pir.energy / view.solid_angles for pir, view in zip((flat, even), views, strict=True)]
+    row, column = (np.clip(np.rint(x), 0, 23).astype(int) for x in views[0].coordinates(views[1].directions))
+    inside = (np.abs(views[0].coordinates(views[1].directions)[0] - 11.5) < 11) & (row > 0) & (column > 0)
+    ratio = 10 * np.log10(density[1][inside] / density[0][row, column][inside])
+    assert np.abs(ratio).max() < 0.15  # directions differ by up to half a pixel
+    np.testing.assert_allclose(even.time_of_arrival[11:13, 11:13], flat.time_of_arrival[11:13, 11:13], rtol=1e-3)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 import torch
 
-from rfgen_sionna.generative.environment.geometry import MAPS, WALLS, numbers_of, view_maps
+from rfgen_sionna.generative.environment.geometry import MAPS, WALLS, numbers_of, plain, view_maps
 from rfgen_sionna.generative.environment.model import EnvironmentModel, new_control
 from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
 from rfgen_sionna.pir.codec import PirCodec
@@ -13,6 +16,7 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT
 
 FACTS = ViewFacts((80.0, 60.0), 1.4, 0.2, -2.1, 0.1)
+EVEN = replace(FACTS, fov_deg=(150.0, 100.0), roll=1.2, projection="equirectangular")
 
 
 def channel(distance: np.ndarray) -> np.ndarray:
@@ -22,19 +26,32 @@ def channel(distance: np.ndarray) -> np.ndarray:
 
 
 def test_the_token_of_numbers_is_read_back() -> None:
-    token = view_tokens([FACTS, FACTS.mirrored()])[:, 0]
-    np.testing.assert_allclose(numbers_of(token), [FACTS.numbers, FACTS.mirrored().numbers], atol=1e-5)
+    views = [FACTS, FACTS.mirrored(), EVEN, EVEN.mirrored()]
+    token = view_tokens(views)[:, 0]
+    np.testing.assert_allclose(numbers_of(token), [view.numbers for view in views], atol=1e-5)
     np.testing.assert_allclose(numbers_of(token.bfloat16())[0], FACTS.numbers, atol=0.01)
 
 
-def test_maps_are_directions_and_the_ranges_of_floor_and_walls() -> None:
-    maps = view_maps(view_tokens([FACTS])[:, 0], 32, 64)[0].numpy()
+def test_networks_are_told_of_level_perspective_views_in_words() -> None:
+    """What they never saw comes by the maps; views that they saw come as they are."""
+    level = replace(FACTS, roll=0.0)
+    told = view_tokens([level, FACTS, replace(level, projection="equirectangular")])
+    assert torch.equal(plain(told)[0], told[0])
+    torch.testing.assert_close(plain(told)[1:], told[:1].expand(2, -1, -1))
+    assert torch.abs(told[1:] - told[:1]).amax() > 0.1
+
+
+@pytest.mark.parametrize("facts", [FACTS, EVEN, replace(EVEN, fov_deg=(280.0, 160.0))])
+def test_maps_are_directions_and_the_ranges_of_floor_and_walls(facts: ViewFacts) -> None:
+    maps = view_maps(view_tokens([facts])[:, 0], 32, 64)[0].numpy()
     assert maps.shape == (MAPS, 32, 64)
-    view = View((32, 64), FACTS.fov_deg, (0.0, 0.0, FACTS.height), (FACTS.yaw, FACTS.pitch, FACTS.roll))
+    view = View(
+        (32, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, facts.roll), facts.projection
+    )
     x, y, z = np.moveaxis(view.directions, -1, 0)
     np.testing.assert_allclose(maps[:3], [x, y, z], atol=1e-5)
     below = z < -0.05
-    np.testing.assert_allclose(maps[3][below], channel(-FACTS.height / z[below]), atol=1e-4)
+    np.testing.assert_allclose(maps[3][below], channel(-facts.height / z[below]), atol=1e-4)
     assert (maps[3][z > 0] == 1.0).all()
     for k, distance in enumerate(WALLS):
         for axis, part in ((5 + k, x), (5 + len(WALLS) + k, y)):

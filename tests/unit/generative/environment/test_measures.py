@@ -26,6 +26,7 @@ from rfgen_sionna.generative.environment.path_evaluation import AffineBaseline, 
 from rfgen_sionna.generative.environment.pictures import completed_sheet, sheet
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Sampler
+from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -61,10 +62,14 @@ def test_noise_on_ranges_roughens(wall: Wall) -> None:
 
 
 def test_the_floor_is_where_height_pitch_and_field_of_view_put_it(wall: Wall) -> None:
-    facts = np.array([1.0]), np.array([0.1]), np.array([[60.0, 60.0]])
-    assert floor_share(seen(wall(50.0, VIEW)), *facts) > 0.99
-    assert floor_share(seen(wall(50.0, VIEW)), np.array([1.3]), *facts[1:]) < 0.01
-    assert floor_share(seen(wall(50.0, VIEW)), facts[0], facts[1], np.array([[80.0, 80.0]])) < 0.5
+    facts = ViewFacts((60.0, 60.0), 1.0, 0.1, 0.0)
+    for kind in (facts, replace(facts, roll=0.3), replace(facts, projection="equirectangular")):
+        x = seen(wall(50.0, kind.view((64, 64))))
+        assert floor_share(x, [kind]) > 0.99
+        assert floor_share(x, [replace(kind, height=1.3)]) < 0.01
+        assert floor_share(x, [replace(kind, fov_deg=(80.0, 80.0))]) < 0.5
+    assert floor_share(seen(wall(50.0, VIEW)), [replace(facts, projection="equirectangular")]) < 0.9
+    assert np.isnan(floor_share(seen(wall(50.0, VIEW)), [replace(facts, pitch=-0.5)]))
 
 
 def test_a_copy_is_found(corpus: Corpus) -> None:

@@ -8,12 +8,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.captions import NAMES, USUAL, absent, caption, named, negative
+from rfgen_sionna.generative.environment.corpus import read_corpus
 from rfgen_sionna.generative.environment.data import CONDITIONS, PLACES, SPLITS, DataError, PirData, shards, split_of
 from rfgen_sionna.generative.environment.render import app, render
 from rfgen_sionna.generative.environment.shards import Settings, render_layout
 from rfgen_sionna.generative.environment.shooting import Ranges
+from rfgen_sionna.generative.environment.sketch import shown
+from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import furnished as furnished_package
+from rfgen_sionna.scene.furnished import furnished
 
 SMALL = Settings(resolution=(16, 16), views=2, seed=3)
 
@@ -86,6 +93,35 @@ def test_conditions(folder):
         assert set(without) <= set(USUAL[PLACES[place]])
 
 
+def test_roll_and_projection_are_conditions(tmp_path):
+    """Drawn from their ranges, kept with each view, and what the images show."""
+    ranges = Ranges(roll_deg=(-60, 60), projections=("perspective", "equirectangular"), fov_deg=(60, 90))
+    settings = Settings(places=("bedroom", "office"), views=4, resolution=(12, 24), ranges=ranges)
+    render(tmp_path, settings, 8)
+    data = PirData.open(tmp_path)
+    assert set(data.projection) == {"perspective", "equirectangular"}
+    assert np.abs(data.roll).max() <= np.radians(60)
+    assert len(np.unique(data.roll)) == 8
+    assert data.take([3]).roll[0] == data.roll[3]
+    views = read_corpus(data, PirCodec(), sketched=True).views
+    assert [(view.projection, view.roll) for view in views] == list(zip(data.projection, data.roll, strict=True))
+    ranges_m = 0.5 * SPEED_OF_LIGHT * data.time_of_arrival()
+    for k, facts in enumerate(views):
+        shape = facts.fov_deg[1] / facts.fov_deg[0]
+        assert shape == pytest.approx(0.5) if facts.projection == "equirectangular" else shape > 0.5
+        position = tuple(data.position[k].tolist())
+        view = View((12, 24), facts.fov_deg, position, (facts.yaw, facts.pitch, facts.roll), facts.projection)
+        built = Place.of(furnished(PLACES[data.places[k]], int(data.layout[k])))
+        level = replace(view, orientation=(facts.yaw, facts.pitch, 0.0), projection="perspective")
+        right, wrong = (np.nanmean(np.abs(shown(built, each).range - ranges_m[k])) for each in (view, level))
+        assert right < 0.5
+        assert right < 0.7 * wrong or np.allclose(view.directions, level.directions, atol=0.3)
+    with pytest.raises(ValueError, match="projection is 'fisheye'"):
+        Ranges(projections=("fisheye",))
+    with pytest.raises(ValueError, match="roll_deg is"):
+        Ranges(roll_deg=(-200, 0))
+
+
 def test_selecting_and_reading(folder):
     data = PirData.open(folder)
     streets = data.select(place="street")
@@ -143,6 +179,19 @@ def test_runs_go_on(tmp_path):
 def test_other_settings_are_refused(folder):
     with pytest.raises(DataError, match="made with other settings"):
         render(folder, replace(SMALL, seed=9), 20)
+
+
+def test_folders_from_before_there_was_roll_go_on(tmp_path):
+    settings = Settings(places=("open field",), views=1, resolution=(8, 8))
+    render(tmp_path, settings, 1)
+    (file,) = shards(tmp_path)
+    with h5py.File(file, "r+") as shard:
+        said = json.loads(shard.attrs["command"])
+        del said["ranges"]["roll_deg"], said["ranges"]["projections"]
+        shard.attrs["command"] = json.dumps(said, sort_keys=True)
+    assert render(tmp_path, settings, 2) == 2
+    with pytest.raises(DataError, match="made with other settings"):
+        render(tmp_path, replace(settings, ranges=Ranges(roll_deg=(0, 5))), 2)
 
 
 def test_interrupted_shards_leave_nothing(tmp_path, monkeypatch):

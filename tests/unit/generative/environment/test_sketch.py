@@ -24,7 +24,7 @@ from rfgen_sionna.generative.environment.rooms import FIRST_SEED, Wanted, choose
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
 from rfgen_sionna.generative.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
 from rfgen_sionna.generative.environment.shards import Settings
-from rfgen_sionna.generative.environment.shooting import Shot, Stage, choose_shot, fields_of_view
+from rfgen_sionna.generative.environment.shooting import Shot, Stage, choose_shot
 from rfgen_sionna.generative.environment.sketch import CHANNELS, mirrored, no_sketch, shown
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
@@ -125,7 +125,7 @@ def test_a_sketch_is_the_place_that_is_rendered(place: str) -> None:
     stage = Stage(scene, radar)
     shot: Shot = choose_shot(stage, np.random.default_rng(2), Settings().ranges)
     built_up = Place.of(scene)
-    view = View((32, 32), fields_of_view(shot.fov_deg, 32, 32), shot.position, shot.orientation)
+    view = shot.view((32, 32))
     sketch = shown(built_up, view)
     objects, distance = stage.first_hits(shot, 32, 32)
     real = np.where(objects >= 0, distance, np.inf).reshape(32, 32)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.kept import Kept
+from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.views import imagined_so_far, reproject, resized
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
@@ -149,12 +151,31 @@ def test_many_at_once_are_the_same_as_one_by_one(model_folder: Path) -> None:
         rooms.generate_many(["a bedroom", "an office"], seeds=[3])
 
 
+@pytest.mark.parametrize(("projection", "roll"), [("equirectangular", 0.0), ("perspective", 1.2)])
+def test_other_projections_and_rolls_show_the_same_room(projection: str, roll: float) -> None:
+    """The shipped model draws over the same layout's sketch: ranges are where the geometry of that view puts its
+    bricks, and nowhere near where that of a level perspective view does."""
+    rooms = EnvironmentDiffusion(steps=6)
+    wanted: dict[str, Any] = {"fov_deg": 80.0, "orientation": (0.0, 0.3, roll), "projection": projection}
+    pir = rooms.generate("a bedroom", seed=4, **wanted)
+    assert (pir.projection, pir.orientation[2]) == (projection, roll)
+    view = View.of(pir)
+    room = choose_room(Wanted("bedroom"), view, 4)
+    level = replace(view, orientation=(0.0, 0.3, 0.0), projection="perspective")
+    right, wrong = (np.nanmedian(np.abs(distance(pir) - room.seen(each).range)) for each in (view, level))
+    assert right < 0.1
+    assert wrong > 2 * right
+    assert rooms.generate("a bedroom", seed=4, **wanted) is pir, "projection and roll belong to the view that is kept"
+
+
 def test_arguments_out_of_range_are_refused(model_folder: Path) -> None:
     rooms = EnvironmentDiffusion(model_folder, steps=2)
     with pytest.raises(ValueError, match="prompt"):
         rooms.generate(" ")
     with pytest.raises(ValueError, match="fov_deg: 150 degrees"):
         rooms.generate("a bedroom", fov_deg=150.0)
+    with pytest.raises(ValueError, match="projection is 'fisheye'"):
+        rooms.generate("a bedroom", projection="fisheye")
     with pytest.raises(ValueError, match="position"):
         rooms.generate("a bedroom", position=(0.0, np.nan, 0.0))
     with pytest.raises(ValueError, match="sampler"):

@@ -1,0 +1,104 @@
+"""How directions are laid out on an image."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray
+
+Projection = Literal["perspective", "equirectangular"]
+PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
+_MOST: dict[Projection, tuple[float, float]] = {"perspective": (180.0, 180.0), "equirectangular": (360.0, 180.0)}
+"""Fields of view, horizontal and vertical [degrees]: a perspective view shows less than that."""
+_AHEAD = 1e-9
+
+
+@dataclass(frozen=True)
+class ImagePlane:
+    """Directions in a viewpoint's frame, which looks along +x with +y to the left and +z up, on an image.
+
+    Perspective: square to the boresight, straight edges stay straight. Equirectangular: azimuth and elevation evenly,
+    as radars know directions, and up to all around.
+    """
+
+    projection: Projection
+    fov_deg: tuple[float, float]
+    """Horizontal and vertical field of view [degrees]."""
+
+    @property
+    def half(self) -> FloatArray:
+        """Half of the extents, horizontal and vertical: tangents, or angles [rad]."""
+        angles = np.radians(self.fov_deg) / 2
+        return np.asarray(np.tan(angles) if self.projection == "perspective" else angles)
+
+    def directions(self, left: FloatArray, up: FloatArray) -> FloatArray:
+        """(..., 3) unit vectors through places that are given from -1 (right, lower edge) to 1 (left, upper edge)."""
+        y, z = self.half[0] * left, self.half[1] * up
+        if self.projection == "perspective":
+            vectors = np.stack([np.ones_like(y), y, z], axis=-1)
+            return np.asarray(vectors / np.sqrt(1 + y**2 + z**2)[..., None])
+        level = np.cos(z)
+        return np.stack([level * np.cos(y), level * np.sin(y), np.sin(z)], axis=-1)
+
+    def places(self, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Places (left, up) of directions (..., 3) of any length; NaN where they can't be on the image."""
+        x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
+        if self.projection == "perspective":
+            ahead = np.where(x > _AHEAD, x, np.nan)
+            return y / ahead / self.half[0], z / ahead / self.half[1]
+        return np.arctan2(y, x) / self.half[0], np.arctan2(z, np.hypot(x, y)) / self.half[1]
+
+    def density(self, left: FloatArray, up: FloatArray) -> FloatArray:
+        """(...) solid angle [sr] for each unit of `left` times `up`."""
+        y, z = self.half[0] * left, self.half[1] * up
+        stretch = (1 + y**2 + z**2) ** -1.5 if self.projection == "perspective" else np.cos(z) * np.ones_like(y)
+        return np.asarray(self.half[0] * self.half[1] * stretch)
+
+
+def check_projection(projection: str) -> Projection:
+    """The projection of that name.
+
+    Raises:
+        ValueError: there is none.
+    """
+    for known in PROJECTIONS:
+        if projection == known:
+            return known
+    raise ValueError(f"projection is {projection!r}: {' or '.join(map(repr, PROJECTIONS))} is needed")
+
+
+def check_fov(
+    fov_deg: float | tuple[float, float], projection: Projection, resolution: tuple[int, int]
+) -> tuple[float, float]:
+    """(horizontal, vertical) field of view [degrees]; of a horizontal one alone, with pixels that are square in the
+    middle of an image of `resolution` (rows, columns).
+
+    Raises:
+        ValueError: it is beyond what the projection shows.
+    """
+    wide, high = _MOST[projection]
+    try:
+        angles = np.asarray(fov_deg, dtype=np.float64)
+    except (TypeError, ValueError):
+        angles = np.array([])
+    right = not isinstance(fov_deg, bool) and angles.shape in ((), (2,)) and bool((angles > 0).all())
+    if right and angles.shape == ():
+        rows, columns = resolution
+        across = float(angles)
+        if projection == "perspective" and across < wide:
+            down = math.degrees(2 * math.atan(math.tan(math.radians(across) / 2) * rows / columns))
+        else:
+            down = across * rows / columns
+        angles = np.array([across, down])
+    flat = projection == "perspective"
+    if not right or not ((angles < (wide, high)) if flat else (angles <= (wide, high))).all():
+        allowed = f"below {wide:g} degrees" if flat else f"to {wide:g} degrees horizontally and to {high:g} vertically"
+        raise ValueError(
+            f"fov_deg is {fov_deg!r}: an angle above 0 and {allowed}, or (horizontal, vertical), is needed for a "
+            f"{projection} view of {resolution[0]} x {resolution[1]} pixels"
+        )
+    return float(angles[0]), float(angles[1])
