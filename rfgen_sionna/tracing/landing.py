@@ -306,6 +306,10 @@ class Shower:
             found[mixed] = share(mixed, FINE)
         return found
 
+    def left(self, landing: Landing) -> FloatArray:
+        """(entry,) of the amplitude at most, there and back, by what the ways go through."""
+        return np.ones(len(landing.facet))
+
     def near(self, pieces: Landing, bodies: Sequence[FloatArray]) -> NDArray[np.intp]:
         """Pieces with a leg that comes near a body, whose (vertex, 3) positions [m] are given."""
         middle = pieces.pieces.mean(axis=1) - self._view

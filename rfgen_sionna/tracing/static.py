@@ -98,6 +98,8 @@ class StaticTrace:
     """What that is."""
     levels: FloatArray
     """(surface,) coherent return of each surface."""
+    whole: int
+    """So many of `facets` come first; the others are pieces of such as are seen in part."""
     hidden: Facets
     """Facets that are hidden, or in part."""
     hidden_fraction: FloatArray
@@ -229,6 +231,7 @@ def trace_static(
         float(np.hypot(found.total, SAFETY * seen.missed)),
         found.scale,
         found.level,
+        seen.whole,
         seen.hidden,
         seen.hidden_fraction,
         Returns(band, materials, expansion, rough, _wavenumber(band), rtol, seen.level),
@@ -246,6 +249,8 @@ class _Seen(NamedTuple):
     lit: NDArray[np.bool_]
     """(facet, 3) corners that are seen."""
     corners: Corners
+    whole: int
+    """So many facets come first, then pieces of others."""
     hidden: Facets
     hidden_fraction: FloatArray
     """(hidden,)"""
@@ -290,7 +295,7 @@ def _seen_facets(
     if rays is None:
         nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
         guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners))
-        return _Seen(facets, nothing, none, guides, facets, nothing, 0.0, 0.0, 0)
+        return _Seen(facets, nothing, none, guides, len(facets), facets, nothing, 0.0, 0.0, 0)
     guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners, facets.surface))
     guided, first = guides.seen(rays)
     outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
@@ -312,6 +317,7 @@ def _seen_facets(
         np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
         lit,
         guides,
+        len(whole),
         facets.take(hidden),
         found.fraction[hidden],
         level,

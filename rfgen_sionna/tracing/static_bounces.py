@@ -8,7 +8,7 @@ plate as much as it does directly, at the image's distance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import areas
+from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghost_levels import ghost_levels
+from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.obliquity import strongest_reflection
 from rfgen_sionna.tracing.plates import Plate, find_flats, meeting, wide_plates
 from rfgen_sionna.tracing.shadows import Shadow, cast
@@ -49,6 +52,9 @@ class StaticBounces:
 
     @cached_property
     def _pieces(self) -> Landing:
+        return self._all_pieces()
+
+    def _all_pieces(self) -> Landing:
         """All pieces, `owner` being the path."""
         firsts = np.cumsum([0] + [len(each.facet) for each in self.landings])
         return Landing(
@@ -79,12 +85,44 @@ class StaticBounces:
         return cast(self.paths, fraction, knots)
 
 
+@dataclass(frozen=True)
+class Showing:
+    """What plates may show, and how; that is another thing where slabs are seen through."""
+
+    facets: Facets
+    levels: FloatArray
+    """(surface,) what each of the bent ones returns directly."""
+    shower: Callable[[Sequence[Plate | None], IntArray], Shower]
+    """Made for the plates, and the number of the plate of each face of the ray scene."""
+    band: Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand]
+    joined: Callable[[Sequence[Landing]], Landing]
+    landed: Callable[[Landing, bool], LandedFacets]
+    """All entries, the ways swapped or not."""
+    made: Callable[[RadarPaths, float, int, tuple[Landing, ...], Shower], StaticBounces]
+
+
 def trace_static_bounces(
     surfaces: Surfaces, rays: RayScene, radar: Radar, band: BandTracer, static: StaticTrace, rtol: float, most: int
 ) -> StaticBounces | None:
     """Paths of two, and with `most` of 3 of three, bounces within the static scene, of which `rays` holds nothing else;
     None where there are none."""
     view, facets = np.asarray(radar.position), static.facets
+
+    def shower(plates: Sequence[Plate | None], owner: IntArray) -> Shower:
+        return Shower(rays, plates, owner, view, facets, radar.max_range)
+
+    def landed(landing: Landing, swapped: bool) -> LandedFacets:
+        return LandedFacets.landed(facets, landing.keys, landing, swapped)
+
+    showing = Showing(facets, static.levels, shower, LandingBand, joined, landed, StaticBounces)
+    return trace_shown(showing, surfaces, radar, band, static, rtol, most)
+
+
+def trace_shown(
+    showing: Showing, surfaces: Surfaces, radar: Radar, band: BandTracer, static: StaticTrace, rtol: float, most: int
+) -> StaticBounces | None:
+    """As :func:`trace_static_bounces`, of what is shown."""
+    view, facets = np.asarray(radar.position), showing.facets
     points = surfaces.static_vertices
     flats = find_flats(surfaces.static, points, [PLATE * radar.wavelength] * len(points))
     plates = [flat.at(points[flat.surface], view) for flat in flats]
@@ -96,7 +134,7 @@ def trace_static_bounces(
     if not possible or len(facets) == 0:
         return None
     allowed = SKIPPED * rtol * static.level
-    shower = Shower(rays, plates, owner, view, facets, radar.max_range)
+    shower = showing.shower(plates, owner)
     own = owner[facets.number]
     order = np.argsort(own, kind="stable")
     starts = np.searchsorted(own[order], np.arange(-1, len(flats) + 1))
@@ -111,14 +149,20 @@ def trace_static_bounces(
         found[shower.candidates(mirror)] = True
         return found
 
+    def land(index: NDArray[np.intp], level: float, first: int, last: int) -> Landing:
+        """Of the facets `index`, which return about `level` by these plates, those of which enough is left."""
+        index = index[lit(first)[index]]
+        found = shower.land(index if last == DIRECT else index[lit(last)[index]], first, last)
+        return found.take(level * shower.left(found) > allowed)
+
     once: list[Landing] = []
     twice: list[Landing] = []
     area = np.array([flat.area for flat in flats])
     present = np.array([f for f in possible if len(of_flat[f])], dtype=np.intp)
     for m in possible:
         smaller = present[(area[present] < area[m]) | ((area[present] == area[m]) & (present > m))]
-        for f in smaller[levels(smaller, m, DIRECT) > allowed].tolist():
-            once.append(shower.land(of_flat[f][lit(m)[of_flat[f]]], m, DIRECT))
+        for f, level in _above(allowed, smaller, levels(smaller, m, DIRECT)):
+            once.append(land(of_flat[f], level, m, DIRECT))
     if most > 2:
         # By way of two narrow plates these matter in corner reflectors, where they meet.
         across = meeting(flats, points)
@@ -127,23 +171,30 @@ def trace_static_bounces(
         for m in possible:
             for other in sorted(each for each in {m, *across[m]} if each >= m and plates[each] is not None):
                 others = present[(present != m) & (present != other)]
-                for f in others[levels(others, m, other) > allowed].tolist():
-                    found = shower.land(of_flat[f][(lit(m) & lit(other))[of_flat[f]]], m, other)
+                for f, level in _above(allowed, others, levels(others, m, other)):
+                    found = land(of_flat[f], level, m, other)
                     twice += [found] if other == m else [found, found.swapped()]
     for number in np.unique(facets.surface[bent]):
         index = bent[facets.surface[bent] == number]
         mirrors = [plate for m in wide if (plate := plates[m]) is not None]
         relative = ghost_levels(radar, band.importance, mirrors, points[number], most)
-        strong = static.levels[number] * relative > allowed
-        for m, each in zip(wide, strong, strict=True):
-            if each[0]:
-                once.append(shower.land(index[lit(m)[index]], m, DIRECT))
-            if each[1]:
-                twice.append(shower.land(index[lit(m)[index]], m, m))
-    return _integrated(surfaces, radar, static, rtol, shower, plates, (joined(once), joined(twice)))
+        for m, (by_one, by_two) in zip(wide, showing.levels[number] * relative, strict=True):
+            if by_one > allowed:
+                once.append(land(index, by_one, m, DIRECT))
+            if by_two > allowed:
+                twice.append(land(index, by_two, m, m))
+    landings = showing.joined(once), showing.joined(twice)
+    return _integrated(showing, surfaces, radar, static, rtol, shower, plates, landings)
+
+
+def _above(allowed: float, flats: NDArray[np.intp], levels: FloatArray) -> list[tuple[int, float]]:
+    """Those of the flat parts that return more than is `allowed`, with their levels."""
+    strong = levels > allowed
+    return list(zip(flats[strong].tolist(), levels[strong].tolist(), strict=True))
 
 
 def _integrated(
+    showing: Showing,
     surfaces: Surfaces,
     radar: Radar,
     static: StaticTrace,
@@ -152,17 +203,17 @@ def _integrated(
     plates: Sequence[Plate | None],
     landings: tuple[Landing, Landing],
 ) -> StaticBounces | None:
-    facets = static.facets
+    facets = showing.facets
     mirrors = tuple(plate or next(each for each in plates if each is not None) for plate in plates)
     names = surfaces.object_names, surfaces.part_names
-    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, LandingBand)
+    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, showing.band)
     usual, now = np.full(len(surfaces.static), static.level), np.zeros(1)
     paths, error, used = [], 0.0, []
     for way in WAYS:
         landing = landings[1] if all(way) else landings[0]
         if len(landing.facet) == 0:
             continue
-        shown = LandedFacets.landed(facets, landing.keys, landing, way == (False, True))
+        shown = showing.landed(landing, way == (False, True))
 
         def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
             return facets.centroids[chosen]
@@ -173,7 +224,7 @@ def _integrated(
         error += missed
     if not paths:
         return None
-    return StaticBounces(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
+    return showing.made(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
 
 
 class _Images:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,6 +25,7 @@ from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
+from rfgen_sionna.tracing.static_veiled_bounces import trace_static_veiled_bounces
 from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
 from rfgen_sionna.tracing.veiled_bounces import VeiledBounces
@@ -44,7 +44,6 @@ VISIBILITY_SPACING = 10e-3
 
 MOST_BOUNCES = 3
 """Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
-_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -127,8 +126,8 @@ class Tracer:
         out.
     transmission
         Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
-        actors by way of flat parts (:mod:`rfgen_sionna.tracing.veiled_bounces`). What static surfaces show of one
-        another is not traced through slabs, which a warning says, unless it is the radar that moves.
+        actors, and between static surfaces, by way of flat parts (:mod:`rfgen_sionna.tracing.veiled_bounces`,
+        :mod:`rfgen_sionna.tracing.static_veiled_bounces`).
     """
 
     def __init__(
@@ -168,15 +167,15 @@ class Tracer:
         found: list[StaticBounces | StaticVeils | None] = []
         if self._static_rays is not None:
             scene = self.surfaces, self._static_rays, self.radar
-            if self.transmission:
-                found.append(trace_static_veils(*scene, self.static, self.rtol))
+            straight = trace_static_veils(*scene, self.static, self.rtol) if self.transmission else None
+            found.append(straight)
             if self.max_bounces > 1:
-                if any(found):
-                    _LOG.warning(
-                        "max_bounces is %d and transmission is True: what static surfaces show of one another is not "
-                        "traced through slabs, only what they show of actors", self.max_bounces,
-                    )  # fmt: skip
                 found.append(trace_static_bounces(*scene, self._band, self.static, self.rtol, self.max_bounces))
+            if self.max_bounces > 1 and self.transmission:
+                through = None if straight is None else straight.paths
+                found.append(
+                    trace_static_veiled_bounces(*scene, self._band, self.static, through, self.rtol, self.max_bounces)
+                )
         return tuple(each for each in found if each is not None)
 
     @cached_property

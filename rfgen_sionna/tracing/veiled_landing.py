@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facet import Nodes
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import MirroredFacets
@@ -53,6 +55,11 @@ class VeiledLanding(Landing):
         """(entry, 3 + leg depth) facet, plates and slabs."""
         plain = np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
         return np.concatenate([plain, self.crossed.reshape(len(plain), LEGS * MOST_SLABS)], axis=1)
+
+    def take(self, chosen: NDArray[np.bool_]) -> VeiledLanding:
+        """The entries that `chosen` marks."""
+        plain = _columns(super().take(chosen), Landing)
+        return VeiledLanding(**plain, crossed=self.crossed[chosen], across=self.across[chosen])
 
     @staticmethod
     def joined(landings: Sequence[VeiledLanding]) -> VeiledLanding:
@@ -151,6 +158,12 @@ class VeiledLandingBand(LandingBand):
         return {**super()._by(facets, nodes, index), "screens": screens}
 
 
+def _chains(landing: Landing) -> VeiledLanding:
+    if not isinstance(landing, VeiledLanding):
+        raise TypeError(f"landing is a {type(landing).__name__}: a VeiledLanding is needed")
+    return landing
+
+
 def _veiled(shown: MirroredFacets) -> VeiledLandedFacets:
     if not isinstance(shown, VeiledLandedFacets):
         raise TypeError(f"shown is a {type(shown).__name__}: VeiledLandedFacets are needed")
@@ -192,6 +205,32 @@ class VeiledShower(Shower):
             rows.append((mixed, *self._look(pieces[mixed], index[owner[mixed]], first, last, FINE)))
         self.sent += self._walk.sent - before
         return self._gathered(index, pieces, owner, first, last, rows)
+
+    def left(self, landing: Landing) -> FloatArray:
+        """(entry,) of the amplitude at most, there and back, at normal incidence."""
+        crossed = _chains(landing).crossed
+        return np.asarray(np.where(crossed >= 0, self._amplitude[crossed], 1.0).prod(axis=(1, 2)))
+
+    def again(self, rays: RayScene, pieces: Landing, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
+        """As :meth:`~rfgen_sionna.tracing.landing.Shower.again`: the share from where ways go through the same slabs as
+        they did, and through nothing else."""
+        pieces = _chains(pieces)
+        other = copy(self)
+        other._walk = self._walk.among(rays)
+        share, entry = np.zeros(len(chosen)), pieces.owner[chosen]
+        facet, own = pieces.facet[entry], pieces.crossed[entry].reshape(len(chosen), 1, -1)
+        ways = np.stack([pieces.first[entry], pieces.last[entry]], axis=1)
+        for first, last in np.unique(ways, axis=0).tolist():
+            index = np.flatnonzero((ways == (first, last)).all(axis=1))
+            corners = pieces.pieces[chosen[index]] - self._view
+            chains, _ = other._look(corners, facet[index], first, last, GUIDE)
+            share[index] = (chains[:, :1] == own[index]).all(axis=(1, 2))
+            mixed = ~(chains == chains[:, :1]).all(axis=(1, 2))
+            if mixed.any():
+                index = index[mixed]
+                chains, _ = other._look(corners[mixed], facet[index], first, last, FINE)
+                share[index] = (chains == own[index]).all(axis=2).mean(axis=1)
+        return share, other._walk.sent
 
     def _gathered(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,12 @@ class Walk:
         self._normals = [_normals(points, each) for points, each in zip(vertices, faces, strict=True)]
         self.sent = 0
         """Rays sent so far."""
+
+    def among(self, rays: RayScene) -> Walk:
+        """The same in another geometry, of which surfaces beyond those of this one let nothing through."""
+        other = copy(self)
+        other._rays, other.sent = rays, 0
+        return other
 
     def __call__(
         self,
