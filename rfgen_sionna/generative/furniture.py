@@ -136,3 +136,26 @@ def names() -> Sequence[Name]:
 def take_compounds(reader: Reader) -> tuple[str, ...]:
     """Take the furniture whose names are several words out of a text, before places are read: the words."""
     return tuple(match.group() for name in names() if name.compound for match in reader.take(name.pattern))
+
+
+def _made_of(surface: str, words: str, *finishes: str) -> tuple[str, str, tuple[str, ...]]:
+    """ "concrete walls", "walls of concrete", "walls made of bare concrete"."""
+    noun, how = f"(?:{surface}s?)", f"(?:(?:bare|exposed|painted|old|polished) )?(?:{words})"
+    return rf"{how} {noun}|{noun} (?:(?:made )?of|in|covered (?:with|in)) {how}", surface, finishes
+
+
+SURFACES = (
+    _made_of("wall", "concrete", "bare concrete", "masonry"),
+    _made_of("wall", "brick(?:work|s)?", "brickwork"),
+    _made_of("wall", "masonry|stone|rendered", "masonry"),
+    _made_of("wall", "plaster(?:ed|board)?|dry ?wall", "plaster"),
+    _made_of("floor", "wood(?:en)?|hardwood|parquet|laminate|floor ?boards?", "floorboards"),
+    _made_of("floor", "carpet(?:ed|s)?", "carpet"),
+    _made_of("floor", "tiled?|tiles|ceramic", "tiles"),
+    _made_of("floor", "lino(?:leum)?|vinyl", "linoleum"),
+    _made_of("floor", "concrete", "bare concrete"),
+    _made_of("ceiling", "concrete", "bare concrete"),
+    _made_of("ceiling", "plaster(?:ed|board)?", "plaster"),
+)
+"""What walls, floors and ceilings may be said to be made of: pattern, which of them, and the finishes
+(:data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`) that it may mean."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -227,21 +228,24 @@ def _imagined(
     resolution: tuple[int, int],
     projection: str,
 ) -> Setting:
+    from rfgen_sionna.generative.environment.backend import UnknownWordsWarning
     from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 
     model, lora = (None if each is None else fspath(each) for each in (imagining.model, imagining.lora))
     here = radar if radar.trajectory is None else radar.at(0.0)
     words = f"{'an' if place[0] in 'aeiou' else 'a'} {place}" if asked.text == asked.scene else asked.text
-    image = EnvironmentDiffusion(model, lora, imagining.device).generate(
-        words,
-        negative=imagining.negative,
-        fov_deg=fov_deg,
-        resolution=resolution,
-        projection=projection,
-        position=here.position,
-        orientation=here.orientation,
-        seed=seed,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnknownWordsWarning)  # the reader of the whole prompt has said it
+        image = EnvironmentDiffusion(model, lora, imagining.device).generate(
+            words,
+            negative=imagining.negative,
+            fov_deg=fov_deg,
+            resolution=resolution,
+            projection=projection,
+            position=here.position,
+            orientation=here.orientation,
+            seed=seed,
+        )
     moves, strength = radar.trajectory is not None, imagining.strength
     seen = ", as seen from where the radar starts" if moves else ""
     decisions = [Decision("place", f"imagined as {words!r}{seen}", drawn(seed))]

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, replace
 
 from rfgen_sionna.generative.body_prompt import PromptError
-from rfgen_sionna.generative.furniture import EMPTY, names, take_compounds
+from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names, take_compounds
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, compile_pattern
 from rfgen_sionna.generative.vocabulary import (
@@ -87,7 +87,7 @@ class EnvironmentPrompt:
         if imagined:
             readers = [Reader(phrase) for phrase in lost]
             for reader in readers:
-                for pattern in (EMPTY, *(name.pattern for name in names())):
+                for pattern in (EMPTY, *(each[0] for each in SURFACES), *(name.pattern for name in names())):
                     reader.take(pattern)
             lost = tuple(phrase for reader in readers for phrase in reader.rest(FILLERS))
         return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in lost)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray
 
@@ -52,6 +53,25 @@ class ImagePlane:
             return y / ahead / self.half[0], z / ahead / self.half[1]
         return np.arctan2(y, x) / self.half[0], np.arctan2(z, np.hypot(x, y)) / self.half[1]
 
+    @property
+    def closed(self) -> tuple[bool, bool]:
+        """Whether the left edge is the right one, and the upper and lower edges are the poles."""
+        around = self.projection == "equirectangular"
+        return around and self.fov_deg[0] == 360.0, around and self.fov_deg[1] == 180.0
+
+    def cells(self, left: FloatArray, up: FloatArray, resolution: tuple[int, int]) -> NDArray[np.intp]:
+        """(...) pixels, row by row, of an image of `resolution` (rows, columns) that places are in; -1 beside it."""
+        rows, columns = resolution
+        with np.errstate(invalid="ignore"):
+            row, column = np.floor(0.5 * (1 - up) * rows), np.floor(0.5 * (1 - left) * columns)
+        around, poles = self.closed
+        if around:
+            column = column % columns
+        if poles:
+            row = np.clip(row, 0, rows - 1)
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.where(inside, np.where(inside, row * columns + column, 0), -1).astype(np.intp)
+
     def density(self, left: FloatArray, up: FloatArray) -> FloatArray:
         """(...) solid angle [sr] for each unit of `left` times `up`."""
         y, z = self.half[0] * left, self.half[1] * up
@@ -96,9 +116,16 @@ def check_fov(
         angles = np.array([across, down])
     flat = projection == "perspective"
     if not right or not ((angles < (wide, high)) if flat else (angles <= (wide, high))).all():
-        allowed = f"below {wide:g} degrees" if flat else f"to {wide:g} degrees horizontally and to {high:g} vertically"
+        allowed = f"below {wide:g} degrees" if flat else f"up to {wide:g} degrees horizontally and {high:g} vertically"
+        why = ""
+        if right and angles[0] <= wide and np.ndim(fov_deg) == 0 and not flat:
+            rows, columns = resolution
+            why = (
+                f"; {angles[0]:g} degrees across are {angles[1]:g} from top to bottom with {rows} x {columns} square "
+                "pixels: take fewer rows, or say both angles"
+            )
         raise ValueError(
-            f"fov_deg is {fov_deg!r}: an angle above 0 and {allowed}, or (horizontal, vertical), is needed for a "
-            f"{projection} view of {resolution[0]} x {resolution[1]} pixels"
+            f"fov_deg is {fov_deg!r}: an angle above 0 and {allowed}, or (horizontal, vertical), is needed for "
+            f"{'a' if flat else 'an'} {projection} view{why}"
         )
     return float(angles[0]), float(angles[1])

@@ -63,10 +63,7 @@ class Raster:
 
     def pixels(self, directions: FloatArray) -> Indices:
         """(ray,) the pixels that directions (ray, 3) fall into, -1 for those outside of the image."""
-        left, up = self._plane.places(directions @ self.rotation)
-        row, column = np.floor(0.5 * self.rows * (1 - up)), np.floor(0.5 * self.columns * (1 - left))
-        inside = (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
-        return np.where(inside, np.where(inside, row * self.columns + column, 0), -1).astype(np.int64)
+        return self._plane.cells(*self._plane.places(directions @ self.rotation), (self.rows, self.columns))
 
     def directions(self, row: FloatArray, column: FloatArray) -> FloatArray:
         """(..., 3) unit vectors through places in pixels from the upper left corner of the image."""

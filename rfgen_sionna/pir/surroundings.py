@@ -147,14 +147,18 @@ class Surroundings:
     def _fade(self, distance: FloatArray, reach: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
         """(path,) blend of what the four nearest pixels let through; outside of the view nothing hides."""
         rows, columns = self.view.resolution
+        around, poles = self.view.plane.closed
         known = np.isfinite(row) & np.isfinite(column)
         row, column = np.where(known, row, -9.0), np.where(known, column, -9.0)
         top, left = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
         total = np.zeros(len(reach))
         for r, by_row in ((top, top + 1 - row), (top + 1, row - top)):
             for c, by_column in ((left, left + 1 - column), (left + 1, column - left)):
-                inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
-                nearest = np.where(inside, distance[np.where(inside, r * columns + c, 0)], np.inf)
+                if around:
+                    c = c % columns
+                at = np.clip(r, 0, rows - 1) if poles else r
+                inside = known & (at >= 0) & (at < rows) & (c >= 0) & (c < columns)
+                nearest = np.where(inside, distance[np.where(inside, at * columns + c, 0)], np.inf)
                 depth = np.clip((reach - nearest) / SOFT_EDGE, 0.0, 1.0)
                 total += by_row * by_column * (1.0 - depth**2 * (3.0 - 2.0 * depth))
         return total

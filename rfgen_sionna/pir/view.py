@@ -67,10 +67,7 @@ class View:
 
     def pixels(self, directions: FloatArray) -> NDArray[np.intp]:
         """(...,) index of the pixel, row by row, that directions (..., 3) fall into; -1 outside of the view."""
-        row, column = (np.floor(place + 0.5) for place in self.coordinates(directions))
-        rows, columns = self.resolution
-        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        return np.where(inside, np.where(inside, row, 0) * columns + np.where(inside, column, 0), -1).astype(np.intp)
+        return self.plane.cells(*self.plane.places(directions @ rotation_matrix(self.orientation)), self.resolution)
 
     @cached_property
     def plane(self) -> ImagePlane:

@@ -14,9 +14,10 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.imagining import Wish, facts_of, imagine
+from rfgen_sionna.generative.environment.memory import memory_of
 from rfgen_sionna.generative.environment.model import EnvironmentModel, read_model
 from rfgen_sionna.generative.environment.rooms import Wanted
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, memory_of, noise_like
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.generative.environment.wishes import is_empty
 from rfgen_sionna.generative.furniture import LOOSE
@@ -26,12 +27,17 @@ from rfgen_sionna.records import Pir
 
 Progress = Callable[[int, int], None]
 
-FOV_DEG: dict[Projection, tuple[float, float]] = {"perspective": (35.0, 110.0), "equirectangular": (35.0, 160.0)}
-"""Fields of view that the embedded model draws [degrees]; it was shown 40 … 100 in perspective."""
+FOV_DEG: dict[Projection, tuple[float, float]] = {"perspective": (15.0, 110.0), "equirectangular": (15.0, 160.0)}
+"""Fields of view that the embedded model draws [degrees]; it was shown 40 … 100 in perspective, and draws narrower ones
+and those that are laid out otherwise over their own sketches as well."""
 
 
 class UnknownThingWarning(UserWarning):
     """A negative prompt excludes something that the model doesn't know."""
+
+
+class UnknownWordsWarning(UserWarning):
+    """A prompt has words that name nothing that a place could have."""
 
 
 class AbsentThingWarning(UserWarning):
@@ -195,7 +201,7 @@ class EmbeddedBackend:
             if denied.rest:
                 warnings.warn(
                     f"negative prompt {negative!r}: {', '.join(map(repr, denied.rest))} names nothing that can be left "
-                    "out of a place; it leads the drawing alone",
+                    "out of a place, and hardly changes the drawing",
                     UnknownThingWarning,
                     stacklevel=3,
                 )
@@ -204,6 +210,9 @@ class EmbeddedBackend:
             if first is None:
                 for prompt, wish in zip(prompts, wishes, strict=True):
                     self._tell_absent(prompt, wish)
+            else:
+                for wish in wishes:
+                    wish.room().check(view)
         drawn = imagine(self.model, self.scheduler, sampler, wishes, tokens, against, noise, guide, progress=progress)
         like = blank(view, np.zeros(NATIVE), np.zeros(NATIVE))
         return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
@@ -212,22 +221,43 @@ class EmbeddedBackend:
         """What a prompt asks of a place that is without some kinds of things."""
         text = self.model.text
         place, _ = text.place_of(prompt)
-        wanted = Wanted(place, text.read(prompt).meant, without)
+        said = text.read(prompt)
+        surfaces = tuple((surface, finishes) for _, surface, finishes in said.surfaces)
+        wanted = Wanted(place, said.meant, without, surfaces)
         if not is_empty(prompt):
             return wanted
         return replace(wanted, without=(*without, *(kind for kind in LOOSE if not wanted.wants(kind))))
 
     def _tell_absent(self, prompt: str, wish: Wish) -> None:
         """Warn of what the prompt asks for and the place that is drawn does not have, or not in view."""
-        room = wish.room()
-        words = [said for said, _ in self.model.text.read(prompt).words]
+        room, read = wish.room(), self.model.text.read(prompt)
+        if read.places and read.lost:  # without a place the words have been told of as a whole
+            warnings.warn(
+                f"environment prompt {prompt!r}: {', '.join(map(repr, read.lost))} names no place, no furniture and no "
+                "surface that is known, and hardly changes the drawing",
+                UnknownWordsWarning,
+                stacklevel=4,
+            )
+        otherwise = [
+            said
+            for (said, _, _), so in zip(read.surfaces, wish.wanted.made(room.place.finishes), strict=True)
+            if not so
+        ]
+        if otherwise:
+            warnings.warn(
+                f"environment prompt {prompt!r}: of the layouts that were looked at none that suits has "
+                f"{', '.join(map(repr, otherwise))}",
+                AbsentThingWarning,
+                stacklevel=4,
+            )
+        words = [said for said, _ in read.words]
         for where, kinds in (("has", room.place.kinds), ("shows", room.seen(wish.view).kinds(room.place))):
             absent = [said for said, met in zip(words, wish.wanted.met(kinds), strict=True) if not met]
             if absent:
                 warnings.warn(
                     f"environment prompt {prompt!r}: of the layouts that were looked at none that suits {where} "
-                    f"{', '.join(map(repr, absent))}{' in this view' * (where == 'shows')}; the words lead the drawing "
-                    "alone",
+                    f"{', '.join(map(repr, absent))}{' in this view' * (where == 'shows')}; the words alone hardly "
+                    "change the drawing",
                     AbsentThingWarning,
                     stacklevel=4,
                 )

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
 from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
+from rfgen_sionna.generative.environment.memory import training
 from rfgen_sionna.generative.environment.model import (
     CONTROL_FILE,
     EnvironmentModel,
@@ -58,6 +59,7 @@ def condition_of(channels: np.ndarray) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(0.5 * (channels.astype(np.float32) + 1.0)))
 
 
+@training
 def train_control(
     corpus: Corpus,
     model: EnvironmentModel,

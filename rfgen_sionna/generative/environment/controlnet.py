@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from rfgen_sionna.generative.environment.backend import pick_device
 from rfgen_sionna.generative.environment.control_training import ControlRecipe, train_control
 from rfgen_sionna.generative.environment.corpus import read_corpus
 from rfgen_sionna.generative.environment.data import PirData
@@ -21,7 +22,7 @@ from rfgen_sionna.generative.environment.doubt import train_doubt
 from rfgen_sionna.generative.environment.model import read_control, read_model, write_control
 from rfgen_sionna.generative.environment.path_evaluation import calibrated
 from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.train import Device, progress_bar
+from rfgen_sionna.generative.environment.train import Device, plainly, progress_bar
 
 _JUDGED = 64
 """Pairs of the validation split."""
@@ -47,6 +48,7 @@ def main(
     import torch
 
     torch.set_num_threads(threads)
+    device = pick_device(device)
     model = read_model(base)
     begun = None if start is None else read_control(start, model.unet, any_base=True).net
     with progress_bar() as bar:
@@ -78,4 +80,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    typer.run(plainly(main))

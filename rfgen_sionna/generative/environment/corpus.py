@@ -133,6 +133,10 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched
     """
     if not len(data):
         raise ValueError("data: no views are left; render some, or choose another split or place")
+    if pairs and data.kind != "pairs":
+        raise ValueError(
+            f"data: {str(data.folder)!r} holds single views; render pairs (… environment.render --kind pairs)"
+        )
     images, before, sketches = [], [], []
     things = _things(data.objects)
     for start in range(0, len(data), 256):

@@ -153,6 +153,8 @@ class EnvironmentDiffusion:
         The arguments are those of :meth:`generate`, with a seed for each prompt; `progress` is called with
         (drawn, to be drawn).
         """
+        if isinstance(prompts, str):
+            raise TypeError(f"prompts is {prompts!r}: a list of prompts is needed, one for each seed")
         if len(prompts) != len(seeds):
             raise ValueError(
                 f"seeds: {len(seeds)} for {len(prompts)} prompts, {batch} at a time; one for each is needed"

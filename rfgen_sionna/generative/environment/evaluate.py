@@ -27,7 +27,7 @@ from rfgen_sionna.generative.environment.path_evaluation import examine_paths
 from rfgen_sionna.generative.environment.pictures import completed_sheet, sheet
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Sampler
-from rfgen_sionna.generative.environment.train import Data, Out, progress_bar
+from rfgen_sionna.generative.environment.train import Data, Out, plainly, progress_bar
 from rfgen_sionna.generative.environment.view_evaluation import examine_views
 
 _BANK = 2500
@@ -92,6 +92,8 @@ def main(
     own = load_embedded(model, None, None, half=half)
     views = PirData.open(data)
     held = views.select(split=split)
+    if not len(held):
+        raise ValueError(f"data: {str(data)!r} has no views of the split {split!r}; render more of them")
     train, test = (read_corpus(part, own.codec) for part in (views.select(split="train"), held))
     bank = train.images[np.random.default_rng(0).permutation(len(train))[:_BANK]]
     sampler = Sampler("ddim", steps, guidance)
@@ -173,4 +175,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    typer.run(plainly(main))

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
 from rfgen_sionna.generative.environment.geometry import view_maps
+from rfgen_sionna.generative.environment.memory import training
 from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
 from rfgen_sionna.generative.learning import precision
 from rfgen_sionna.pir.codec import PirCodec
@@ -111,6 +112,7 @@ def untrained(classes: int, codec: PirCodec | None = None, widths: Sequence[int]
     return Judge(_Net(classes, widths).eval().requires_grad_(False), codec or PirCodec())
 
 
+@training
 def train_judge(
     images: NDArray[np.floating],
     classes: NDArray[np.intp],

@@ -20,7 +20,7 @@ from rfgen_sionna.generative.environment.bases import Base, open_base
 from rfgen_sionna.generative.environment.corpus import read_corpus
 from rfgen_sionna.generative.environment.data import PirData
 from rfgen_sionna.generative.environment.lora_training import LoraRecipe, choose_rate
-from rfgen_sionna.generative.environment.train import Data, progress_bar
+from rfgen_sionna.generative.environment.train import Data, plainly, progress_bar
 
 
 def main(
@@ -80,4 +80,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    typer.run(plainly(main))

@@ -15,6 +15,7 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts, add_lora, lora_state, save_lora
 from rfgen_sionna.generative.environment.bases import Base, target_of
 from rfgen_sionna.generative.environment.corpus import Corpus
+from rfgen_sionna.generative.environment.memory import training
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.learning import cool, precision, resume, write
 
@@ -78,6 +79,7 @@ class LoraOutcome:
         }
 
 
+@training
 def choose_rate(
     fresh_base: Callable[[], Base],
     learn: Corpus,
@@ -130,6 +132,7 @@ def choose_rate(
     return LoraOutcome(winner, best[1], losses, before, recipe, name, best[0])
 
 
+@training
 def train_lora(
     base: Base,
     corpus: Corpus,

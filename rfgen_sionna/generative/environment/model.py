@@ -21,7 +21,8 @@ from rfgen_sionna.generative.environment.expectation import Expectation
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import ViewUNet
 from rfgen_sionna.generative.environment.polish import Polish
-from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.environment.prompting import LEVEL, PromptEncoder, PromptTokenizer
+from rfgen_sionna.generative.environment.text import PlaceEncoder, ViewFacts
 from rfgen_sionna.generative.learning import fingerprint
 from rfgen_sionna.pir.codec import PirCodec
 
@@ -92,12 +93,12 @@ class EnvironmentModel:
     doubt: Doubt = field(default_factory=Doubt)
     """How far its gains hold."""
 
-    def parts(self) -> dict[str, Any]:
-        """What diffusers' pipelines take."""
+    def parts(self, view: ViewFacts = LEVEL) -> dict[str, Any]:
+        """What diffusers' pipelines take; prompts are meant for `view`."""
         return {
             "vae": self.vae,
-            "text_encoder": None,
-            "tokenizer": None,
+            "text_encoder": PromptEncoder(self.text, view),
+            "tokenizer": PromptTokenizer(),
             "unet": self.unet,
             "scheduler": make_scheduler(),
             "safety_checker": None,
@@ -105,19 +106,20 @@ class EnvironmentModel:
             "requires_safety_checker": False,
         }
 
-    def text_to_image(self) -> StableDiffusionPipeline:
-        """diffusers' text-to-image pipeline on this model; it takes `prompt_embeds` of :meth:`PlaceEncoder.embed`."""
+    def text_to_image(self, view: ViewFacts = LEVEL) -> StableDiffusionPipeline:
+        """diffusers' text-to-image pipeline on this model, from words alone; prompts are meant for `view`, or come as
+        `prompt_embeds` of :meth:`PlaceEncoder.embed` with views of their own."""
         from diffusers import StableDiffusionPipeline
 
-        return _quiet(StableDiffusionPipeline(**self.parts()))
+        return _quiet(StableDiffusionPipeline(**self.parts(view)))
 
-    def image_to_image(self) -> StableDiffusionImg2ImgPipeline:
+    def image_to_image(self, view: ViewFacts = LEVEL) -> StableDiffusionImg2ImgPipeline:
         """diffusers' image-to-image pipeline on this model."""
         from diffusers import StableDiffusionImg2ImgPipeline
 
-        return _quiet(StableDiffusionImg2ImgPipeline(**self.parts()))
+        return _quiet(StableDiffusionImg2ImgPipeline(**self.parts(view)))
 
-    def controlled(self) -> StableDiffusionControlNetPipeline:
+    def controlled(self, view: ViewFacts = LEVEL) -> StableDiffusionControlNetPipeline:
         """diffusers' ControlNet pipeline on this model.
 
         Raises:
@@ -127,7 +129,7 @@ class EnvironmentModel:
             raise ModelFileError("control: this model has no ControlNet; train one with … environment.controlnet")
         from diffusers import StableDiffusionControlNetPipeline
 
-        return _quiet(StableDiffusionControlNetPipeline(**self.parts(), controlnet=self.control))
+        return _quiet(StableDiffusionControlNetPipeline(**self.parts(view), controlnet=self.control))
 
     def to(self, device: str | torch.device, dtype: torch.dtype) -> EnvironmentModel:
         """Moved there, in place; `dtype` is that of the networks."""

@@ -18,7 +18,8 @@ from rfgen_sionna.generative.environment.control_training import condition_of
 from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.imagining import facts_of
-from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, memory_of, noise_like
+from rfgen_sionna.generative.environment.memory import memory_of
+from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE, PATCH, resized
 from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed
@@ -149,7 +150,7 @@ class PathDiffusion:
         DeviceMemoryError
             If the device's memory doesn't suffice.
         """
-        if isinstance(strength, bool) or not isinstance(strength, (int, float)) or not 0.0 <= strength <= 1.0:
+        if isinstance(strength, bool) or not isinstance(strength, (int, float, np.number)) or not 0 <= strength <= 1:
             raise ValueError(f"strength: {strength!r}; 0 … 1 is allowed")
         check_words(prompt, negative)
         check_seed(seed)

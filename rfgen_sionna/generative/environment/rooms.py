@@ -5,7 +5,7 @@ Layouts come from seeds that no data set uses (:data:`FIRST_SEED`), so none of a
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -30,6 +30,8 @@ SPOTS = 24
 LOOKS = 8
 """Looks from different spots, at most, at each place that is built."""
 _COARSE = (24, 24)
+_SHELL = ("floor", "ceiling", "far wall", "near wall", "left wall", "right wall")
+"""What words may say the finish of."""
 _MARGIN = 0.25
 """Free space around a radar [m]."""
 _AIM = np.radians(12.0)
@@ -49,6 +51,8 @@ class Wanted:
     """That should be in view: for each, the kinds that its word may mean."""
     without: tuple[str, ...] = ()
     """That are not there."""
+    surfaces: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """Walls, floors and ceilings that are to be of one of some finishes."""
 
     def excludes(self, kind: str) -> bool:
         """Whether a kind is not there: an office chair is a chair, too, unless it is wanted itself."""
@@ -63,6 +67,13 @@ class Wanted:
         """Of each of the things, whether it is among `kinds`."""
         return [any(_is(kind, each) for kind in kinds for each in meant) for meant in self.things]
 
+    def made(self, finishes: Mapping[str, str]) -> list[bool]:
+        """Of each of the surfaces, whether it is so, or one of its kind, where things are made of `finishes`."""
+        return [
+            any(finish in meant for kind, finish in finishes.items() if kind in _SHELL and _is(kind, surface))
+            for surface, meant in self.surfaces
+        ]
+
 
 def _is(kind: str, other: str) -> bool:
     return kind == other or kind.endswith(f" {other}")
@@ -75,10 +86,30 @@ class Room:
     place: Place
     offset: tuple[float, float]
     """Where in it the origin of the caller's world lies [m]."""
+    inside: tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None = None
+    """Least and greatest x, y and z within its walls [m]; None outdoors."""
 
     def seen(self, view: View) -> Sketch:
         """What a view in the caller's world shows."""
         return shown(self.place, self.moved(view))
+
+    def check(self, view: View) -> None:
+        """Whether a radar may look from there.
+
+        Raises:
+            ValueError: it stands beyond the walls, the floor or the ceiling.
+        """
+        if self.inside is None:
+            return
+        place = self.moved(view).position
+        if all(low < at < high for at, (low, high) in zip(place, self.inside, strict=True)):
+            return
+        ends = zip(self.inside, (*self.offset, 0.0), strict=True)
+        limits = ", ".join(f"{low - off:.2f} … {high - off:.2f}" for (low, high), off in ends)
+        raise ValueError(
+            f"position: {tuple(float(x) for x in view.position)} m is outside of the room that was imagined from its "
+            f"first view; x, y and z in {limits} m are inside"
+        )
 
     def moved(self, view: View) -> View:
         """The view in the world of the place."""
@@ -102,16 +133,17 @@ def choose_room(wanted: Wanted, view: View, seed: int, *, anywhere: bool = False
     """
     rng = np.random.default_rng([seed, 107])
     best: tuple[float, Room] | None = None
-    enough, built = float(len(wanted.things)), 0
+    enough, built = float(len(wanted.things) + len(wanted.surfaces)), 0
     for number in range(LAYOUTS):
         scene = furnished(wanted.place, FIRST_SEED + LAYOUTS * seed + number)
         held = {*scene.layout.kinds, *(kind for kind, _ in scene.shell)}
-        if best is not None and sum(wanted.met(held)) <= best[0]:
+        made = sum(wanted.made(scene.finishes))
+        if best is not None and sum(wanted.met(held)) + made <= best[0]:
             continue  # not even with all of it in view
         place = Place.of(scene)
         place = place.without([kind for kind in set(place.kinds) if wanted.excludes(kind)])
         for offset in _offsets(scene, view, rng, anywhere):
-            room = Room(place, offset)
+            room = Room(place, offset, _inside(scene))
             score = _score(room, replace(view, resolution=_COARSE), wanted)
             if score >= enough:
                 score = _score(room, view, wanted)  # a coarse look may be wrong about small things
@@ -152,7 +184,14 @@ def _score(room: Room, view: View, wanted: Wanted) -> float:
     kinds = sketch.kinds(room.place)
     reach = np.where(np.isfinite(sketch.range), sketch.range, 1e3)
     blocked = bool(reach.min() < NEAREST or np.median(reach) < SPACE)
-    return sum(wanted.met(kinds)) - 10.0 * blocked
+    return sum(wanted.met(kinds)) + sum(wanted.made(room.place.finishes)) - 10.0 * blocked
+
+
+def _inside(
+    scene: FurnishedScene,
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None:
+    layout = scene.layout
+    return (layout.x, layout.y, (0.0, layout.height)) if layout.indoors else None
 
 
 def _may_stand(scene: FurnishedScene, view: View) -> bool:

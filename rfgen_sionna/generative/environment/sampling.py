@@ -7,8 +7,7 @@ patches that stay, and an image to start from together with a ControlNet.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,29 +16,13 @@ import torch
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.expectation import Expected
+from rfgen_sionna.generative.environment.memory import memory_of
 from rfgen_sionna.generative.environment.model import LATENT_SIZE, EnvironmentModel
 from rfgen_sionna.records import FloatArray
-from rfgen_sionna.scene.errors import BackendError
 
 SAMPLERS = ("ddim", "dpm", "euler")
 MOST_STEPS = 1000
 """The forward process has no more."""
-
-
-class DeviceMemoryError(BackendError):
-    """The device ran out of memory."""
-
-
-@contextmanager
-def memory_of(device: str) -> Iterator[None]:
-    """Within it a device that runs out of memory is a :class:`DeviceMemoryError`, which says what helps."""
-    try:
-        yield
-    except torch.OutOfMemoryError as error:
-        raise DeviceMemoryError(
-            f"device {device}: out of memory; draw fewer images at once, close what else uses the device, or take "
-            "device='cpu'"
-        ) from error
 
 
 @dataclass(frozen=True)

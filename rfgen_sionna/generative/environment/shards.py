@@ -35,6 +35,7 @@ from rfgen_sionna.generative.environment.shooting import (
     place_person,
 )
 from rfgen_sionna.generative.environment.sketch import shown
+from rfgen_sionna.pir.projection import check_fov
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.actor import Actor
@@ -78,6 +79,8 @@ class Settings:
             raise DataError(f"views is {self.views}, resolution {self.resolution}: at least 1, and 4 … 1024 are needed")
         if self.seed < 0:
             raise DataError(f"seed is {self.seed}: at least 0 is needed")
+        for projection in self.ranges.projections:
+            check_fov(self.ranges.fov_deg[1], projection, self.resolution)
 
     @property
     def per_shard(self) -> int:

@@ -95,8 +95,14 @@ class PlaceEncoder(SentenceEncoder):
     @torch.no_grad()
     def embed(self, texts: Sequence[str], views: Sequence[ViewFacts]) -> Tensor:
         """(text, TOKENS, WIDTH) of sentences and views; an empty sentence is zeros but for its view."""
-        reading = self(tokenise(list(texts)).to(self.place.device))
-        said = torch.tensor([bool(t.strip()) for t in texts], device=self.place.device)[:, None, None]
+        said = torch.tensor([bool(t.strip()) for t in texts])
+        return self.embed_ids(tokenise(list(texts)), said, views)
+
+    @torch.no_grad()
+    def embed_ids(self, ids: Tensor, said: Tensor, views: Sequence[ViewFacts]) -> Tensor:
+        """The same of tokenised sentences (text, word, piece), and whether each says anything (text,)."""
+        reading = self(ids.to(self.place.device))
+        said = said.to(self.place.device)[:, None, None]
         pooled = reading.pooled[:, None] / self.spread[0] * said
         tokens = reading.tokens / self.spread[1] * said
         return torch.cat([view_tokens(views).to(pooled), pooled, tokens], dim=1)

@@ -7,21 +7,26 @@ the same command goes on where it was stopped. Only the data set's training spli
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.backend import pick_device
 from rfgen_sionna.generative.environment.corpus import Corpus, read_corpus
 from rfgen_sionna.generative.environment.data import PirData
 from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.text import PlaceEncoder, train_text
 from rfgen_sionna.generative.environment.training import Recipe, train
 from rfgen_sionna.pir.codec import PirCodec
+from rfgen_sionna.scene.errors import BackendError
 
 _FITTED_ON = 2000
 """Views that the autoencoder is fitted on."""
@@ -29,6 +34,20 @@ _FITTED_ON = 2000
 Data = Annotated[Path, typer.Option(help="Folder of rendered views (… environment.render makes them).")]
 Out = Annotated[Path, typer.Option(help="Folder for checkpoints and the result.")]
 Device = Annotated[str, typer.Option(help="cpu, cuda, cuda:1, …")]
+
+
+def plainly(command: Callable[..., None]) -> Callable[..., None]:
+    """A command that tells what is wrong with its arguments or files in a sentence, and exits with 2."""
+
+    @wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except (ValueError, OSError, ImportError, BackendError) as error:
+            Console(stderr=True).print(f"[red]{escape(str(error))}[/red]", highlight=False, soft_wrap=True)
+            raise typer.Exit(2) from error
+
+    return run
 
 
 def progress_bar() -> Progress:
@@ -106,6 +125,7 @@ def main(
     import torch
 
     torch.set_num_threads(threads)
+    device = pick_device(device)
     out.mkdir(parents=True, exist_ok=True)
     begun = None if start is None else read_model(start)
     codec = PirCodec() if begun is None else begun.codec
@@ -136,4 +156,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    typer.run(plainly(main))

@@ -16,6 +16,7 @@ from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.expectation import Expectation
 from rfgen_sionna.generative.environment.forward import even_loss, make_scheduler
 from rfgen_sionna.generative.environment.geometry import KINDS
+from rfgen_sionna.generative.environment.memory import training
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, Shape, write_model
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.text import PlaceEncoder
@@ -81,6 +82,7 @@ def draw_batch(
     return Batch(index, mirrored, text.embed(texts, [corpus.view(i, m) for i, m in zip(index, mirrored, strict=True)]))
 
 
+@training
 def train(
     corpus: Corpus,
     vae: PatchAutoencoder,

@@ -11,11 +11,37 @@ from functools import cache
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.captions import NAMES
-from rfgen_sionna.generative.furniture import EMPTY, names
+from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, inflected, normalise
 from rfgen_sionna.generative.surroundings import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
+
+_PLAIN = frozenset(
+    (
+        "furnished",
+        "indoor",
+        "inside",
+        "interior",
+        "it",
+        "man",
+        "people",
+        "person",
+        "radar",
+        "room",
+        "scene",
+        "seen",
+        "sees",
+        "somebody",
+        "someone",
+        "typical",
+        "usual",
+        "view",
+        "where",
+        "woman",
+    )
+)
+"""Words that say nothing of a place that its name doesn't; who is in it is drawn by others."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +54,14 @@ class Named:
     """The words for furniture, doors and windows, and the kinds that each may mean."""
     rest: tuple[str, ...]
     """Phrases that name neither."""
+    surfaces: tuple[tuple[str, str, tuple[str, ...]], ...] = ()
+    """The words for what walls, floors and ceilings are made of: "a carpeted floor"; which of them, and the finishes
+    (:data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`) that it may mean."""
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Those of the phrases that a description of a place could mean something by."""
+        return tuple(each for each in self.rest if not {*each.split()} <= _PLAIN and not Reader(each).take(EMPTY))
 
     @property
     def meant(self) -> tuple[tuple[str, ...], ...]:
@@ -43,12 +77,16 @@ class Named:
 def read(text: str) -> Named:
     """What a text names, singular or plural, with or without articles: "sofas and a chest of drawers"."""
     reader = Reader(text)
+    surfaces = [
+        (match.group(), surface, meant) for pattern, surface, meant in SURFACES for match in reader.take(pattern)
+    ]
     found = [(match.group(), meant) for pattern, meant in _patterns() for match in reader.take(pattern)]
     places = {place for _, meant in found for place in meant}
     return Named(
         tuple(place for place in NAMES if place in places),
         tuple((words, meant) for words, meant in found if not NAMES.keys() & set(meant)),
         reader.rest(FILLERS),
+        tuple(surfaces),
     )
 
 

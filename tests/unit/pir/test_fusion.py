@@ -328,3 +328,17 @@ def test_the_image_of_a_run_is_the_one_that_was_given(radar, projection):
         0.0,
     )
     np.testing.assert_allclose(twice.energy, 2 * environment.energy, rtol=1e-9)
+
+
+@pytest.mark.parametrize("direction", [(-1, 0, 0), (-1, 1e-3, 0), (-1, -1e-3, 0), (0, 0, 1), (0, 0, -1), (1, 0, 0)])
+def test_surroundings_all_around_hide_without_a_seam(radar, direction):
+    """A closed image keeps back what is behind it in every direction."""
+    view = View(PIXELS, (360.0, 180.0), radar.position, radar.orientation, "equirectangular")
+    pir = Pir(
+        np.full(PIXELS, 1e-9), np.full(PIXELS, 2 * 3.0 / SPEED_OF_LIGHT), np.zeros(PIXELS), view.fov_deg,
+        view.position, view.orientation, view.projection,
+    )  # fmt: skip
+    surroundings = Surroundings(pir, radar, 0)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    hidden = surroundings.occluded(np.zeros(3), np.asarray(radar.position) + np.array([[2.0], [5.0]]) * unit)
+    np.testing.assert_allclose(hidden, [0.0, 1.0], atol=1e-12)

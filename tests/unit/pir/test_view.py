@@ -68,6 +68,18 @@ def test_an_equirectangular_view_is_even_in_azimuth_and_elevation() -> None:
     assert divmod(int(behind), 18) == (4, 17)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * np.pi])
+def test_all_around_there_is_no_seam_and_no_hole(yaw: float) -> None:
+    """Straight behind, up and down, and whatever rounding makes of them, are in the outermost pixels."""
+    view = View((9, 18), (360.0, 180.0), (0.0, 0.0, 0.0), (yaw, 0.0, 0.0), "equirectangular")
+    raster = Raster(9, 18, (360.0, 180.0), rotation_matrix((yaw, 0.0, 0.0)), "equirectangular")
+    behind = np.array([[-1.0, y, 0.0] for y in (0.0, -0.0, -1e-17, 1e-17)]) @ rotation_matrix((yaw, 0.0, 0.0)).T
+    for directions, row in ((behind, 4), (np.array([[0.0, 0.0, 1.0]]), 0), (np.array([[0.0, 0.0, -1.0]]), 8)):
+        for found in (view.pixels(directions), raster.pixels(directions)):
+            assert set(found // 18) == {row}
+    assert set(view.pixels(behind) % 18) <= {0, 17}
+
+
 def test_a_perspective_view_has_no_place_for_what_is_behind() -> None:
     flat = ImagePlane("perspective", (90.0, 90.0))
     assert np.isnan(flat.places(np.array([-1.0, 0.0, 0.0]))).all()
@@ -80,8 +92,9 @@ def test_square_pixels_and_allowed_fields_of_view() -> None:
     assert check_view((32, 64), 360, "equirectangular")[2] == (360.0, 180.0)
     for fov, projection, words in (
         (180.0, "perspective", "fov_deg is 180.0: an angle above 0 and below 180"),
-        (361.0, "equirectangular", "to 360 degrees horizontally"),
-        ((360.0, 181.0), "equirectangular", "to 180 vertically"),
+        (361.0, "equirectangular", "up to 360 degrees horizontally"),
+        ((360.0, 181.0), "equirectangular", "and 180 vertically"),
+        (360, "equirectangular", "360 degrees across are 360 from top to bottom with 64 x 64 square pixels"),
         (0.0, "equirectangular", "above 0"),
         ((60.0, np.nan), "perspective", "fov_deg"),
         (True, "perspective", "fov_deg is True"),

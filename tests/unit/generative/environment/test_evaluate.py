@@ -1,17 +1,35 @@
-"""The command that examines the shipped model."""
+"""The command that examines the shipped model, and what all commands of the image models say of wrong arguments."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
 import typer
+from typer.testing import CliRunner
 
+from rfgen_sionna.generative.environment import (
+    control_training,
+    controlnet,
+    evaluate,
+    lora,
+    lora_training,
+    train,
+    training,
+)
+from rfgen_sionna.generative.environment.bases import EmbeddedBase
+from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.evaluate import main
+from rfgen_sionna.generative.environment.memory import DeviceMemoryError
+from rfgen_sionna.generative.environment.model import EnvironmentModel
 from rfgen_sionna.generative.environment.render import render
 from rfgen_sionna.generative.environment.shards import Settings
 from rfgen_sionna.generative.environment.shooting import Ranges
+from rfgen_sionna.generative.environment.train import plainly
 
 
 @pytest.mark.filterwarnings("ignore:Matrix is singular")  # so few views span nothing
@@ -30,3 +48,58 @@ def test_views_of_another_kind_are_examined(tmp_path: Path) -> None:
     assert 0.0 < figures["drawn"]["range wasserstein, all [m]"] < 100.0
     with pytest.raises(typer.BadParameter, match="shares layouts with the training split"):
         main(data, out, other=[data], **asked)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "words"),
+    [
+        (train.main, ["--data", "none"], "'none' holds no shards"),
+        (train.main, ["--data", "views", "--device", "gpu"], "device: 'gpu'"),
+        (
+            train.main,
+            ["--data", "views", "--later", "kitchen", "--text-steps", "1"],
+            "later: 'kitchen'; the data set has",
+        ),
+        (controlnet.main, ["--data", "views"], "'views' holds single views; render pairs"),
+        (controlnet.main, ["--data", "views", "--base", "none.safetensors"], "none.safetensors"),
+        (evaluate.main, ["--data", "views", "--split", "validation"], "'views' has no views of the split 'validation'"),
+        (lora.main, ["--data", "views", "--place", "kitchen"], "place is 'kitchen'"),
+    ],
+)
+def test_commands_say_what_is_wrong_in_a_sentence(
+    command: Any, arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if "views" in arguments:
+        render(tmp_path / "views", Settings(seed=2, places=("open field",), views=1, resolution=(64, 64)), 4)
+    app = typer.Typer()
+    app.command()(plainly(command))
+    found = CliRunner().invoke(app, [*arguments, "--out", "out"])
+    assert found.exit_code == 2
+    assert words in " ".join(found.stderr.split())
+    assert "Traceback" not in found.output
+
+
+@pytest.mark.parametrize("name", ["train", "train_control", "train_lora"])
+def test_training_that_runs_out_of_memory_says_what_helps(
+    name: str,
+    model: EnvironmentModel,
+    model_folder: Path,
+    corpus: Corpus,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise torch.OutOfMemoryError("CUDA out of memory")
+
+    base = EmbeddedBase(model_folder, "cpu")
+    short, control = training.Recipe(steps=1, items=2), control_training.ControlRecipe(steps=1, items=2)
+    lora_recipe = lora_training.LoraRecipe(steps=1, items=2)
+    tasks: dict[str, Callable[[], Any]] = {
+        "train": lambda: training.train(corpus, model.vae, model.text, tmp_path, short, shape=model.shape),
+        "train_control": lambda: control_training.train_control(corpus, model, tmp_path, control),
+        "train_lora": lambda: lora_training.train_lora(base, corpus, tmp_path, lora_recipe, 1e-3),
+    }
+    monkeypatch.setattr(type(model.unet), "forward", full)
+    with pytest.raises(DeviceMemoryError, match="fewer images a step"):
+        tasks[name]()

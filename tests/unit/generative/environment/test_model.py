@@ -20,6 +20,7 @@ from rfgen_sionna.generative.environment.control_training import (
 )
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.forward import make_scheduler
+from rfgen_sionna.generative.environment.memory import DeviceMemoryError
 from rfgen_sionna.generative.environment.model import (
     BASE_FILE,
     CONTROL_FILE,
@@ -30,7 +31,7 @@ from rfgen_sionna.generative.environment.model import (
     read_model,
 )
 from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.sampling import DeviceMemoryError, Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
 from rfgen_sionna.generative.environment.text import TOKENS, ViewFacts, train_text, view_tokens
 from rfgen_sionna.generative.environment.training import Recipe, train
 from rfgen_sionna.pir.view import View
@@ -86,6 +87,22 @@ def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corp
     assert np.abs(drawn - ours(model)).max() > 1e-3, "the ControlNet has a say"
     picture = model.image_to_image()(**settings(model), image=condition, strength=0.7).images
     assert picture.shape == (1, 64, 64, 3)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
+def test_diffusers_own_pipelines_take_words(model: EnvironmentModel, corpus: Corpus) -> None:
+    """Strings, or lists of them, with negative ones, are what their embeddings are, for the view that is said."""
+    noise = noise_like(2, model, 5)
+    asked: dict[str, Any] = {"num_inference_steps": 2, "guidance_scale": 1.5, "output_type": "np", "latents": noise}
+    prompts, negative = ["a lab with a stool", "a street"], ["a sink", ""]
+    said = model.text_to_image(VIEW)(prompts, negative_prompt=negative, **asked).images
+    told = {"prompt_embeds": prompts, "negative_prompt_embeds": negative}
+    embedded = {name: model.text.embed(texts, [VIEW] * 2) for name, texts in told.items()}
+    np.testing.assert_array_equal(said, model.text_to_image()(**embedded, **asked).images)
+    assert np.abs(said - model.text_to_image()(prompts, negative_prompt=negative, **asked).images).max() > 1e-4
+    asked = {"image": condition_of(corpus.images[:1]), "num_inference_steps": 2, "output_type": "np"}
+    for pipeline in (model.controlled(VIEW), model.image_to_image(VIEW)):
+        assert pipeline("a lab", **asked).images.shape == (1, 64, 64, 3)
 
 
 def test_image_to_image_ends_at_the_image_and_known_patches_stay(model: EnvironmentModel, corpus: Corpus) -> None:

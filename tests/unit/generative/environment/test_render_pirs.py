@@ -120,6 +120,10 @@ def test_roll_and_projection_are_conditions(tmp_path):
         Ranges(projections=("fisheye",))
     with pytest.raises(ValueError, match="roll_deg is"):
         Ranges(roll_deg=(-200, 0))
+    around = Ranges(projections=("equirectangular",), fov_deg=(180, 360))
+    Settings(ranges=around, resolution=(16, 32))
+    with pytest.raises(ValueError, match="360 degrees across are 360 from top to bottom with 16 x 16 square pixels"):
+        Settings(ranges=around, resolution=(16, 16))
 
 
 def test_selecting_and_reading(folder):

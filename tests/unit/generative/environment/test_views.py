@@ -149,6 +149,8 @@ def test_many_at_once_are_the_same_as_one_by_one(model_folder: Path) -> None:
         assert np.nanmax(np.abs(distance(alone) - distance(pir))) < 1e-3
     with pytest.raises(ValueError, match="seeds: 1 for 2"):
         rooms.generate_many(["a bedroom", "an office"], seeds=[3])
+    with pytest.raises(TypeError, match="prompts is 'a garage'"):
+        rooms.generate_many("a garage", seeds=[1])
 
 
 @pytest.mark.parametrize(("projection", "roll"), [("equirectangular", 0.0), ("perspective", 1.2)])
@@ -166,6 +168,17 @@ def test_other_projections_and_rolls_show_the_same_room(projection: str, roll: f
     assert right < 0.1
     assert wrong > 2 * right
     assert rooms.generate("a bedroom", seed=4, **wanted) is pir, "projection and roll belong to the view that is kept"
+
+
+def test_later_views_stand_in_the_room_of_the_first() -> None:
+    rooms = EnvironmentDiffusion(steps=1)
+    rooms.generate("an office", seed=3)
+    rooms.generate("an office", seed=3, position=(0.3, 0.2, 1.2))
+    for outside in ((20.0, 0.0, 1.0), (0.0, 0.0, 4.0)):
+        with pytest.raises(ValueError, match=r"position: .* is outside of the room that was imagined.*x, y and z in -"):
+            rooms.generate("an office", seed=3, position=outside)
+    rooms.generate("a street", seed=3)
+    rooms.generate("a street", seed=3, position=(3.0, 0.0, 5.0))  # over it is no ceiling
 
 
 def test_arguments_out_of_range_are_refused(model_folder: Path) -> None:

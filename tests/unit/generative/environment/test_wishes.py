@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from rfgen_sionna.generative.environment.backend import (
     EmbeddedBackend,
     UnknownPlaceWarning,
     UnknownThingWarning,
+    UnknownWordsWarning,
 )
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.captions import NAMES, USUAL, article, caption
@@ -342,3 +344,50 @@ def test_a_radar_above_the_ceiling_is_told(rooms: EnvironmentDiffusion) -> None:
     with pytest.raises(ValueError, match=r"position: 4 m high, .* kind 'office' has a free spot .* ceiling .* m high"):
         rooms.generate("an office", position=(0.0, 0.0, 4.0))
     rooms.generate("a street", position=(0.0, 0.0, 4.0))
+
+
+def test_what_walls_and_floors_are_made_of_is_heard() -> None:
+    said = read("a lab with walls of brick, a tiled floor and a rug")
+    assert [(surface, finishes) for _, surface, finishes in said.surfaces] == [
+        ("wall", ("brickwork",)), ("floor", ("tiles",)),
+    ]  # fmt: skip
+    assert said.things == ("rug",)
+    assert read("carpets").surfaces == ()
+    assert Wanted("lab", surfaces=(("wall", ("masonry",)), ("floor", ("tiles",)))).made(
+        {"far wall": "plaster", "left wall": "masonry", "tool wall": "board", "floor": "linoleum"}
+    ) == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("prompt", "surface", "finish"),
+    [
+        ("a garage with brick walls", "left wall", "brickwork"),
+        ("a bedroom with a carpeted floor", "floor", "carpet"),
+        ("a bedroom with a wooden floor", "floor", "floorboards"),
+        ("a lab with a tiled floor", "floor", "tiles"),
+    ],
+)
+def test_layouts_are_chosen_by_what_they_are_made_of(prompt: str, surface: str, finish: str) -> None:
+    said = read(prompt)
+    surfaces = tuple((where, meant) for _, where, meant in said.surfaces)
+    found = {
+        choose_room(Wanted(said.places[0], surfaces=made_of), AHEAD, seed).place.finishes[surface]
+        for seed in range(4)
+        for made_of in (surfaces,)
+    }
+    assert found == {finish}
+    plain = {choose_room(Wanted(said.places[0]), AHEAD, seed).place.finishes[surface] for seed in range(8)}
+    assert len(plain) > 1, "it is the words that choose"
+
+
+def test_words_that_mean_nothing_are_told() -> None:
+    """What is neither place nor furniture nor finish hardly changes a drawing over a sketch."""
+    rooms = EnvironmentDiffusion(steps=1)
+    with pytest.warns(UnknownWordsWarning, match="'grand piano', '30 m long' names no place"):
+        rooms.generate("an office with a grand piano, 30 m long")
+    with pytest.warns(AbsentThingWarning, match="none that suits has 'brick walls'"):
+        rooms.generate("an office with brick walls")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rooms.generate("radar view of the inside of a furnished office with a carpeted floor")
+        EnvironmentDiffusion(steps=1, sketched=False).generate("an office with a grand piano")
