@@ -6,8 +6,10 @@ import logging
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.util import find_spec
 from os import PathLike, fspath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rfgen_sionna.generative.body_prompt import PromptError
@@ -18,6 +20,7 @@ from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.load import RadarScene, load_scene
 
 if TYPE_CHECKING:
+    from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
     from rfgen_sionna.generative.environment.refine import PathDiffusion
     from rfgen_sionna.pir.fused import Refiner
     from rfgen_sionna.radar import Radar
@@ -217,6 +220,42 @@ def set_up(
     )
 
 
+@lru_cache(maxsize=1)
+def _environment_model(
+    model: str | None, lora: str | None, device: str | None, _: tuple[int, ...]
+) -> EnvironmentDiffusion:
+    """Kept from run to run, as long as its files stay the same."""
+    from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
+
+    return EnvironmentDiffusion(model, lora, device)
+
+
+@lru_cache(maxsize=1)
+def _path_model(model: str | None, device: str | None, _: tuple[int, ...]) -> PathDiffusion:
+    """Kept from run to run, as long as its files stay the same."""
+    from rfgen_sionna.generative.environment.refine import PathDiffusion
+
+    return PathDiffusion(model, device=device)
+
+
+def _stamps(*names: str | None) -> tuple[int, ...]:
+    """When the files of that name, or in the folders of that name, were last written [ns]."""
+    paths = [Path(name) for name in names if name is not None]
+    files = [each for path in paths for each in ((path, *sorted(path.rglob("*"))) if path.is_dir() else (path,))]
+    return tuple(each.stat().st_mtime_ns for each in files if each.exists())
+
+
+def _with_control(model: str | None) -> str | None:
+    """The model, if it is one of ours with a ControlNet beside it; else the one that ships."""
+    from rfgen_sionna.generative.environment.backend import is_embedded
+    from rfgen_sionna.generative.environment.model import CONTROL_FILE
+
+    if model is None or not is_embedded(Path(model)):
+        return None
+    path = Path(model)
+    return model if (path if path.is_dir() else path.parent).joinpath(CONTROL_FILE).is_file() else None
+
+
 def _imagined(
     asked: EnvironmentPrompt,
     place: str,
@@ -229,22 +268,25 @@ def _imagined(
     projection: str,
 ) -> Setting:
     from rfgen_sionna.generative.environment.backend import UnknownWordsWarning
-    from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 
     model, lora = (None if each is None else fspath(each) for each in (imagining.model, imagining.lora))
     here = radar if radar.trajectory is None else radar.at(0.0)
     words = f"{'an' if place[0] in 'aeiou' else 'a'} {place}" if asked.text == asked.scene else asked.text
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnknownWordsWarning)  # the reader of the whole prompt has said it
-        image = EnvironmentDiffusion(model, lora, imagining.device).generate(
-            words,
-            negative=imagining.negative,
-            fov_deg=fov_deg,
-            resolution=resolution,
-            projection=projection,
-            position=here.position,
-            orientation=here.orientation,
-            seed=seed,
+        image = (
+            _environment_model(model, lora, imagining.device, _stamps(model, lora))
+            .anew()
+            .generate(
+                words,
+                negative=imagining.negative,
+                fov_deg=fov_deg,
+                resolution=resolution,
+                projection=projection,
+                position=here.position,
+                orientation=here.orientation,
+                seed=seed,
+            )
         )
     moves, strength = radar.trajectory is not None, imagining.strength
     seen = ", as seen from where the radar starts" if moves else ""
@@ -260,10 +302,10 @@ def _imagined(
         if strength is None:
             decisions.append(Decision("paths", "not completed by path diffusion", "as the radar moves"))
     elif strength != 0:
-        from rfgen_sionna.generative.environment.refine import PathDiffusion
-
-        far = 1.0 if strength is None else strength
-        refiner = _Repair(PathDiffusion(device=imagining.device), words, imagining.negative, seed, far)
-        how = "completed by path diffusion" + ("" if far == 1 else f", strength {far:g}")
+        far, own = 1.0 if strength is None else strength, _with_control(model)
+        paths = _path_model(own, imagining.device, _stamps(own))
+        refiner = _Repair(paths, words, imagining.negative, seed, far)
+        whose = "" if own == model else ", that of the model that ships with the package"
+        how = "completed by path diffusion" + ("" if far == 1 else f", strength {far:g}") + whose
         decisions.append(Decision("paths", how, DEFAULT if strength is None else argument("refine")))
     return Setting(load_scene(None), f"imagined {place}", image, refiner, tuple(decisions))

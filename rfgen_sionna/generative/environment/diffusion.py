@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,6 +74,12 @@ class EnvironmentDiffusion:
         self.sampler = Sampler(sampler, steps, guidance)
         self._backend: Backend = load_backend(model, lora, device, sketched=sketched, half=half, compiled=compile)
         self._kept = Kept()
+
+    def anew(self) -> EnvironmentDiffusion:
+        """The same model, which has imagined nothing yet."""
+        other = copy(self)
+        other._kept = Kept()
+        return other
 
     def generate(
         self,

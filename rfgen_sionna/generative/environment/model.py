@@ -16,7 +16,6 @@ from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expectation
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import ViewUNet
@@ -33,6 +32,8 @@ if TYPE_CHECKING:
         StableDiffusionPipeline,
     )
     from torch import Tensor
+
+    from rfgen_sionna.generative.environment.doubt import Doubt
 
 FORMAT = "rfgen-environment-3"
 CONTROL_FORMAT = "rfgen-environment-control-3"
@@ -90,8 +91,8 @@ class EnvironmentModel:
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
     """Of the ControlNet."""
-    doubt: Doubt = field(default_factory=Doubt)
-    """How far its gains hold."""
+    doubt: Doubt | None = None
+    """How far its gains hold; None without a ControlNet."""
 
     def parts(self, view: ViewFacts = LEVEL) -> dict[str, Any]:
         """What diffusers' pipelines take; prompts are meant for `view`."""
@@ -178,6 +179,8 @@ class Control(NamedTuple):
 
 def write_control(path: Path, control: ControlNetModel, facts: dict[str, Any], doubt: Doubt | None = None) -> None:
     """Write a ControlNet, whole or not at all, in half precision."""
+    from rfgen_sionna.generative.environment.doubt import Doubt
+
     doubt = doubt or Doubt()
     tensors = control.state_dict() | {_DOUBT + k: v for k, v in doubt.tensors().items()}
     header = {"format": CONTROL_FORMAT, "facts": facts, "share": doubt.share}
@@ -236,6 +239,8 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
         FileNotFoundError: there is no such file.
         ModelFileError: it is no ControlNet of this base model.
     """
+    from rfgen_sionna.generative.environment.doubt import Doubt
+
     if path.is_dir():
         if (path / CONTROL_FILE).is_file():
             return read_control(path / CONTROL_FILE, unet, any_base=any_base)

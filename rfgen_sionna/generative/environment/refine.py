@@ -100,7 +100,8 @@ class PathDiffusion:
         )
         self.backend = EmbeddedBackend(own)
         self.samples, self.most_gain_db = samples, most_gain_db
-        self.doubt = own.doubt if judged else Doubt(own.doubt.share)
+        known = own.doubt or Doubt()
+        self.doubt = known if judged else Doubt(known.share)
         strays = own.control_facts.get("spread")
         self.spread = None if strays is None else torch.tensor(strays)[:, None, None]
 

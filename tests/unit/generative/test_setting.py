@@ -194,24 +194,59 @@ assert not found, found
 @pytest.mark.slow
 def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None:
     pytest.importorskip("diffusers", reason="the models need it")
-    code = f"""
+    code = """
 import sys
 from rfgen_sionna.generative.setting import Imagining, set_up
 from rfgen_sionna.generative.surroundings import parse_environment
 from rfgen_sionna.radar import Radar
-radar = Radar.load({str(tiny_toml)!r}, position=(0, 0, 1), look_at=(3, 0, 1))
+radar = Radar.load(sys.argv[1], position=(0, 0, 1), look_at=(3, 0, 1))
 made = set_up(parse_environment("an office"), "diffusion", radar, seed=0, imagining=Imagining(refine=False))
 assert made.environment is not None and made.refiner is None
 assert "rfgen_sionna.generative.environment.diffusion" in sys.modules
-assert "rfgen_sionna.generative.environment.refine" not in sys.modules
+for name in ("refine", "doubt", "judge"):
+    assert f"rfgen_sionna.generative.environment.{name}" not in sys.modules, name
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", code, str(tiny_toml)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_models_are_read_once_and_what_they_imagined_is_not_carried_over(
+    tiny_toml: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From run to run the same files stay loaded; each run's image depends on nothing that was imagined before. A
+    folder with a ControlNet of its own completes with that."""
+    pytest.importorskip("diffusers", reason="the models need it")
+    from rfgen_sionna.generative import setting
+    from rfgen_sionna.generative.environment import backend
+    from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model
+
+    for cached in (setting._environment_model, setting._path_model):
+        cached.cache_clear()
+    read: list[Any] = []
+    monkeypatch.setattr(backend, "read_model", lambda *args: read.append(args) or read_model(*args))
+    radar = rfgen.Radar.load(str(tiny_toml), position=(0, 0, 1), look_at=(3, 0, 1))
+    aside = rfgen.Radar.load(str(tiny_toml), position=(0, 0.3, 1), look_at=(3, 0, 1))
+    first, asked = set_up(parse_environment("an office"), "diffusion", radar, seed=1), parse_environment("an office")
+    other = set_up(asked, "diffusion", aside, seed=1)
+    assert len(read) == 2
+    assert other.environment is not None
+    assert first.environment is not None
+    setting._environment_model.cache_clear()
+    alone = set_up(asked, "diffusion", aside, seed=1, imagining=Imagining(refine=False))
+    assert alone.environment is not None
+    np.testing.assert_array_equal(alone.environment.energy, other.environment.energy)
+    assert len(read) == 3
+    shipped = Path(setting.__file__).parent / "environment" / "weights"
+    for name in (BASE_FILE, CONTROL_FILE):
+        (tmp_path / name).symlink_to(shipped / name)
+    found = set_up(asked, "diffusion", radar, seed=1, imagining=Imagining(model=tmp_path))
+    assert [args[0] for args in read[3:]] == [tmp_path, tmp_path]
+    assert [each.value for each in found.decisions if each.name == "paths"] == ["completed by path diffusion"]
 
 
 def test_what_is_said_of_imagining_reaches_the_models(tiny_toml: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("diffusers", reason="the models need it")
-    from rfgen_sionna.generative.environment import diffusion, refine
+    from rfgen_sionna.generative import setting
 
     told: dict[str, Any] = {}
 
@@ -219,20 +254,23 @@ def test_what_is_said_of_imagining_reaches_the_models(tiny_toml: Path, monkeypat
         def __init__(self, *args: Any) -> None:
             told["rooms"] = args
 
+        def anew(self) -> Any:
+            return self
+
         def generate(self, words: str, **options: Any) -> str:
             told["words"], told["negative"] = words, options["negative"]
             return "image"
 
     class Paths:
-        def __init__(self, **options: Any) -> None:
-            told["paths"] = options
+        def __init__(self, *args: Any) -> None:
+            told["paths"] = args
 
         def refine_sequence(self, frames: Any, *_: Any, **options: Any) -> Any:
             told["strength"] = options["strength"]
             return frames
 
-    monkeypatch.setattr(diffusion, "EnvironmentDiffusion", Rooms)
-    monkeypatch.setattr(refine, "PathDiffusion", Paths)
+    monkeypatch.setattr(setting, "_environment_model", lambda *args: Rooms(*args[:-1]))
+    monkeypatch.setattr(setting, "_path_model", lambda *args: Paths(*args[:-1]))
     radar = rfgen.Radar.load(str(tiny_toml), position=(0, 0, 1), look_at=(3, 0, 1))
     asked = parse_environment("an office with a desk")
     how = Imagining("sofa", 0.25, Path("model"), "owner/lora", "cpu")
@@ -240,10 +278,10 @@ def test_what_is_said_of_imagining_reaches_the_models(tiny_toml: Path, monkeypat
     made.refiner.refine_sequence([])
     assert told == {
         "rooms": ("model", "owner/lora", "cpu"), "words": "an office with a desk", "negative": "sofa",
-        "paths": {"device": "cpu"}, "strength": 0.25,
+        "paths": (None, "cpu"), "strength": 0.25,
     }  # fmt: skip
     assert [each.value for each in made.decisions if each.name == "paths"] == [
-        "completed by path diffusion, strength 0.25"
+        "completed by path diffusion, strength 0.25, that of the model that ships with the package"
     ]
     assert set_up(asked, "diffusion", radar, seed=0, imagining=Imagining(refine=0.0)).refiner is None
 
@@ -253,20 +291,20 @@ def test_a_radar_that_moves_is_told_what_it_gets(
 ) -> None:
     """One image, as seen from its start, and no path diffusion; both are in the report and in a warning."""
     pytest.importorskip("diffusers", reason="the models need it")
-    from rfgen_sionna.generative.environment import diffusion, refine
+    from rfgen_sionna.generative import setting
 
     views: list[Any] = []
 
     class Rooms:
-        def __init__(self, *_: Any) -> None:
-            pass
+        def anew(self) -> Any:
+            return self
 
         def generate(self, _: str, **options: Any) -> str:
             views.append(options["position"])
             return "image"
 
-    monkeypatch.setattr(diffusion, "EnvironmentDiffusion", Rooms)
-    monkeypatch.setattr(refine, "PathDiffusion", lambda **_: pytest.fail("path diffusion was loaded"))
+    monkeypatch.setattr(setting, "_environment_model", lambda *_: Rooms())
+    monkeypatch.setattr(setting, "_path_model", lambda *_: pytest.fail("path diffusion was loaded"))
     radar = rfgen.Radar.load(str(tiny_toml), trajectory=lambda t: (0.3 * t, 0.5, 1))
     asked = parse_environment("an office")
     made = set_up(asked, "diffusion", radar, seed=0)
