@@ -120,7 +120,7 @@ class EnvironmentDiffusion:
         Raises
         ------
         ValueError
-            If an argument is out of its range.
+            If an argument is out of its range, or a later view stands outside of the room of the first.
         PromptError
             If the words can't be meant so (:func:`~rfgen_sionna.generative.environment.wishes.check_words`).
         DeviceMemoryError

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -90,7 +92,7 @@ def test_square_pixels_and_allowed_fields_of_view() -> None:
     assert check_view((32, 64), 90.0, "equirectangular")[2] == (90.0, 45.0)
     assert check_view((32, 64), 90.0)[2] == pytest.approx((90.0, 2 * np.degrees(np.arctan(0.5))))
     assert check_view((32, 64), 360, "equirectangular")[2] == (360.0, 180.0)
-    for fov, projection, words in (
+    wrong: tuple[tuple[Any, str, str], ...] = (
         (180.0, "perspective", "fov_deg is 180.0: an angle above 0 and below 180"),
         (361.0, "equirectangular", "up to 360 degrees horizontally"),
         ((360.0, 181.0), "equirectangular", "and 180 vertically"),
@@ -100,6 +102,7 @@ def test_square_pixels_and_allowed_fields_of_view() -> None:
         (True, "perspective", "fov_deg is True"),
         ("wide", "perspective", "fov_deg is 'wide'"),
         (60.0, "fisheye", "projection is 'fisheye': 'perspective' or 'equirectangular'"),
-    ):
+    )
+    for fov, projection, words in wrong:
         with pytest.raises(ValueError, match=words):
-            check_view((64, 64), fov, projection)  # type: ignore[arg-type]
+            check_view((64, 64), fov, projection)

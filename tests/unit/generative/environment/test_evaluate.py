@@ -39,15 +39,15 @@ def test_views_of_another_kind_are_examined(tmp_path: Path) -> None:
     render(data, Settings(seed=2, places=("open field",), views=1), 4)  # the first layout is for the test
     kind = Ranges(roll_deg=(20, 40), projections=("equirectangular",))
     render(rolled, Settings(seed=78, places=("open field", "bedroom"), views=1, ranges=kind), 4)
-    asked = {"seeds": 0, "view_count": 0, "judge_steps": 2, "steps": 2, "each": 1, "threads": 1}
-    main(data, out, other=[rolled], **asked)  # type: ignore[arg-type]
+    asked: dict[str, Any] = {"seeds": 0, "view_count": 0, "judge_steps": 2, "steps": 2, "each": 1, "threads": 1}
+    main(data, out, other=[rolled], **asked)
     report = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
     figures = report["other views"]["rolled"]
     assert figures["views"] == 2
     assert figures["drawn"]["nothing returns"] < 0.9
     assert 0.0 < figures["drawn"]["range wasserstein, all [m]"] < 100.0
     with pytest.raises(typer.BadParameter, match="shares layouts with the training split"):
-        main(data, out, other=[data], **asked)  # type: ignore[arg-type]
+        main(data, out, other=[data], **asked)
 
 
 @pytest.mark.parametrize(

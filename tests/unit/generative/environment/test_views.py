@@ -165,7 +165,7 @@ def test_other_projections_and_rolls_show_the_same_room(projection: str, roll: f
     room = choose_room(Wanted("bedroom"), view, 4)
     level = replace(view, orientation=(0.0, 0.3, 0.0), projection="perspective")
     right, wrong = (np.nanmedian(np.abs(distance(pir) - room.seen(each).range)) for each in (view, level))
-    assert right < 0.1
+    assert right < 0.1  # what is drawn lies some centimetres off its bricks (docs/environment-model.md)
     assert wrong > 2 * right
     assert rooms.generate("a bedroom", seed=4, **wanted) is pir, "projection and roll belong to the view that is kept"
 
