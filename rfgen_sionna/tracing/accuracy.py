@@ -77,6 +77,7 @@ def measure(
     pair: tuple[int, int],
     probes: FloatArray = PROBES,
     usual: FloatArray | None = None,
+    reference: FloatArray | None = None,
 ) -> Accuracy:
     """Compare coherent returns with those of finer facets, at the probes themselves.
 
@@ -101,6 +102,8 @@ def measure(
     usual
         (surface,) level that a return has at other times and places, if it is known: the error is relative to it where
         the return at hand is weaker, by interference.
+    reference
+        (facet, 3) points [m] that the coefficients' delays go by; None is the facets' centroids.
     """
     count = len(materials)
     if len(facets) == 0:
@@ -110,7 +113,7 @@ def measure(
     fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
     turns = np.mod(frequency[:, None] * fine.tau, 1.0)
     truth = fine.a * np.exp(-2j * np.pi * turns) * weight[index]
-    tau = band.ways(facets, pair)
+    tau = band.ways(facets, pair) if reference is None else band.delays(reference, pair)
     gains = np.vander(probes, len(coefficients), increasing=True) @ coefficients
     coarse = gains * np.exp(-2j * np.pi * np.mod(frequency[:, None] * tau, 1.0)) * weight
     returned = sums(truth, finer_ones.surface, count)

@@ -137,6 +137,10 @@ def facet_gains(
     lane = dr.arange(UInt32, shape[0] * shape[1])
     facet_count = dr.opaque(UInt32, shape[1])
     facet, node = lane % facet_count, lane // facet_count
+    whole_facets = parts is None or int(np.max(parts)) == 1
+    if not whole_facets:
+        # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
+        facet = whole(np.argsort(np.asarray(parts), kind="stable"), facet)
     flat_corners = np.ascontiguousarray(corners, dtype=np.float64).reshape(-1, 3)
     p = [vector(flat_corners, facet * 3 + corner) for corner in range(3)]
     t, r = vector(nodes.tx, node), vector(nodes.rx, node)
@@ -190,7 +194,6 @@ def facet_gains(
 
     moved = None if axes is None else [Array3(*(dr.opaque(Float, float(x)) for x in axis)) for axis in axes]
 
-    whole_facets = parts is None or int(np.max(parts)) == 1
     if parts is None or whole_facets or rises is not None:
         each = None if parts is None or whole_facets else whole(parts, facet)
         terms, excess = _triangle(dr, Array3, Complex, surface, p, rises, wavenumber, origin, moved, each)
@@ -216,11 +219,18 @@ def facet_gains(
         total = whole(np.asarray(parts) ** 2, facet)
         terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
     length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
-    dr.eval(*flattened(terms), length)
+    found = [*flattened(terms), length]
+    if not whole_facets:
+        place, sorted_ones = node * facet_count + facet, found
+        found = [dr.empty(Float, len(lane)) for _ in sorted_ones]
+        for values, own in zip(found, sorted_ones, strict=True):
+            dr.scatter(values, own, place, mode=dr.ReduceMode.Permute)
+    dr.eval(*found)
+    *found, length = (values.numpy().reshape(shape) for values in found)
     a = np.empty((len(terms), *shape), dtype=np.complex128)
-    for values, term in zip(a, terms, strict=True):
-        values.real, values.imag = term.re.numpy().reshape(shape), term.im.numpy().reshape(shape)
-    return FacetGains(a[0], length.numpy().reshape(shape) / SPEED_OF_LIGHT, None if axes is None else a[1:])
+    for values, re, im in zip(a, found[::2], found[1::2], strict=True):
+        values.real, values.imag = re, im
+    return FacetGains(a[0], length / SPEED_OF_LIGHT, None if axes is None else a[1:])
 
 
 def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:

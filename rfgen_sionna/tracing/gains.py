@@ -87,6 +87,7 @@ class BandTracer:
         self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
         # The middle of the array, and what a unit of the sum is.
         middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
+        self.aperture = size  # of Tx and Rx displacements added up, from the middle to the outermost [m]
         along = radar.tx_positions[:, 0].mean() + radar.rx_positions[:, 0].mean()
         self._middle = self._tx.mean(axis=0), radar.rotation @ [along, *middle] - self._tx.mean(axis=0)
         self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
@@ -112,6 +113,12 @@ class BandTracer:
         to_tx, to_rx = (lengths(place - each[:, None]) for each in (self._tx, self._rx))
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
+    def turned(self, points: FloatArray, reference: FloatArray) -> ComplexArray:
+        """(facet,) what takes gains that go by `points` to such that go by the points of `reference` (facet, 3) [m], at
+        the centre of array and band."""
+        further = lengths(points - self._origin) - lengths(reference - self._origin)
+        return np.asarray(np.exp(-4j * np.pi * self.centre / SPEED_OF_LIGHT * further))
+
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
         """(facet,) delays [s] that the gains of one pair go by."""
         return self.delays(facets.centroids, pair)
@@ -128,7 +135,12 @@ class BandTracer:
         return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], *values.shape[1:])
 
     def expansion_for(
-        self, facets: Facets, materials: tuple[Material, ...], weight: FloatArray, coherent: bool = True
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        weight: FloatArray,
+        coherent: bool = True,
+        reference: FloatArray | None = None,
     ) -> Expansion:
         """The smallest expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs.
 
@@ -136,29 +148,31 @@ class BandTracer:
         that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
         by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
         and some between, and then for those at the band's ends. Of very many facets the strongest tell it. Not
-        `coherent`, the error is relative to what the facets return without interfering, where that is more.
+        `coherent`, the error is relative to what the facets return without interfering, where that is more. `reference`
+        is that of :meth:`values`.
         """
         if len(facets) > self.enough:
             once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
             strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), self.enough)[: self.enough])
             facets, weight = facets.take(strongest), weight[strongest]
+            reference = None if reference is None else reference[strongest]
         pairs = self._telling()
         middle = np.zeros(len(pairs))
         ends = np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
 
         def probes(u: FloatArray, at: IntArray) -> _Probes:
-            return self._probes(facets, materials, weight, u, at, coherent)
+            return self._probes(facets, materials, weight, u, at, coherent, reference)
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
-            return self._error(facets, materials, probes(u, at), self.expansion(basis)) <= SHARE * self._rtol
+            return self._error(facets, materials, probes(u, at), self.expansion(basis), reference) <= SHARE * self._rtol
 
         first = np.zeros(len(PROBES), np.int32)
         if self.tangents:
             tried = [probes(PROBES, first), *([probes(ends, np.tile(pairs, 2))] if len(pairs) > 1 else [])]
             for order_and_nodes in TANGENTS:
                 found = self.tangent(*order_and_nodes)
-                if all(self._error(facets, materials, each, found) <= SLOPED * self._rtol for each in tried):
+                if all(self._error(facets, materials, each, found, reference) <= SLOPED * self._rtol for each in tried):
                     return found
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
             order += 1
@@ -209,8 +223,13 @@ class BandTracer:
         u: FloatArray,
         pairs: IntArray,
         coherent: bool,
+        reference: FloatArray | None = None,
     ) -> _Probes:
-        exact = self._gains(facets, materials, self._nodes(u, pairs))
+        nodes = self._nodes(u, pairs)
+        if reference is None:
+            exact = self._gains(facets, materials, nodes)
+        else:
+            exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
         turns = np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)
         phasors = np.asarray(weight * np.exp(-2j * np.pi * turns), np.complex128)
         single = np.abs(exact.a * weight)
@@ -219,9 +238,16 @@ class BandTracer:
             scale = max(scale, float(np.sqrt((single**2).sum(axis=1).mean())))
         return _Probes(u, pairs, exact.a, phasors, scale)
 
-    def _error(self, facets: Facets, materials: tuple[Material, ...], probes: _Probes, expansion: Expansion) -> float:
+    def _error(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        probes: _Probes,
+        expansion: Expansion,
+        reference: FloatArray | None = None,
+    ) -> float:
         """Relative error of the coherent sum at the probes."""
-        values = self.values(facets, materials, expansion)
+        values = self.values(facets, materials, expansion, reference)
         found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
         weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
         rows = np.einsum("pk,kpn->pn", found, weights)

@@ -20,6 +20,7 @@ from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
+from rfgen_sionna.tracing.patches import leaders, widest
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -52,7 +53,7 @@ class MovingTrace:
     """Facets looked at."""
     rays: int
     places: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, come from. It holds
+    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, go by. It holds
     until the next stretch is traced."""
 
 
@@ -61,8 +62,9 @@ class MovingParts:
     `bounces` from one flat part or body to the other, plainly and through slabs, and what is seen through slabs, behind
     `veils`.
 
-    Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones. Their error is
-    measured in every few stretches; where it is above the tolerance, facets and expansion are chosen anew.
+    Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones; small neighbouring
+    ones make a path together (:mod:`rfgen_sionna.tracing.patches`). Their error is measured in every few stretches;
+    where it is above the tolerance, facets and expansion are chosen anew.
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class MovingParts:
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
+        self._leader = np.zeros(0, np.intp)
         self._distance = np.zeros(len(surfaces.moving))
         self._expansion: Expansion | None = None
         self._level = np.zeros(len(surfaces.moving))
@@ -118,21 +121,27 @@ class MovingParts:
                     veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
-            values = self._values(facets, expansion)
+            values = self._values(facets, expansion, [self._ways(each.facets, kept) for each in seen])
             if self._turn % MEASURED_EVERY:
                 break
             gains = self._band.combined(expansion, values[middle])
-            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains)
+            reference = self._ways(seen[middle].facets, kept)
+            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains, reference)
             if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
         self._shadow(seen, kept, values, expansion)
-        coefficients = self._band.combined(expansion, np.stack(values, axis=-1))
-        for k, there in enumerate(facets):
+        order = np.argsort(self._leader[kept], kind="stable")
+        led, first = np.unique(self._leader[kept][order], return_index=True)
+        of_paths = np.stack([np.add.reduceat(each[:, order], first, axis=1) for each in values], axis=-1)
+        coefficients = self._band.combined(expansion, of_paths)
+        for k, (there, each) in enumerate(zip(facets, seen, strict=True)):
             if (rough := self._band.diffuse(there, self._materials)) is not None:
-                coefficients[0, ..., k] += np.sqrt(shares[:, k]) * rough  # of energy, half of a facet returns half
-        paths = self._paths(knots, instants, positions, facets, coefficients, kept)
+                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                rough *= self._band.turned(there.centroids, self._ways(each.facets, kept))
+                coefficients[0, ..., k] += np.add.reduceat(rough[order], first)
+        paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
         self._turn += 1
         shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
@@ -157,7 +166,7 @@ class MovingParts:
             error,
             sum(each.looked_at for each in looked),
             sum(each.rays for each in looked),
-            lambda t: self._centroids(positions(t), kept),
+            lambda t: self._centroids(positions(t), led),
         )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
@@ -221,6 +230,29 @@ class MovingParts:
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
+        self._leader = self._led(vertices)
+
+    def _led(self, vertices: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """(facet,) the facet whose path each adds to."""
+        found, first = [np.zeros(0, np.intp)], 0
+        band = self._band
+        for piece, points, surface, distance in zip(
+            self._pieces, vertices, self._surfaces.moving, self._distance, strict=True
+        ):
+            own = np.arange(len(piece.face))
+            whole = np.setdiff1d(own, piece.pieces, assume_unique=True)
+            most = widest(band.highest, band.half_band, band.aperture, float(distance), self._rtol)
+            leader = leaders(points, surface.faces, surface.parts, piece.face[whole], most, self._rtol)
+            facet = np.zeros(len(surface.faces), np.intp)
+            facet[piece.face[whole]] = whole
+            own[whole] = facet[leader[piece.face[whole]]]
+            found.append(first + own)
+            first += len(own)
+        return np.concatenate(found)
+
+    def _ways(self, facets: Facets, chosen: NDArray[np.intp]) -> FloatArray:
+        """(chosen, 3) points [m] that the delays of those that `chosen` counts out of all `facets` go by."""
+        return np.asarray(facets.centroids[self._leader[chosen]])
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
@@ -263,12 +295,13 @@ class MovingParts:
             share = share + self._veils.weights(veiled, len(share))
         kept = np.flatnonzero(share > 0)
         facets, fraction = seen.facets.take(kept), share[kept]
-        weight = self._weight(facets, fraction)
-        expansion = self._band.expansion_for(facets, self._materials, weight)
+        weight, reference = self._weight(facets, fraction), self._ways(seen.facets, kept)
+        expansion = self._band.expansion_for(facets, self._materials, weight, reference=reference)
         self._expansion = expansion
-        gains = self._band(facets, self._materials, expansion)
+        gains = self._band.combined(expansion, self._band.values(facets, self._materials, expansion, reference))
+        known = self._band, facets, self._materials, weight
         found = [
-            measure(self._band, facets, self._materials, weight, gains[:, p, q], (p, q), usual=self._level)
+            measure(*known, gains[:, p, q], (p, q), usual=self._level, reference=reference)
             for p, q in {(0, 0), (gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)}
         ]
         error = np.max([each.error for each in found], axis=0)
@@ -284,15 +317,16 @@ class MovingParts:
         return self._sight(rays(t), facets, self._places, vertices)
 
     def _values(
-        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray] | None = None
+        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
     ) -> list[NDArray[np.complex128]]:
-        """(value, facet) what the expansion starts from, of each of `parts`. They are integrated together, as far as
-        memory allows: to set a kernel up takes as long as it takes ten thousand facets."""
+        """(value, facet) what the expansion starts from, of each of `parts`, whose delays go by the points `references`
+        (facet, 3) [m]. They are integrated together, as far as memory allows: to set a kernel up takes as long as it
+        takes ten thousand facets."""
         step = max(1, _AT_ONCE // max(1, *(len(each) for each in parts)))
         found = []
         for first in range(0, len(parts), step):
             some = parts[first : first + step]
-            reference = None if references is None else np.concatenate(references[first : first + step])
+            reference = np.concatenate(references[first : first + step])
             values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
             found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
         return found
@@ -312,7 +346,7 @@ class MovingParts:
         if not some:
             return
         pieces = [each.facets.cut(each.owner, each.pieces) for each, _ in some]
-        found = self._values(pieces, expansion, [each.facets.centroids[each.owner] for each, _ in some])
+        found = self._values(pieces, expansion, [self._ways(each.facets, each.owner) for each, _ in some])
         for (each, own), of_pieces in zip(some, found, strict=True):
             where, first = np.unique(each.owner, return_index=True)
             own[:, np.searchsorted(kept, where)] = np.add.reduceat(of_pieces, first, axis=1)
@@ -324,13 +358,16 @@ class MovingParts:
     def _weight(self, facets: Facets, fraction: FloatArray) -> FloatArray:
         return np.asarray(fraction * self._band.importance(facets.directions(self._viewpoint)))
 
-    def _measure(self, facets: Facets, fraction: FloatArray, gains: NDArray[np.complex128]) -> float:
+    def _measure(
+        self, facets: Facets, fraction: FloatArray, gains: NDArray[np.complex128], reference: FloatArray
+    ) -> float:
         """Error of the worst surface at one place of the band for one pair, other ones from turn to turn."""
         turn = self._turn // MEASURED_EVERY
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
         probe = PROBES[[turn % len(PROBES)]]
         weight = self._weight(facets, fraction)
-        found = measure(self._band, facets, self._materials, weight, gains[:, *pair], pair, probe, self._level)
+        known = self._band, facets, self._materials, weight
+        found = measure(*known, gains[:, *pair], pair, probe, self._level, reference)
         return float(found.error.max(initial=0.0))
 
     def _paths(
@@ -338,16 +375,16 @@ class MovingParts:
         knots: FloatArray,
         instants: FloatArray,
         positions: Positions,
-        facets: Sequence[Facets],
+        facets: Facets,
         gains: NDArray[np.complex128],
-        kept: NDArray[np.intp],
+        led: NDArray[np.intp],
     ) -> RadarPaths:
-        """Paths of the facets `kept`, with `gains` (order, tx, rx, facet, instant)."""
-        direction = np.empty((len(kept), len(knots), 3))
+        """Paths by way of `facets`, which `led` counts out of all, with `gains` (order, tx, rx, facet, instant)."""
+        direction = np.empty((len(led), len(knots), 3))
         column = {float(t): k for k, t in enumerate(knots)}
 
         def delays(t: float) -> FloatArray:
-            centroids = self._centroids(positions(t), kept)
+            centroids = self._centroids(positions(t), led)
             if t in column:
                 offset = centroids - self._viewpoint
                 direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
@@ -356,7 +393,7 @@ class MovingParts:
         curves = over_time(knots, instants, gains, delays)
         return facet_paths(
             self._surfaces.moving,
-            facets[0],
+            facets,
             knots,
             *curves,
             direction,
