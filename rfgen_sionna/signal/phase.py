@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,13 +52,23 @@ def element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
 
 
 def conjugate_gains(
-    radar: Radar, paths: RadarPaths, amplitude: FloatArray, window: Window, tx: int, rx: int
-) -> ComplexArray:
-    """(order, path, time) conjugate gains, element patterns and power included, as coefficients of u^order."""
+    radar: Radar,
+    paths: RadarPaths,
+    amplitude: FloatArray | NDArray[np.float32],
+    window: Window,
+    tx: int,
+    rx: int,
+) -> NDArray[np.complexfloating[Any]]:
+    """(order, path, time) conjugate gains, element patterns and power included, as coefficients of u^order; in the
+    precision of `amplitude`, which is that of :func:`element_gains`."""
+    number = np.result_type(amplitude.dtype, np.complex64)
+    found = paths.a[None, tx, rx]
+    if paths.dispersion is not None:
+        found = np.concatenate([found, paths.dispersion[:, tx, rx]], dtype=number, casting="same_kind")
+    scaled = np.conj(found.astype(number, copy=False)) * amplitude
     if paths.dispersion is None:
-        return np.asarray(np.conj(paths.a[tx, rx])[None] * amplitude)
-    orders = 1 + len(paths.dispersion)
-    scaled = np.conj(np.concatenate([paths.a[None, tx, rx], paths.dispersion[:, tx, rx]])) * amplitude
+        return np.asarray(scaled)
+    orders = len(scaled)
     # From powers of (f - frequency) / half_band to powers of u.
     waveform = radar.waveform
     shift = (waveform.start_frequency + waveform.slope * window.middle - paths.frequency) / paths.half_band
@@ -65,7 +76,10 @@ def conjugate_gains(
     powers = np.array(
         [[math.comb(m, n) * shift ** max(m - n, 0) * scale**n for m in range(orders)] for n in range(orders)]
     )
-    return np.asarray((powers @ scaled.reshape(orders, -1)).reshape(scaled.shape))
+    # Real times complex as two real products side by side.
+    flat = np.ascontiguousarray(scaled).reshape(orders, -1).view(amplitude.dtype)
+    joined = powers.astype(amplitude.dtype) @ flat
+    return np.asarray(joined.view(number).reshape(scaled.shape))
 
 
 def phase_terms(
@@ -82,15 +96,17 @@ def phase_terms(
     return constant, beat * window.step, quadratic
 
 
-def changing_gains(gains: ComplexArray, derivative: FloatArray, window: Window) -> ComplexArray:
+def changing_gains(
+    gains: NDArray[np.complexfloating[Any]], derivative: FloatArray, window: Window
+) -> NDArray[np.complexfloating[Any]]:
     """(order + 1, path, knot) coefficients that go on changing during the ADC window, from (order, path, knot).
 
     `derivative` (knot, knot) takes values at the knots to their rates there [1/s]. What is left out is the bend of a
     gain over the window: a quarter to a half of (half window x rate)^2, 1e-6 of a gain that changes by 7 % a
     millisecond.
     """
-    change = gains.reshape(-1, gains.shape[-1]) @ (window.half * derivative.T)
-    out = np.empty((len(gains) + 1, *gains.shape[1:]), dtype=np.complex128)
+    change = gains.reshape(-1, gains.shape[-1]) @ (window.half * derivative.T).astype(gains.real.dtype)
+    out = np.empty((len(gains) + 1, *gains.shape[1:]), dtype=gains.dtype)
     out[:-1], out[-1] = gains, 0.0
     out[1:] += change.reshape(gains.shape)
     return out
@@ -162,7 +178,7 @@ def gains_change(
     return bool(change > least**2 * held)
 
 
-def most_power(gains: ComplexArray) -> FloatArray:
+def most_power(gains: NDArray[np.complexfloating[Any]]) -> NDArray[np.floating[Any]]:
     """(path,) largest |gain|^2 of (path, time). NumPy takes maxima along a short last axis at a tenth of the speed."""
-    power = gains.real**2 + gains.imag**2
+    power = gains.real.astype(np.float64) ** 2 + gains.imag.astype(np.float64) ** 2  # of what is weak as well
     return functools.reduce(np.maximum, power.T)

@@ -168,13 +168,14 @@ def _still(
     amplitude = element_gains(radar, paths)
     # Single precision moves a point by 2e-7 rad, the outermost mode by 3e-5 rad.
     number: Any = np.complex64 if eps >= 1e-4 else np.complex128
+    amplitude = amplitude.astype(np.float32 if number is np.complex64 else np.float64)
     for entry, tx, rx in _channels(radar, weights):
         times = start + radar.waveform.chirp_times[:, entry] + window.middle
         gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
         delay = paths.tau[tx, rx, :, 0]
         cycles, beat, _ = phase_terms(radar, delay, np.zeros_like(delay), None, window)
         orders, knots = len(gains), len(paths.times)
-        turn = np.exp(2j * np.pi * (cycles - np.rint(cycles)))
+        turn = np.exp(2j * np.pi * (cycles - np.rint(cycles))).astype(number)
         strengths = np.ascontiguousarray(gains.transpose(0, 2, 1) * turn, dtype=number).reshape(-1, len(delay))
         points = (2 * np.pi * (beat - np.rint(beat))).astype(strengths.real.dtype)
         # What is at one place, as everything is without a slope, has one and the same error.
@@ -261,9 +262,10 @@ def _spread_channels(
     orders += changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
     table = np.zeros((len(channels), knots, paths.num_paths, fields), np.float32 if single else np.float64)
+    scale = amplitude.astype(table.dtype)
     shared, sizes, angle = [], np.zeros(orders), 0.0
     for own, (_, tx, rx) in zip(table, channels, strict=True):
-        gains = conjugate_gains(radar, paths, amplitude, window, tx, rx)
+        gains = conjugate_gains(radar, paths, scale, window, tx, rx)
         if changing and course.derivatives is not None:
             gains = changing_gains(gains, course.derivatives[1], window)
         most = [most_power(gain) for gain in gains]
@@ -280,9 +282,10 @@ def _spread_channels(
         own[..., QUADRATIC] = course.matrix @ quadratic
         shared.append(course.matrix @ common)
         angle = max(angle, 2 * np.pi * float(np.sqrt(np.square(np.abs(quadratic).max(axis=0)) @ loudness)))
-        for order, gain in enumerate(gains):
-            turned = gain.T if gain.shape[1] == 1 else course.matrix @ gain.T  # one gain for all times, or a course
-            own[..., GAINS + 2 * order], own[..., GAINS + 2 * order + 1] = turned.real, turned.imag
+        # One gain for all times, or a course.
+        turned = gains if gains.shape[2] == 1 else gains @ course.matrix.T.astype(gains.real.dtype)
+        own[..., GAINS : GAINS + 2 * len(gains) : 2] = turned.real.T
+        own[..., GAINS + 1 : GAINS + 1 + 2 * len(gains) : 2] = turned.imag.T
     at = [course.place(times[:, entry]) for entry, _, _ in channels]
     rows = np.concatenate([first + knots * index for index, (first, _) in enumerate(at)])
     lanes = Lanes(table.reshape(-1, *table.shape[2:]), rows, np.concatenate([weights for _, weights in at]))

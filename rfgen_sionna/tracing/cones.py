@@ -20,10 +20,8 @@ class Spheres(NamedTuple):
     """(facet, 3) unit vectors."""
     reach: FloatArray
     """(facet,) of its far end [m]."""
-    margin: FloatArray
-    """(facet,) angle that it stands out by on all sides, and a little more [rad]."""
     turn: FloatArray
-    """(2, facet) cosine and sine of that."""
+    """(2, facet) cosine and sine of the angle that it stands out by on all sides, and a little more."""
 
 
 def spheres(facets: Facets, viewpoint: FloatArray) -> Spheres:
@@ -33,7 +31,7 @@ def spheres(facets: Facets, viewpoint: FloatArray) -> Spheres:
     radius = lengths(facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
     margin = np.arctan2(radius, distance) + 1e-3
     turn = np.stack([np.cos(margin), np.sin(margin)])
-    return Spheres(facets.directions(viewpoint), distance + radius, margin, turn)
+    return Spheres(facets.directions(viewpoint), distance + radius, turn)
 
 
 def behind(around: Spheres, viewpoint: FloatArray, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
@@ -56,15 +54,17 @@ def behind(around: Spheres, viewpoint: FloatArray, actors: Sequence[FloatArray])
         along = around.direction @ axis
         # The cosine of a sum of two angles, which are below pi together.
         index = np.flatnonzero(near & (along >= np.cos(opening) * around.turn[0] - np.sin(opening) * around.turn[1]))
-        off_axis, margin = np.arccos(np.clip(along[index], -1.0, 1.0)), around.margin[index]
-        # People are higher than wide: of the cone's cross section the rectangle around the actor.
-        wide = np.tan(np.minimum(off_axis + margin, 1.5)) - np.tan(np.minimum(off_axis, 1.5))
+        # People are higher than wide: of the cone's cross section the rectangle around the actor. A sphere takes of it
+        # tan(b + m) - tan(b) = sin(m) / (cos(b) cos(b + m)) outwards, off the axis by b, with m on all sides.
+        cos, (cos_margin, sin_margin) = np.clip(along[index], -1.0, 1.0), around.turn[:, index]
+        rim = cos * cos_margin - np.sqrt(1.0 - cos * cos) * sin_margin
+        wide = sin_margin / np.maximum(cos * rim, 1e-12)
         beside = np.zeros(len(index), dtype=np.bool_)
         for side in across(axis):
             span = (unit @ side) / (unit @ axis)
             place = (around.direction[index] @ side) / np.maximum(along[index], 1e-3)
             beside |= (place < span.min() - wide) | (place > span.max() + wide)
-        found[index[~beside | (off_axis + margin > 1.4)]] = True
+        found[index[~beside | (rim < np.cos(1.4))]] = True
     return found
 
 

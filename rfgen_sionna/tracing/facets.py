@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,9 +120,14 @@ def _longest(corners: FloatArray) -> FloatArray:
 
 
 def stack_facets(
-    surfaces: Sequence[Surface], pieces: Sequence[Tessellation], vertices: Sequence[FloatArray], viewpoint: FloatArray
+    surfaces: Sequence[Surface],
+    pieces: Sequence[Tessellation],
+    vertices: Sequence[FloatArray],
+    viewpoint: FloatArray,
+    everywhere: bool = True,
 ) -> Facets:
-    """All pieces of all surfaces, in their order, for the vertices [m] given."""
+    """All pieces of all surfaces, in their order, for the vertices [m] given. Not `everywhere`, those that look away from
+    the viewpoint are left flat."""
     curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
@@ -129,12 +135,14 @@ def stack_facets(
     bends, bent = [Bend(np.zeros((0, 3, 3)))], [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c, p = piece.corners(points, surface.faces), columns(points, surface.faces)
-        if curved:
-            bends.append(piece.bend(p, surface.smooth))
-            bent.append(np.full(len(c), surface.smooth is not None))
         a, b, d = np.moveaxis(p - viewpoint[:, None, None], 1, 0)
         volume = sum(a[i] * (b[i - 2] * d[i - 1] - b[i - 1] * d[i - 2]) for i in range(3))
-        towards = np.asarray(volume < 0)[piece.face]
+        towards = np.asarray(volume < 0)
+        if curved:
+            flat = surface.closed and not everywhere
+            bends.append(piece.bend(p, surface.smooth, np.flatnonzero(towards) if flat else slice(None)))
+            bent.append(np.full(len(c), surface.smooth is not None))
+        towards = towards[piece.face]
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
@@ -143,16 +151,21 @@ def stack_facets(
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
     return Facets(
-        corners=np.concatenate(corners),
-        number=np.concatenate(number),
-        face=np.concatenate(face),
-        surface=np.concatenate(index),
-        facing=np.concatenate(facing),
-        parts=np.concatenate(parts),
-        place=np.concatenate(place),
-        bend=Bend.stack(bends) if curved else None,
-        curved=np.concatenate(bent) if curved else None,
+        corners=_stacked(corners),
+        number=_stacked(number),
+        face=_stacked(face),
+        surface=_stacked(index),
+        facing=_stacked(facing),
+        parts=_stacked(parts),
+        place=_stacked(place),
+        bend=(bends[1] if len(bends) == 2 else Bend.stack(bends)) if curved else None,
+        curved=_stacked(bent) if curved else None,
     )
+
+
+def _stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """One after the other, of which the first is empty; without copying where there is but one more."""
+    return parts[1] if len(parts) == 2 else np.concatenate(parts)
 
 
 def over_time(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
+from rfgen_sionna.tracing.accuracy import SAFETY, coarser, finer, measure
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
@@ -84,6 +84,7 @@ class MovingParts:
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
+        self._errors = np.zeros(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
         self._leader = np.zeros(0, np.intp)
@@ -257,13 +258,16 @@ class MovingParts:
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
 
-        `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
+        `afresh`, it begins with ones as coarse as the error that was found last allows for: what another pose has asked
+        for this one need not.
         """
         tried: list[float] = []
         self._last = 0.0
-        if afresh and (self._fineness != 1.0).any():
-            self._fineness[:] = 1.0
-            self._split(positions(t))
+        if afresh:
+            fineness = np.minimum(self._fineness * coarser(self._errors, self._rtol), 1.0)
+            if (fineness != self._fineness).any():
+                self._fineness = fineness
+                self._split(positions(t))
         while True:
             expansion, error = self._tried(t, positions, rays)
             coarse = error > self._rtol
@@ -308,12 +312,13 @@ class MovingParts:
         # Where the return fades no facets are asked for that it does not need elsewhere.
         self._level = np.max([self._level, *(each.level for each in found)], axis=0)
         self._interference = np.max([each.interference for each in found], axis=0)
-        self._error = float(error.max(initial=0.0))
+        self._errors, self._error = error, float(error.max(initial=0.0))
         return expansion, error
 
     def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
         vertices = positions(t)
-        facets = stack_facets(self._surfaces.moving, self._pieces, vertices, self._viewpoint)
+        beside = self._ghosts is not None or bool(self._bounces)  # mirrors show what the radar does not see
+        facets = stack_facets(self._surfaces.moving, self._pieces, vertices, self._viewpoint, everywhere=beside)
         return self._sight(rays(t), facets, self._places, vertices)
 
     def _values(

@@ -53,7 +53,11 @@ class Quadratic(NamedTuple):
         for i in range(3):
             total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
         sin, cos = dr.sincos(wavenumber * mean_sag)
-        carrier = ComplexPair(cos, sin)
+        a, b, c = self.sags
+        # <16 l_i^2 l_k^2> = 8/45, <16 l_i^2 l_k l_m> = 4/45
+        variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
+        damped = dr.exp(-0.5 * wavenumber * wavenumber * variance)
+        carrier = ComplexPair(cos * damped, sin * damped)
         total = total.times(carrier)
         if ways is None:
             return [total]
@@ -75,6 +79,7 @@ class Quadratic(NamedTuple):
             for mean, (a, b, c) in zip(means, moved, strict=True)
         ]
         over_wavenumber = bent.times(carrier) + (total.scaled(mean_sag) - slopes[0]).turned()
+        over_wavenumber = over_wavenumber - total.scaled(wavenumber * variance)
         firsts = [each.turned().scaled(-wavenumber) for each in slopes[1:]]
         seconds = []
         for one, other in pairs(len(ways)):

@@ -126,18 +126,22 @@ def sampled_fraction(
         return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
     offset = corners - viewpoint
     most, cut = (each if weight is None else weight * each for each in _returns(offset, wavenumber))
-    fraction = seen.mean(axis=1)
-    mixed = seen.any(axis=1) & ~seen.all(axis=1)
+    lit = seen[:, 0].astype(np.int8) + seen[:, 1] + seen[:, 2]
+    fraction = lit / 3.0
+    mixed = (lit > 0) & (lit < 3)
     if before is not None:
         changed = (seen != before).any(axis=1)
-        share = np.minimum(seen.sum(axis=1) / np.maximum(before.sum(axis=1), 1), 1.0)
-        fraction, mixed = np.where(changed, share, 1.0), changed & seen.any(axis=1)
+        share = np.minimum(lit / np.maximum(before.sum(axis=1), 1), 1.0)
+        fraction, mixed = np.where(changed, share, 1.0), changed & (lit > 0)
     outline = np.zeros(count) if outline is None else outline
     passed = outline > 0
     edged = mixed | passed
-    size = lengths(corners - corners[:, [1, 2, 0]]).max(axis=1) / np.maximum(lengths(offset).min(axis=1), 1e-9)
-    lines = np.clip(0.5 * outline / np.maximum(size, 1e-300), 1.0, _LINES)  # there and back, one line counts twice
-    bent = _BENT * lines**2 * cut
+    bent = _BENT * cut
+    some = np.flatnonzero(passed)
+    size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
+    size /= np.maximum(lengths(offset[some]).min(axis=1, initial=np.inf), 1e-9)
+    lines = np.clip(0.5 * outline[some] / np.maximum(size, 1e-300), 1.0, _LINES)  # one line counts there and back
+    bent[some] *= lines**2
     returned, allowed = most * (fraction > 0), np.full(count, np.inf)
     for each in np.zeros(1) if group is None else np.unique(group[edged]):
         mine = np.flatnonzero(edged) if group is None else np.flatnonzero(edged & (group == each))
@@ -193,7 +197,7 @@ class Corners:
 
     def __init__(self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray) -> None:
         self._viewpoint, self._corners, self._facet = viewpoint, corners, facet
-        self._side = 2 * places + (_volume(corners - viewpoint) < 0)[:, None]
+        self._side = 2 * places + (_volume(np.ascontiguousarray((corners - viewpoint).T)) < 0)[:, None]
         # The corner that stands for all that meet in a place; the last one of them.
         self._one = np.full(int(self._side.max(initial=-1)) + 1, -1, np.intp)
         self._one[self._side.ravel()] = np.arange(self._side.size)
@@ -223,23 +227,20 @@ def _allowed(errors: FloatArray, total: float) -> float:
     return max(float(np.sqrt((total**2 - below[k]) / rest[k])), 1e-300)
 
 
-def _volume(corners: FloatArray) -> FloatArray:
-    """(facet,) six times the volume between each and the viewpoint, with the sign of the side that it shows."""
-    a, b, c = (corners[:, i] for i in range(3))
-    return np.asarray(np.einsum("fi,fi->f", a, np.cross(b - a, c - a)))
-
-
-def _solid_angle(corners: FloatArray) -> FloatArray:
-    """(facet,) twice the solid angle that each takes, nearly."""
-    near = np.maximum(lengths(corners).min(axis=1), 1e-9)
-    return np.asarray(np.abs(_volume(corners)) / near**3)
+def _volume(p: FloatArray) -> FloatArray:
+    """(facet,) six times the volume between each and the viewpoint, with the sign of the side that it shows; `p` (axis,
+    corner, facet) are corners [m] from there, in rows as long as they are quick to reckon with."""
+    a, b, c = p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)))
 
 
 def _returns(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
     """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
     angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
     phase. An integral over a whole facet falls with the square of that, one over a straight edge with itself."""
-    distance = lengths(corners)
-    turn = wavenumber * (distance.max(axis=1) - distance.min(axis=1))
-    angle = _solid_angle(corners)
+    p = np.ascontiguousarray(corners.T)
+    a, b, c = np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2)
+    near = np.minimum(np.minimum(a, b), c)
+    turn = wavenumber * (np.maximum(np.maximum(a, b), c) - near)
+    angle = np.abs(_volume(p)) / np.maximum(near, 1e-9) ** 3  # twice the solid angle, nearly
     return angle / (1.0 + turn**2), angle / (1.0 + turn)

@@ -69,12 +69,14 @@ class Tessellation:
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
 
-    def bend(self, corners: FloatArray, smooth: Smoothing | None) -> Bend:
-        """How the facets are bent, for the faces' corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives
-        them."""
+    def bend(
+        self, corners: FloatArray, smooth: Smoothing | None, shown: NDArray[np.intp] | slice = slice(None)
+    ) -> Bend:
+        """How the facets are bent, for the faces' corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives them;
+        those of other faces than `shown` are left flat."""
         if smooth is None:
             return Bend(np.zeros((len(self.face), 3, 3)))
-        bend = smooth.bend(corners)
+        bend = smooth.bend(corners, shown)
         if not self.are_the_faces:
             bend = bend.take(self.face)
         pieces = self.pieces
