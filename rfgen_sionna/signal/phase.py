@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import FloatArray, RadarPaths, knot_weights
 
 
 @dataclass(frozen=True)

@@ -126,8 +126,8 @@ def stack_facets(
     viewpoint: FloatArray,
     everywhere: bool = True,
 ) -> Facets:
-    """All pieces of all surfaces, in their order, for the vertices [m] given. Not `everywhere`, those that look away from
-    the viewpoint are left flat."""
+    """All pieces of all surfaces, in their order, for the vertices [m] given. Not `everywhere`, those that look away
+    from the viewpoint are left flat."""
     curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))

@@ -151,6 +151,11 @@ def gain_knots(
     return np.linspace(knots[0], knots[-1], gaps + 1)
 
 
+def most_swing(tolerance: float) -> float:
+    """Phase [rad] by which a phasor may swing from instant to instant for a spline to err by `tolerance` at most."""
+    return float((tolerance / RIM_ERROR) ** 0.25)
+
+
 @dataclass(frozen=True)
 class _Swings:
     """By how much the corners' phases of faces swing from one time to the next."""

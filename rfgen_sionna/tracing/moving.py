@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, coarser, finer, measure
@@ -18,6 +18,7 @@ from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
+from rfgen_sionna.tracing.knots import most_swing
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.patches import leaders, widest
@@ -36,6 +37,9 @@ _AT_ONCE = 200_000
 MEASURED_EVERY = 4
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
+PATCHED_PER_RTOL = 0.3
+"""What a facet's return may err by between instants, per unit of the tolerance, for going by another one's path: those
+of a body that spins err alike."""
 _LOG = logging.getLogger(__name__)
 
 Positions = Callable[[float], Sequence[FloatArray]]
@@ -122,26 +126,29 @@ class MovingParts:
                     veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
-            values = self._values(facets, expansion, [self._ways(each.facets, kept) for each in seen])
+            leader = self._leading(facets, seen, kept)
+            references = [each.facets.centroids[leader] for each in seen]
+            values = self._values(facets, expansion, references)
             if self._turn % MEASURED_EVERY:
                 break
             gains = self._band.combined(expansion, values[middle])
-            reference = self._ways(seen[middle].facets, kept)
-            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains, reference)
+            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains, references[middle])
             if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
-        self._shadow(seen, kept, values, expansion)
-        order = np.argsort(self._leader[kept], kind="stable")
-        led, first = np.unique(self._leader[kept][order], return_index=True)
-        of_paths = np.stack([np.add.reduceat(each[:, order], first, axis=1) for each in values], axis=-1)
+        self._shadow(seen, kept, references, values, expansion)
+        patterns = [self._pattern(*each) for each in zip(facets, references, strict=True)]
+        order = np.argsort(leader, kind="stable")
+        led, first = np.unique(leader[order], return_index=True)
+        weighed = [(each * pattern)[:, order] for each, pattern in zip(values, patterns, strict=True)]
+        of_paths = np.stack([np.add.reduceat(each, first, axis=1) for each in weighed], axis=-1)
         coefficients = self._band.combined(expansion, of_paths)
-        for k, (there, each) in enumerate(zip(facets, seen, strict=True)):
+        for k, (there, reference) in enumerate(zip(facets, references, strict=True)):
             if (rough := self._band.diffuse(there, self._materials)) is not None:
-                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
-                rough *= self._band.turned(there.centroids, self._ways(each.facets, kept))
-                coefficients[0, ..., k] += np.add.reduceat(rough[order], first)
+                rough *= patterns[k] * np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                turned = rough * self._band.turned(there.centroids, reference, len(coefficients))
+                coefficients[..., k] += np.add.reduceat(turned[..., order], first, axis=-1)
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
         self._turn += 1
         shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
@@ -251,9 +258,19 @@ class MovingParts:
             first += len(own)
         return np.concatenate(found)
 
-    def _ways(self, facets: Facets, chosen: NDArray[np.intp]) -> FloatArray:
-        """(chosen, 3) points [m] that the delays of those that `chosen` counts out of all `facets` go by."""
-        return np.asarray(facets.centroids[self._leader[chosen]])
+    def _leading(self, facets: Sequence[Facets], seen: Sequence[Seen], kept: NDArray[np.intp]) -> NDArray[np.intp]:
+        """(kept,) the facet whose path each of those `kept` adds to in the stretch at hand: those that turn against it
+        too fast for a spline in time have a path of their own."""
+        leader = self._leader[kept]
+        further = [
+            lengths(there.centroids - self._viewpoint) - lengths(each.facets.centroids[leader] - self._viewpoint)
+            for there, each in zip(facets, seen, strict=True)
+        ]
+        swing = np.zeros(len(kept))
+        for before, after in pairwise(further):
+            np.maximum(swing, np.abs(after - before), out=swing)
+        most = most_swing(PATCHED_PER_RTOL * self._rtol) / (4 * np.pi * self._band.highest / SPEED_OF_LIGHT)
+        return np.where(swing <= most, leader, kept)
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
@@ -299,7 +316,7 @@ class MovingParts:
             share = share + self._veils.weights(veiled, len(share))
         kept = np.flatnonzero(share > 0)
         facets, fraction = seen.facets.take(kept), share[kept]
-        weight, reference = self._weight(facets, fraction), self._ways(seen.facets, kept)
+        weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._leader[kept]]
         expansion = self._band.expansion_for(facets, self._materials, weight, reference=reference)
         self._expansion = expansion
         gains = self._band.combined(expansion, self._band.values(facets, self._materials, expansion, reference))
@@ -340,21 +357,36 @@ class MovingParts:
         self,
         seen: Sequence[Seen],
         kept: NDArray[np.intp],
+        references: Sequence[FloatArray],
         values: Sequence[NDArray[np.complex128]],
         expansion: Expansion,
     ) -> None:
-        """Take what is not seen out of the `values` (value, facet) of the facets `kept`, one array an instant: of those
-        in half shadow the pieces that are seen count, each with its own phase."""
+        """Take what is not seen out of the `values` (value, facet) of the facets `kept`, whose delays go by the points
+        `references` (facet, 3) [m], one array an instant: of those in half shadow the pieces that are seen count, each
+        with its own phase."""
         for each, own in zip(seen, values, strict=True):
             own *= each.fraction[kept]
-        some = [(each, own) for each, own in zip(seen, values, strict=True) if len(each.owner)]
-        if not some:
+        cut = [number for number, each in enumerate(seen) if len(each.owner)]
+        if not cut:
             return
-        pieces = [each.facets.cut(each.owner, each.pieces) for each, _ in some]
-        found = self._values(pieces, expansion, [self._ways(each.facets, each.owner) for each, _ in some])
-        for (each, own), of_pieces in zip(some, found, strict=True):
-            where, first = np.unique(each.owner, return_index=True)
-            own[:, np.searchsorted(kept, where)] = np.add.reduceat(of_pieces, first, axis=1)
+        places = [np.searchsorted(kept, seen[number].owner) for number in cut]
+        pieces = [seen[number].facets.cut(seen[number].owner, seen[number].pieces) for number in cut]
+        found = self._values(
+            pieces, expansion, [references[number][place] for number, place in zip(cut, places, strict=True)]
+        )
+        for number, place, of_pieces in zip(cut, places, found, strict=True):
+            where, first = np.unique(place, return_index=True)
+            values[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
+
+    def _pattern(self, facets: Facets, reference: FloatArray) -> FloatArray:
+        """(facet,) the antennas' field gain towards each facet, over that towards its point of `reference` (facet, 3)
+        [m], which a path has."""
+        other = (facets.centroids != reference).any(axis=1)
+        found, offset = np.ones(len(facets)), reference[other] - self._viewpoint
+        own = self._band.importance(facets.directions(self._viewpoint)[other])
+        there = self._band.importance(offset / np.maximum(lengths(offset), 1e-12)[:, None])
+        found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
+        return found
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
