@@ -227,8 +227,9 @@ class RayScene:
         index[index == _NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
-    def _nearest(self, ray: Any, count: int) -> tuple[Any, Any, list[Any]]:
-        """Facet, distance and barycentric u and v of the first hits of `count` rays, as Dr.Jit arrays."""
+    def _nearest(self, ray: Any, count: int, moving: bool = False) -> tuple[Any, Any, list[Any]]:
+        """Facet, distance and barycentric u and v of the first hits of `count` rays, as Dr.Jit arrays; `moving`, of
+        those on objects that move."""
         import drjit as dr
         import mitsuba as mi
 
@@ -236,7 +237,7 @@ class RayScene:
         distance = dr.full(mi.Float, dr.inf, count)
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
         for layer, first in zip((self._static, self._moving), self._first, strict=True):
-            if layer is None:
+            if layer is None or (moving and layer is self._static):
                 continue
             found = layer.scene.ray_intersect_preliminary(ray, coherent=False)
             nearer = found.is_valid() & (found.t < distance)
@@ -253,6 +254,7 @@ class RayScene:
         of: NDArray[np.intp],
         weights: FloatArray,
         row: NDArray[np.intp],
+        moving: bool = False,
     ) -> NDArray[np.bool_]:
         """(ray,) whether points on facets are seen from one place: :meth:`occluded` for points that are found on the
         device, several times faster for many.
@@ -264,6 +266,7 @@ class RayScene:
             of: (ray,) the piece that each ray goes to.
             weights: (place, 3) barycentric coordinates of places on a piece.
             row: (ray,) the place that each ray goes to.
+            moving: whether nothing but moving objects hides.
         """
         import drjit as dr
         import mitsuba as mi
@@ -291,7 +294,7 @@ class RayScene:
             direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
             ray: Any = mi.Ray3f(origin, direction)
             ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
-            facet, distance, _ = self._nearest(ray, len(lane))
+            facet, distance, _ = self._nearest(ray, len(lane), moving)
             size = largest
             for there, here in zip(offset, (x, y, z), strict=True):
                 size = dr.maximum(size, dr.abs(there + here))

@@ -86,6 +86,7 @@ def sampled_fraction(
     group: NDArray[np.integer[Any]] | None = None,
     before: NDArray[np.bool_] | None = None,
     level: float = 0.0,
+    moving: bool = False,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -119,6 +120,8 @@ def sampled_fraction(
         seen as a whole. None: there is no telling.
     level
         The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`.
+    moving
+        Whether nothing but moving objects hides: shares are of what is seen without them.
     """
     count = len(corners)
     if not count:
@@ -158,7 +161,7 @@ def sampled_fraction(
         batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
         found = []
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
-            see = partial(_see, rays, viewpoint, corners[some], facet[some])
+            see = partial(_see, rays, viewpoint, corners[some], facet[some], moving)
             found.append((some, lit_parts(see, lattice[some])))
             fraction[some] = found[-1][1].fraction
         return found
@@ -181,10 +184,11 @@ def _see(
     viewpoint: FloatArray,
     corners: FloatArray,
     facet: IntArray,
+    moving: bool,
     of: NDArray[np.intp],
     places: FloatArray,
 ) -> NDArray[np.bool_]:
-    return rays.sees(viewpoint, corners, facet, of, places, np.arange(len(of)))
+    return rays.sees(viewpoint, corners, facet, of, places, np.arange(len(of)), moving)
 
 
 class Corners:
@@ -202,8 +206,11 @@ class Corners:
         self._one = np.full(int(self._side.max(initial=-1)) + 1, -1, np.intp)
         self._one[self._side.ravel()] = np.arange(self._side.size)
 
-    def seen(self, rays: RayScene, some: NDArray[np.intp] | None = None) -> tuple[NDArray[np.bool_], int]:
-        """(facet, 3) whether corners are seen, those of `some` facets, and the number of rays."""
+    def seen(
+        self, rays: RayScene, some: NDArray[np.intp] | None = None, moving: bool = False
+    ) -> tuple[NDArray[np.bool_], int]:
+        """(facet, 3) whether corners are seen, those of `some` facets, and the number of rays; `moving`, where nothing
+        but moving objects hides."""
         side = self._side if some is None else self._side[some]
         light = np.zeros(len(self._one), np.bool_)
         light[side.ravel()] = True
@@ -211,7 +218,8 @@ class Corners:
         owner, corner = np.divmod(self._one[there], 3)
         places = inset(np.eye(3), _RIM)
         every = np.arange(len(there))
-        light[there] = rays.sees(self._viewpoint, self._corners[owner], self._facet[owner], every, places, corner)
+        corners, facet = self._corners[owner], self._facet[owner]
+        light[there] = rays.sees(self._viewpoint, corners, facet, every, places, corner, moving)
         return light[side], len(there)
 
 

@@ -123,14 +123,19 @@ class StaticTrace:
         """What is left where there are no actors."""
         return Dimmed(np.ones(len(self.facets)), np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0.0)
 
-    def visible(self, rays: RayScene, actors: Sequence[FloatArray], passing: Passing) -> tuple[Dimmed, int]:
+    def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """Facets that may be hidden by the `actors`, each of which takes up (point, 3) places [m]."""
+        return np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
+
+    def visible(self, rays: RayScene, index: NDArray[np.intp], passing: Passing) -> tuple[Dimmed, int]:
         """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
 
-        `actors` are the (vertex, 3) positions [m] of each actor, `passing` rays that just pass their outlines. A facet
-        that no actor touches keeps its share to the bit.
+        `index` counts those out that may be hidden, `passing` are rays that just pass the actors' outlines. What static
+        things hide is known: nothing but actors is looked for, and a facet that none of them touches keeps its share to
+        the bit.
         """
-        index = np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
-        now, sent = self.corners.seen(rays, index)
+        now, sent = self.corners.seen(rays, index, moving=True)
+        now &= self.lit[index]
         outline = self._shown.holding(passing.of_actors)[index]
         changed, passed = (now != self.lit[index]).any(axis=1), outline > 0
         left = np.ones(len(self.facets))
@@ -149,6 +154,7 @@ class StaticTrace:
             self._weight[chosen],
             before=self.lit[chosen],
             level=self.returns.level,
+            moving=True,
         )
         left[chosen] = found.fraction
         missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
@@ -163,9 +169,12 @@ class StaticTrace:
         found = self.returns.of_pieces(self.facets, [dimmed[knot] for knot in cut]) if cut else []
         for knot, gains in zip(cut, found, strict=True):
             each, owner = dimmed[knot], np.unique(dimmed[knot].owner)
-            row = np.searchsorted(changing.index, owner)
+            row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
+            gains *= share
             if self.returns.rough is not None:
-                gains[0] += np.sqrt(each.left[owner]) * self.returns.rough[owner]  # of energy, half returns half
+                gains[0] += (
+                    np.sqrt(share * each.left[owner]) * self.returns.rough[owner]
+                )  # of energy, half returns half
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:
                 dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]

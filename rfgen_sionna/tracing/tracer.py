@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -305,12 +305,18 @@ class Tracer:
         left: list[dict[float, FloatArray]] = [{} for _ in beyond]
         sent = [static.rays, *(each.rays for each in beyond)]
 
+        @cache
+        def hidden() -> NDArray[np.intp]:
+            """Static facets that actors may hide at one of the instants."""
+            each = zip(*(self._vertices(t) for t in instants.tolist()), strict=True)
+            return static.behind([np.concatenate(places) for places in each])
+
         def look(t: float) -> RayScene:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
             rays = self.rays_at(t)
             if t not in shares and self.actors:
                 vertices = self._vertices(t)
-                shares[t], count = static.visible(rays, vertices, parts.passing(rays, vertices))
+                shares[t], count = static.visible(rays, hidden(), parts.passing(rays, vertices))
                 sent.append(count)
                 for each, by_time in zip(beyond, left, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))
