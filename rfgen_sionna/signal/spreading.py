@@ -26,7 +26,7 @@ PHASE, BEAT, QUADRATIC, GAINS = 0, 1, 2, 3
 imaginary part of the gain's coefficient of each order."""
 _SINGLE = 3e-7  # tolerance below which phases are turned in double precision
 _CUDA_LANES, _MOST_SHARES = 1 << 16, 32
-_TOGETHER = 2
+_TOGETHER = 4
 """Chirps that a lane of the CPU does at once: it reads their coefficients, which are the same, just once."""
 
 

@@ -42,7 +42,7 @@ from rfgen_sionna.signal.taps import NEGLIGIBLE, needed_terms, width_for
 
 DEVICES = ("auto", "cpu", "cuda")
 _TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of several channels, 32 MB of one
-_GRID, _MOST_GRID = 150_000, 600_000  # cells at a time, 1.2 MB; where they are a small share of the frame, 5 MB
+_GRID, _MOST_GRID = 300_000, 600_000  # cells at a time, 2.4 MB; where they are a small share of the frame, 5 MB
 _SHARE = 12
 
 SPLINE_KNOTS = 4
