@@ -99,7 +99,7 @@ class PathKind(IntEnum):
     """How a path came about."""
 
     FACET = 0
-    """Physical-optics return of one facet."""
+    """Physical-optics return of one facet, or of a patch of small ones that go by one of them."""
     SPECULAR = 1
     """Ray-optical path (for instance from Sionna's `PathSolver`)."""
     MULTI_BOUNCE = 2
@@ -157,7 +157,7 @@ class RadarPaths:
     object_names: tuple[str, ...]
     part_names: tuple[str, ...]
     facet: IntArray
-    """(path,) face index within the object's mesh; -1 where a path belongs to no facet."""
+    """(path,) face index within the object's mesh, of the facet that a path goes by; -1 where it belongs to none."""
     dispersion: ComplexArray | None = None
     """(order, tx, rx, path, time) how the gain changes over the band: at frequency f it is
     `a + sum_n dispersion[n-1] ((f - frequency) / half_band)^n`. None where that is negligible."""

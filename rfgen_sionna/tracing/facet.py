@@ -12,8 +12,8 @@ mirror at distance d gives the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k
 The mean of a linear phase over a triangle has a closed form (:mod:`rfgen_sionna.tracing.simplex`). The phase of a facet
 is not quite linear, nor is its return equally strong all over (distance, angle, polarisation). Both are small on a
 facet, but neighbouring facets repeat the same residue: a grating, whose lobes add up in first order. So the quadratic
-part of the phase is kept to first order and the strength to second (:mod:`rfgen_sionna.tracing.quadratic`), which
-leaves an error of second order.
+part of the phase is kept to first order, with its variance, and the strength to second
+(:mod:`rfgen_sionna.tracing.quadratic`), which leaves an error of second order.
 
 A bent facet is a quadratic patch (:mod:`rfgen_sionna.tracing.smooth`): its path length is quadratic all the same, and
 its vector element of area, slope and stretch in one, weighs the strength at its corners and in its middle.

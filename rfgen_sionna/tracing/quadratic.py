@@ -1,7 +1,8 @@
 """Integrals of w exp(-j k s) over triangles on which the path length s and the strength w are quadratic.
 
 Both are known at the corners and to second order between them. The quadratic part of the phase is kept to first order,
-so that where it is large the triangle is integrated in parts, each with its own corners.
+and of second order the mean over the triangle, its variance, which is all of it where the linear part is small; where
+it is large the triangle is integrated in parts, each with its own corners.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Quadratic(NamedTuple):
         return length, strength
 
     def mean(self, dr: Any, wavenumber: Any, ways: Sequence[list[Any]] | None = None) -> list[ComplexPair]:
-        """Mean of w exp(-j k s), to first order in the sags; with `ways` its slopes as well.
+        """Mean of w exp(-j k s), to first order in the sags and damped by their variance; with `ways` its slopes as well.
 
         These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
         something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
@@ -54,7 +55,7 @@ class Quadratic(NamedTuple):
             total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
         sin, cos = dr.sincos(wavenumber * mean_sag)
         a, b, c = self.sags
-        # <16 l_i^2 l_k^2> = 8/45, <16 l_i^2 l_k l_m> = 4/45
+        # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
         variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
         damped = dr.exp(-0.5 * wavenumber * wavenumber * variance)
         carrier = ComplexPair(cos * damped, sin * damped)

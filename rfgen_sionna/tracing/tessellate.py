@@ -112,10 +112,10 @@ def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) ->
 def allowed_bulge(rtol: float) -> float:
     """Largest phase bulge [rad] that keeps the relative error of a surface's return below `rtol`.
 
-    The facet integral keeps the quadratic phase q to first order and so misses what is of second order: for a bulge b
-    (:func:`phase_bulge`) half the variance of q, 3 b^2 / 160 on an equilateral triangle, in a facet that is seen head
-    on, the same again in each grating lobe that a plate of facets alike adds up to, and more on the right triangles
-    that bisection makes. Plates a hundred wavelengths wide err by up to 0.1 b^2, hence b = sqrt(10 rtol).
+    The facet integral keeps the quadratic phase q to first order and its variance. In each grating lobe that a plate of
+    facets alike adds up to it misses what else is of second order: for a bulge b (:func:`phase_bulge`) as much as that
+    variance, 3 b^2 / 160 on an equilateral triangle, and more on the right triangles that bisection makes. Plates a
+    hundred wavelengths wide err by up to 0.1 b^2, hence b = sqrt(10 rtol).
     """
     return float(min(np.sqrt(10.0 * rtol), MAX_BULGE))
 

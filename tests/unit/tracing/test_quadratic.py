@@ -1,0 +1,87 @@
+"""Means of w exp(-j k s) over triangles on which s and w are quadratic, against Gauss-Legendre quadrature."""
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.tracing.arrays import drjit_types
+from rfgen_sionna.tracing.quadratic import Quadratic
+from rfgen_sionna.tracing.simplex import Complex
+
+
+def dense(k, lengths, sags, strengths, swells, n=120):
+    """(triangle,) means; Duffy's map makes the triangle a square."""
+    node, weight = np.polynomial.legendre.leggauss(n)
+    s, t = (each.ravel() for each in np.meshgrid((node + 1) / 2, (node + 1) / 2, indexing="ij"))
+    w = np.outer(weight, weight).ravel() / 2 * s
+    corner = np.stack([1 - s, s * (1 - t), s * t])
+    edge = 4 * corner[[1, 2, 0]] * corner[[2, 0, 1]]
+    path = lengths.T @ corner - sags.T @ edge
+    return ((strengths.T @ corner + swells.T @ edge) * np.exp(-1j * k * path)) @ w
+
+
+def found(k, lengths, sags, strengths, swells, ways=None):
+    """(term, triangle) of :meth:`Quadratic.mean`."""
+    dr, types = drjit_types()
+    real = types.Float64
+
+    def rows(values):
+        return [real(np.ascontiguousarray(each)) for each in values]
+
+    def pairs(values):
+        return [Complex(re, im) for re, im in zip(rows(values.real), rows(values.imag), strict=True)]
+
+    quadratic = Quadratic(rows(lengths), rows(sags), pairs(strengths), pairs(swells))
+    wavenumber = real(np.full(lengths.shape[1], k))
+    terms = quadratic.mean(dr, wavenumber, None if ways is None else [rows(way) for way in ways])
+    return np.stack([each.re.numpy() + 1j * each.im.numpy() for each in terms])
+
+
+def some(rng, slope, sag, uneven=0.0, count=40):
+    lengths = slope * rng.normal(size=(3, count))
+    sags = sag * rng.normal(size=(3, count))
+    strengths = 1.0 + uneven * (rng.normal(size=(3, count)) + 1j * rng.normal(size=(3, count)))
+    return lengths, sags, strengths, 0.5 * uneven * rng.normal(size=(3, count)) + 0j
+
+
+@pytest.mark.parametrize("bulge", [0.1, 0.2, 0.4])
+def test_seen_head_on_what_is_missed_is_of_third_order(bulge):
+    """A bulge b without a slope: less than b^3 / 60 is missed, where its spread takes up to b^2 / 10."""
+    case = some(np.random.default_rng(0), 0.0, bulge)
+    truth, size = dense(1.0, *case), np.abs(case[1]).max(axis=0)
+    assert (np.abs(found(1.0, *case)[0] - truth) < size**3 / 60).all()
+    assert (np.abs(1.0 - np.abs(truth)) / size**2).max() > 0.09
+
+
+@pytest.mark.parametrize("slope", [0.3, 3.0, 30.0])
+@pytest.mark.parametrize("bulge", [0.02, 0.1, 0.3])
+def test_aslant_it_is_of_second_order(slope, bulge):
+    """Phases of up to 100 rad over the triangle: less than 0.03 b^2, and b / 25 of an uneven strength's tenths."""
+    rng = np.random.default_rng(1)
+    for uneven, least in ((0.0, 0.0), (0.1, 0.04)):
+        case = some(rng, slope, bulge, uneven)
+        size = np.abs(case[1]).max(axis=0)
+        assert (np.abs(found(1.0, *case)[0] - dense(1.0, *case)) < 0.03 * size**2 + least * size).all()
+
+
+def test_slopes_are_those_of_the_mean():
+    """Over the wavenumber and along two ways, and second ones: differences of the mean itself, to second order in the
+    bulge."""
+    rng = np.random.default_rng(2)
+    case, ways, k, step = some(rng, 2.0, 0.05), rng.normal(size=(2, 3, 40)), 1.3, 1e-4
+    terms = found(k, *case, ways)
+
+    def moved(one, other=0.0, at=k):
+        return found(at, case[0] + one * ways[0] + other * ways[1], *case[1:])[0]
+
+    assert np.abs(terms[0] - moved(0.0)).max() < 1e-14
+    over_k = (moved(0.0, at=k + step) - moved(0.0, at=k - step)) / (2 * step)
+    bulge = np.abs(case[1]).max(axis=0)
+    assert (np.abs(terms[1] - over_k) < 2 * bulge * np.abs(case[0]).max(axis=0)).all()
+    along = (moved(step) - moved(-step)) / (2 * step), (moved(0, step) - moved(0, -step)) / (2 * step)
+    for term, difference in zip(terms[2:4], along, strict=True):
+        assert (np.abs(term - difference) < 2 * bulge * np.abs(ways).max(axis=(0, 1))).all()
+    step = 1e-3
+    twice = (moved(step) - 2 * moved(0) + moved(-step)) / step**2
+    mixed = (moved(step, step) - moved(step, -step) - moved(-step, step) + moved(-step, -step)) / (4 * step**2)
+    for term, difference in ((terms[4], twice), (terms[5], mixed)):
+        assert (np.abs(term - difference) < 4 * bulge * np.abs(ways).max(axis=(0, 1)) ** 2 + 1e-4).all()
