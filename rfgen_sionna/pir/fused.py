@@ -148,7 +148,7 @@ class Fusion:
         return lambda _: points
 
     def _places(self, traced: Traced) -> Callable[[float], FloatArray]:
-        """Middles of the facets of direct returns; paths by way of several surfaces stay where they are."""
+        """Middles of the facets that direct returns go by; paths by way of several surfaces stay where they are."""
         count = len(traced.places(traced.moving.times[0]))
         others = self._where(traced.moving.select(np.arange(count, traced.moving.num_paths)))
         return lambda t: np.concatenate([traced.places(t), others(t)])

@@ -68,12 +68,6 @@ def finer(error: FloatArray, rtol: float) -> FloatArray:
     return np.asarray(0.5 ** np.clip(0.5 * np.ceil(2.0 * np.log2(excess)), 1.0, 5.0))
 
 
-def coarser(error: FloatArray, rtol: float) -> FloatArray:
-    """By what it may be multiplied where the `error` is far below `rtol`: one or more, as :func:`finer` has them."""
-    spare = rtol / np.maximum(2.0 * error, 1e-6 * rtol)
-    return np.asarray(2.0 ** (0.5 * np.floor(2.0 * np.log2(np.maximum(spare, 1.0)))))
-
-
 def measure(
     band: BandTracer,
     facets: Facets,

@@ -113,16 +113,6 @@ class BandTracer:
         to_tx, to_rx = (lengths(place - each[:, None]) for each in (self._tx, self._rx))
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
-    def turned(self, points: FloatArray, reference: FloatArray, order: int) -> ComplexArray:
-        """(order, tx, rx, facet) what takes gains that go by `points` to such that go by the points of `reference`
-        (facet, 3) [m]: `order` coefficients over the band, of an exponential."""
-        turns = -2j * np.pi * (self.delays(points) - self.delays(reference))
-        found = np.empty((order, *turns.shape), np.complex128)
-        found[0] = np.exp(self.centre * turns)
-        for k in range(1, order):
-            found[k] = found[k - 1] * turns * (self.half_band / k)
-        return found
-
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
         """(facet,) delays [s] that the gains of one pair go by."""
         return self.delays(facets.centroids, pair)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import SAFETY, coarser, finer, measure
+from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
@@ -88,7 +88,6 @@ class MovingParts:
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
-        self._errors = np.zeros(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
         self._leader = np.zeros(0, np.intp)
@@ -144,11 +143,10 @@ class MovingParts:
         weighed = [(each * pattern)[:, order] for each, pattern in zip(values, patterns, strict=True)]
         of_paths = np.stack([np.add.reduceat(each, first, axis=1) for each in weighed], axis=-1)
         coefficients = self._band.combined(expansion, of_paths)
-        for k, (there, reference) in enumerate(zip(facets, references, strict=True)):
-            if (rough := self._band.diffuse(there, self._materials)) is not None:
-                rough *= patterns[k] * np.sqrt(shares[:, k])  # of energy, half of a facet returns half
-                turned = rough * self._band.turned(there.centroids, reference, len(coefficients))
-                coefficients[..., k] += np.add.reduceat(turned[..., order], first, axis=-1)
+        for k, there in enumerate(facets):
+            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself, see _led
+                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                coefficients[0, ..., k] += np.add.reduceat(rough[order], first)
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
         self._turn += 1
         shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
@@ -241,7 +239,7 @@ class MovingParts:
         self._leader = self._led(vertices)
 
     def _led(self, vertices: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """(facet,) the facet whose path each adds to."""
+        """(facet,) the facet whose path each adds to: itself on rough surfaces, where each has a phase of its own."""
         found, first = [np.zeros(0, np.intp)], 0
         band = self._band
         for piece, points, surface, distance in zip(
@@ -250,6 +248,7 @@ class MovingParts:
             own = np.arange(len(piece.face))
             whole = np.setdiff1d(own, piece.pieces, assume_unique=True)
             most = widest(band.highest, band.half_band, band.aperture, float(distance), self._rtol)
+            most = 0.0 if surface.material.scattering_coefficient > 0 else most
             leader = leaders(points, surface.faces, surface.parts, piece.face[whole], most, self._rtol)
             facet = np.zeros(len(surface.faces), np.intp)
             facet[piece.face[whole]] = whole
@@ -260,7 +259,10 @@ class MovingParts:
 
     def _leading(self, facets: Sequence[Facets], seen: Sequence[Seen], kept: NDArray[np.intp]) -> NDArray[np.intp]:
         """(kept,) the facet whose path each of those `kept` adds to in the stretch at hand: those that turn against it
-        too fast for a spline in time have a path of their own."""
+        too fast for a spline in time have a path of their own, and so has each at a single instant, where a path goes
+        on at its own rate."""
+        if len(seen) == 1:
+            return kept
         leader = self._leader[kept]
         further = [
             lengths(there.centroids - self._viewpoint) - lengths(each.facets.centroids[leader] - self._viewpoint)
@@ -275,16 +277,13 @@ class MovingParts:
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
 
-        `afresh`, it begins with ones as coarse as the error that was found last allows for: what another pose has asked
-        for this one need not.
+        `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
         """
         tried: list[float] = []
         self._last = 0.0
-        if afresh:
-            fineness = np.minimum(self._fineness * coarser(self._errors, self._rtol), 1.0)
-            if (fineness != self._fineness).any():
-                self._fineness = fineness
-                self._split(positions(t))
+        if afresh and (self._fineness != 1.0).any():
+            self._fineness[:] = 1.0
+            self._split(positions(t))
         while True:
             expansion, error = self._tried(t, positions, rays)
             coarse = error > self._rtol
@@ -329,12 +328,13 @@ class MovingParts:
         # Where the return fades no facets are asked for that it does not need elsewhere.
         self._level = np.max([self._level, *(each.level for each in found)], axis=0)
         self._interference = np.max([each.interference for each in found], axis=0)
-        self._errors, self._error = error, float(error.max(initial=0.0))
+        self._error = float(error.max(initial=0.0))
         return expansion, error
 
     def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
         vertices = positions(t)
-        beside = self._ghosts is not None or bool(self._bounces)  # mirrors show what the radar does not see
+        # Mirrors show what looks away from the radar, and so do slabs: the back of a hollow body.
+        beside = self._ghosts is not None or bool(self._bounces) or self._veils is not None
         facets = stack_facets(self._surfaces.moving, self._pieces, vertices, self._viewpoint, everywhere=beside)
         return self._sight(rays(t), facets, self._places, vertices)
 

@@ -82,7 +82,7 @@ def leaders(
     if np.count_nonzero(small) < 2:
         return alone
     centres = middles(corners)
-    first = int(area.argmax())
+    first = int(np.flatnonzero(area >= (1.0 - 1e-6) * area.max())[0])  # of equal ones the same wherever the mesh is
     cells = np.floor((centres - corners[first, 0]) @ _frame(edges[first]).T / width).astype(np.int64)
     one, other = _neighbours(faces, np.flatnonzero(small))
     together = (cells[one] == cells[other]).all(axis=1) & (parts[one] == parts[other])

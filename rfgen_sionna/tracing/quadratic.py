@@ -36,7 +36,7 @@ class Quadratic(NamedTuple):
         return length, strength
 
     def mean(self, dr: Any, wavenumber: Any, ways: Sequence[list[Any]] | None = None) -> list[ComplexPair]:
-        """Mean of w exp(-j k s), to first order in the sags and damped by their variance; with `ways` its slopes as well.
+        """Mean of w exp(-j k s), to first order in the sags and with their variance; with `ways` its slopes as well.
 
         These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
         something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
@@ -57,7 +57,8 @@ class Quadratic(NamedTuple):
         a, b, c = self.sags
         # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
         variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
-        damped = dr.exp(-0.5 * wavenumber * wavenumber * variance)
+        # What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong.
+        damped = dr.exp(-dr.minimum(0.5 * wavenumber * wavenumber * variance, 2.0))
         carrier = ComplexPair(cos * damped, sin * damped)
         total = total.times(carrier)
         if ways is None:

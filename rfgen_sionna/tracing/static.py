@@ -172,9 +172,8 @@ class StaticTrace:
             row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
             gains *= share
             if self.returns.rough is not None:
-                gains[0] += (
-                    np.sqrt(share * each.left[owner]) * self.returns.rough[owner]
-                )  # of energy, half returns half
+                seen = share * each.left[owner]
+                gains[0] += np.sqrt(seen) * self.returns.rough[owner]  # of energy, half of a facet returns half
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:
                 dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]

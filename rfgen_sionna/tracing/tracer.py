@@ -79,8 +79,8 @@ class Traced:
     """The actors."""
     report: TraceReport
     places: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, come
-    from. It holds until the next stretch is traced."""
+    """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, go by.
+    It holds until the next stretch is traced."""
 
     @cached_property
     def shadows(self) -> tuple[Shadow, ...]:

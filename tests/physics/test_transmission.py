@@ -143,6 +143,22 @@ def test_a_body_under_clothes_returns_through_them(radar):
     assert not (hidden.object_id == 0).any()
 
 
+def test_the_back_of_a_hollow_ball_is_as_round_as_its_front(radar):
+    """Through the front of a wooden shell its back is seen from inside. A shell that is known to be closed returns what
+    one with a hole in its rim does, in which every face counts as seen."""
+    shell = trimesh.creation.icosphere(subdivisions=3, radius=0.2)
+    rim = int(shell.triangles_center[:, 2].argmax())
+    wood = replace(MATERIALS["wood"], name="shell", thickness=3e-3)
+
+    def shown(faces, transmission):
+        actor = Actor.from_mesh((shell.vertices, faces), material=wood, position=(2.0, 0.1, 0.0), name="shell")
+        return channel(Simulator(None, radar, [actor], rtol=1e-2, transmission=transmission).paths())
+
+    whole = shown(shell.faces, True)
+    assert abs(whole - shown(np.delete(shell.faces, rim, axis=0), True)).max() < 0.02 * abs(whole).max()
+    assert abs(whole - shown(shell.faces, False)).max() > 0.1 * abs(whole).max()  # the back's part in it
+
+
 def test_coming_out_from_behind_a_pane_is_a_slope_and_not_a_step(radar):
     """A ball crosses the rim of a pane: its level goes from what the pane leaves to all by and by."""
     # The pane's rim at y = 0 as seen from the radar; the ball moves across it within a frame or so.

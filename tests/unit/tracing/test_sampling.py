@@ -100,3 +100,24 @@ def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
     fraction = found.fraction
     assert found.rays < 16 * len(corners) / 5
     assert abs(returned(corners, fraction) - exact) < abs(evenly - exact) + 1e-3 * abs(exact)
+
+
+def test_where_static_things_hide_is_known_without_asking_them_again():
+    """Points that a board hides, a ball that moves, or both: asked of what moves alone and of the board alone, the same
+    are seen as of all together."""
+    board = trimesh.creation.box((0.5, 0.02, 0.5), trimesh.transformations.translation_matrix((0.2, 1.0, 1.0)))
+    wall = trimesh.creation.box((3.0, 0.02, 3.0), trimesh.transformations.translation_matrix((0.0, 3.0, 1.0)))
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
+    ball.apply_translation((-0.1, 2.0, 1.2))
+    static, moving = [[(np.asarray(m.vertices), np.asarray(m.faces)) for m in each] for each in ([board, wall], [ball])]
+    every, alone = RayScene(static, moving, origin=VIEW), RayScene(static, origin=VIEW)
+    corners = np.asarray(wall.vertices[wall.faces])
+    number = len(board.faces) + np.arange(len(corners))
+    rows = np.random.default_rng(0).dirichlet(np.ones(3), 400)
+    of, row = np.repeat(np.arange(len(corners)), len(rows)), np.tile(np.arange(len(rows)), len(corners))
+    asked = VIEW, corners, number, of, rows, row
+    seen = every.sees(*asked)
+    by_ball = ~every.sees(*asked, moving=True)
+    by_board = ~alone.sees(*asked)
+    assert 20 < np.count_nonzero(by_ball & by_board) < np.count_nonzero(by_ball) < np.count_nonzero(~seen)
+    assert np.array_equal(seen, ~by_ball & ~by_board)
