@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
@@ -18,10 +18,9 @@ from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
-from rfgen_sionna.tracing.knots import most_swing
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
-from rfgen_sionna.tracing.patches import leaders, widest
+from rfgen_sionna.tracing.patches import Patches
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -37,9 +36,6 @@ _AT_ONCE = 200_000
 MEASURED_EVERY = 4
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
-PATCHED_PER_RTOL = 0.3
-"""What a facet's return may err by between instants, per unit of the tolerance, for going by another one's path: those
-of a body that spins err alike."""
 _LOG = logging.getLogger(__name__)
 
 Positions = Callable[[float], Sequence[FloatArray]]
@@ -90,7 +86,7 @@ class MovingParts:
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
-        self._leader = np.zeros(0, np.intp)
+        self._patches = Patches(band, viewpoint, rtol)
         self._distance = np.zeros(len(surfaces.moving))
         self._expansion: Expansion | None = None
         self._level = np.zeros(len(surfaces.moving))
@@ -125,7 +121,7 @@ class MovingParts:
                     veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
-            leader = self._leading(facets, seen, kept)
+            leader = self._patches.followed([each.facets.centroids for each in seen], kept)
             references = [each.facets.centroids[leader] for each in seen]
             values = self._values(facets, expansion, references)
             if self._turn % MEASURED_EVERY:
@@ -137,14 +133,14 @@ class MovingParts:
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
         self._shadow(seen, kept, references, values, expansion)
-        patterns = [self._pattern(*each) for each in zip(facets, references, strict=True)]
+        patterns = [self._patches.pattern(*each) for each in zip(facets, references, strict=True)]
         order = np.argsort(leader, kind="stable")
         led, first = np.unique(leader[order], return_index=True)
         weighed = [(each * pattern)[:, order] for each, pattern in zip(values, patterns, strict=True)]
         of_paths = np.stack([np.add.reduceat(each, first, axis=1) for each in weighed], axis=-1)
         coefficients = self._band.combined(expansion, of_paths)
         for k, there in enumerate(facets):
-            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself, see _led
+            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
                 rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
                 coefficients[0, ..., k] += np.add.reduceat(rough[order], first)
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
@@ -236,43 +232,7 @@ class MovingParts:
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
-        self._leader = self._led(vertices)
-
-    def _led(self, vertices: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """(facet,) the facet whose path each adds to: itself on rough surfaces, where each has a phase of its own."""
-        found, first = [np.zeros(0, np.intp)], 0
-        band = self._band
-        for piece, points, surface, distance in zip(
-            self._pieces, vertices, self._surfaces.moving, self._distance, strict=True
-        ):
-            own = np.arange(len(piece.face))
-            whole = np.setdiff1d(own, piece.pieces, assume_unique=True)
-            most = widest(band.highest, band.half_band, band.aperture, float(distance), self._rtol)
-            most = 0.0 if surface.material.scattering_coefficient > 0 else most
-            leader = leaders(points, surface.faces, surface.parts, piece.face[whole], most, self._rtol)
-            facet = np.zeros(len(surface.faces), np.intp)
-            facet[piece.face[whole]] = whole
-            own[whole] = facet[leader[piece.face[whole]]]
-            found.append(first + own)
-            first += len(own)
-        return np.concatenate(found)
-
-    def _leading(self, facets: Sequence[Facets], seen: Sequence[Seen], kept: NDArray[np.intp]) -> NDArray[np.intp]:
-        """(kept,) the facet whose path each of those `kept` adds to in the stretch at hand: those that turn against it
-        too fast for a spline in time have a path of their own, and so has each at a single instant, where a path goes
-        on at its own rate."""
-        if len(seen) == 1:
-            return kept
-        leader = self._leader[kept]
-        further = [
-            lengths(there.centroids - self._viewpoint) - lengths(each.facets.centroids[leader] - self._viewpoint)
-            for there, each in zip(facets, seen, strict=True)
-        ]
-        swing = np.zeros(len(kept))
-        for before, after in pairwise(further):
-            np.maximum(swing, np.abs(after - before), out=swing)
-        most = most_swing(PATCHED_PER_RTOL * self._rtol) / (4 * np.pi * self._band.highest / SPEED_OF_LIGHT)
-        return np.where(swing <= most, leader, kept)
+        self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
@@ -315,7 +275,7 @@ class MovingParts:
             share = share + self._veils.weights(veiled, len(share))
         kept = np.flatnonzero(share > 0)
         facets, fraction = seen.facets.take(kept), share[kept]
-        weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._leader[kept]]
+        weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._patches.leader[kept]]
         expansion = self._band.expansion_for(facets, self._materials, weight, reference=reference)
         self._expansion = expansion
         gains = self._band.combined(expansion, self._band.values(facets, self._materials, expansion, reference))
@@ -377,16 +337,6 @@ class MovingParts:
         for number, place, of_pieces in zip(cut, places, found, strict=True):
             where, first = np.unique(place, return_index=True)
             values[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
-
-    def _pattern(self, facets: Facets, reference: FloatArray) -> FloatArray:
-        """(facet,) the antennas' field gain towards each facet, over that towards its point of `reference` (facet, 3)
-        [m], which a path has."""
-        other = (facets.centroids != reference).any(axis=1)
-        found, offset = np.ones(len(facets)), reference[other] - self._viewpoint
-        own = self._band.importance(facets.directions(self._viewpoint)[other])
-        there = self._band.importance(offset / np.maximum(lengths(offset), 1e-12)[:, None])
-        found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
-        return found
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""

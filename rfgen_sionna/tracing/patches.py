@@ -7,7 +7,8 @@ what one of these does: with the phase of one of them, its *leader*, they add up
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Sequence
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,11 @@ from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import face_normals, lengths, middles
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.knots import most_swing
+from rfgen_sionna.tracing.surfaces import Surface
+from rfgen_sionna.tracing.tessellate import Tessellation
 
 SHARE = 1.9
 """Width of a patch over the mean of its mesh's facets' longest edges, by area, per fourth root of the tolerance, as
@@ -24,6 +30,76 @@ BAND_PHASE = 3.2
 """Phase [rad] by which an end of the band turns the near end of a patch against its far end; likewise."""
 ARRAY_PHASE = 1.0
 """Phase [rad] by which an outermost element turns one end of a patch against the other; likewise."""
+
+PATCHED_PER_RTOL = 0.3
+"""What a facet's return may err by between instants, per unit of the tolerance, for going by another one's path: those
+of a body that spins err alike."""
+
+
+class Patches:
+    """Which facets of moving surfaces go by whose path.
+
+    Parameters
+    ----------
+    band
+        Gives the band, the array and what the antennas make of directions.
+    viewpoint
+        (3,) phase centre of the radar [m].
+    rtol
+        Relative tolerance.
+    """
+
+    def __init__(self, band: BandTracer, viewpoint: FloatArray, rtol: float) -> None:
+        self._band, self._viewpoint, self._rtol = band, viewpoint, rtol
+        self.leader: NDArray[np.intp] = np.zeros(0, np.intp)
+        """(facet,) the facet whose path each adds to: itself on rough surfaces, where each has a phase of its own."""
+
+    def form(
+        self,
+        surfaces: Sequence[Surface],
+        pieces: Sequence[Tessellation],
+        vertices: Sequence[FloatArray],
+        distance: FloatArray,
+    ) -> None:
+        """Choose the leaders of all facets, which `pieces` has of each of the `surfaces`, with their `vertices`
+        (vertex, 3) [m] and the range of the nearest, `distance` (surface,) [m]."""
+        band, found, first = self._band, [np.zeros(0, np.intp)], 0
+        for piece, points, surface, nearest in zip(pieces, vertices, surfaces, distance.tolist(), strict=True):
+            own = np.arange(len(piece.face))
+            if surface.material.scattering_coefficient == 0:
+                whole = np.setdiff1d(own, piece.pieces, assume_unique=True)
+                most = widest(band.highest, band.half_band, band.aperture, nearest, self._rtol)
+                leader = leaders(points, surface.faces, surface.parts, piece.face[whole], most, self._rtol)
+                facet = np.zeros(len(surface.faces), np.intp)
+                facet[piece.face[whole]] = whole
+                own[whole] = facet[leader[piece.face[whole]]]
+            found.append(first + own)
+            first += len(own)
+        self.leader = np.concatenate(found)
+
+    def followed(self, centroids: Sequence[FloatArray], kept: NDArray[np.intp]) -> NDArray[np.intp]:
+        """(kept,) the facet whose path each of those `kept` adds to over a stretch with `centroids` (facet, 3) [m] at
+        its instants: those that turn against it too fast for a spline in time have a path of their own, and so has each
+        at a single instant, where a path goes on at its own rate."""
+        if len(centroids) == 1:
+            return kept
+        leader = self.leader[kept]
+        ranges = [lengths(each - self._viewpoint) for each in centroids]
+        swing = np.zeros(len(kept))
+        for before, after in pairwise([each[kept] - each[leader] for each in ranges]):
+            np.maximum(swing, np.abs(after - before), out=swing)
+        most = most_swing(PATCHED_PER_RTOL * self._rtol) / (4 * np.pi * self._band.highest / SPEED_OF_LIGHT)
+        return np.where(swing <= most, leader, kept)
+
+    def pattern(self, facets: Facets, reference: FloatArray) -> FloatArray:
+        """(facet,) the antennas' field gain towards each facet, over that towards its point of `reference` (facet, 3)
+        [m], which a path has."""
+        other = (facets.centroids != reference).any(axis=1)
+        found, offset = np.ones(len(facets)), reference[other] - self._viewpoint
+        own = self._band.importance(facets.directions(self._viewpoint)[other])
+        there = self._band.importance(offset / np.maximum(lengths(offset), 1e-12)[:, None])
+        found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
+        return found
 
 
 def widest(frequency: float, half_band: float, aperture: float, distance: float, rtol: float) -> float:

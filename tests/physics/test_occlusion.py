@@ -1,5 +1,7 @@
 """What stands in the way hides, and what is hidden of the static scene is missing from the signal."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,10 +9,12 @@ from scipy.special import fresnel
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.static import Dimmed
+from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import patches, triangle_points
 
 BACKDROP = """<scene version="2.1.0">
@@ -227,3 +231,15 @@ def test_wall_is_an_image_of_the_radar(radar, tmp_path):
     assert 20 * np.log10(level / (radar.wavelength / (4 * np.pi * 8.0))) == pytest.approx(0.0, abs=1.0)
     assert sim.paths().object_names == ("wall",)
     assert not sim.paths().velocity.any()
+
+
+def test_a_facet_that_is_seen_in_part_loses_nothing_where_nobody_is(radar):
+    """Facets of the living room of which other things hide a share: put together from pieces that make up all of each,
+    as a shadow that passes by leaves them, they return what they do without actors."""
+    static = Tracer(load_scene("living_room"), replace(radar, position=(0, 0, 1)), [], 1e-2).static
+    part = np.flatnonzero(static.fraction < 1)
+    assert len(part) > 100
+    whole = Dimmed(np.ones(len(static.facets)), part, np.broadcast_to(np.eye(3), (len(part), 3, 3)), 0.0)
+    missing = static.shadows(np.array([0.0]), [whole])[0]
+    assert np.array_equal(missing.index, part)
+    assert np.abs(missing.paths.a).max() < 1e-9 * np.abs(static.paths.a[:, :, part]).max()
