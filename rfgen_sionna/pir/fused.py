@@ -117,11 +117,13 @@ class Fusion:
         if self.surroundings.moves:
             share = np.stack([np.interp(times, instants, row) for row in share]) if len(share) else share[:, :0]
         seen, *around = mix(traced.moving, self.surroundings, times, share)
+        glanced = [] if traced.glanced is None else mix(traced.glanced, self.surroundings, times, share)[:1]
         if refinement is not None:
             seen = refinement(seen, self._places(traced))
+            glanced = [refinement(each, traced.glanced_places) for each in glanced]
             around = [refinement(part, self._where(part)) for part in around]
             around += refinement.added(np.linspace(start, stop, 4) if stop > start else np.array([start]))
-        return FusedFrame((seen, *around), traced.report)
+        return FusedFrame((seen, *glanced, *around), traced.report)
 
     @property
     def _open(self) -> FloatArray:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
@@ -18,9 +18,11 @@ from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
+from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, MOST, Chosen, choose, fine_times, look
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.patches import Patches
+from rfgen_sionna.tracing.returns import Returns
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -31,8 +33,6 @@ RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
-_AT_ONCE = 200_000
-"""Facets that are integrated at once."""
 MEASURED_EVERY = 4
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
@@ -47,14 +47,21 @@ class MovingTrace:
     """The moving surfaces over a stretch of time."""
 
     paths: RadarPaths
+    glanced: RadarPaths | None
+    """Direct returns of facets that were looked at between instants, at their own knots; None where there are none."""
     error: float
     """Estimated relative error of the return of the worst of them; see :mod:`rfgen_sionna.tracing.accuracy`."""
+    between: float
+    """Estimated relative error between knots of the direct return of the worst of them, for shadows that move on; see
+    :mod:`rfgen_sionna.tracing.glances`."""
     facets: int
     """Facets looked at."""
     rays: int
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, go by. It holds
     until the next stretch is traced."""
+    glanced_places: Callable[[float], FloatArray]
+    """The same of `glanced`."""
 
 
 class MovingParts:
@@ -83,6 +90,7 @@ class MovingParts:
         self._ghosts, self._bounces, self._veils = ghosts, tuple(bounces), veils
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
+        self._returns = Returns(band, self._materials)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
@@ -95,9 +103,15 @@ class MovingParts:
         self._turn = 0
 
     def trace(
-        self, knots: FloatArray, instants: FloatArray, positions: Positions, rays: Callable[[float], RayScene]
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        positions: Positions,
+        rays: Callable[[float], RayScene],
+        rays_between: Callable[[float], RayScene],
     ) -> MovingTrace:
-        """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at a time."""
+        """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at an instant,
+        `rays_between` at any other time."""
         middle = len(instants) // 2
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
@@ -123,7 +137,7 @@ class MovingParts:
             facets = [each.facets.take(kept) for each in seen]
             leader = self._patches.followed([each.facets.centroids for each in seen], kept)
             references = [each.facets.centroids[leader] for each in seen]
-            values = self._values(facets, expansion, references)
+            values = self._returns.values(facets, expansion, references)
             if self._turn % MEASURED_EVERY:
                 break
             gains = self._band.combined(expansion, values[middle])
@@ -132,17 +146,26 @@ class MovingParts:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
-        self._shadow(seen, kept, references, values, expansion)
+        self._returns.shadow(seen, kept, references, values, expansion)
+        steady = np.all([each.facing for each in facets], axis=0)
+        single = self._single(facets[middle], values, expansion)
+        turns = np.stack([self._band.centre * self._band.delays(each, (0, 0)) for each in references], axis=-1)
+        phasors = np.exp(-2j * np.pi * np.mod(turns, 1.0))
+        ends = lengths(facets[middle].corners - self._viewpoint)
+        width = 4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1)
+        chosen = choose(single, phasors, shares, width, steady, facets[middle].surface, self._level, self._rtol)
+        alone = kept[chosen.facets]
+        between = chosen.error(single[:0], np.zeros(0, np.int32))
+        glanced = None
+        if len(alone):
+            glanced, between = self._glanced(chosen, alone, instants, seen, positions, expansion, rays_between)
+            rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
+            leader, shares = leader[rest], shares[rest]
+            facets, references = [each.take(rest) for each in facets], [each[rest] for each in references]
+            values = [each[:, rest] for each in values]
         patterns = [self._patches.pattern(*each) for each in zip(facets, references, strict=True)]
-        order = np.argsort(leader, kind="stable")
-        led, first = np.unique(leader[order], return_index=True)
-        weighed = [(each * pattern)[:, order] for each, pattern in zip(values, patterns, strict=True)]
-        of_paths = np.stack([np.add.reduceat(each, first, axis=1) for each in weighed], axis=-1)
-        coefficients = self._band.combined(expansion, of_paths)
-        for k, there in enumerate(facets):
-            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
-                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
-                coefficients[0, ..., k] += np.add.reduceat(rough[order], first)
+        values = [each * pattern for each, pattern in zip(values, patterns, strict=True)]
+        coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader)
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
         self._turn += 1
         shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
@@ -165,10 +188,13 @@ class MovingParts:
         looked: list[Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *chain(*bounced), *veiled]
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
+            glanced,
             error,
+            between,
             sum(each.looked_at for each in looked),
             sum(each.rays for each in looked),
             lambda t: self._centroids(positions(t), led),
+            lambda t: self._centroids(positions(t), alone),
         )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
@@ -298,46 +324,6 @@ class MovingParts:
         facets = stack_facets(self._surfaces.moving, self._pieces, vertices, self._viewpoint, everywhere=beside)
         return self._sight(rays(t), facets, self._places, vertices)
 
-    def _values(
-        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
-    ) -> list[NDArray[np.complex128]]:
-        """(value, facet) what the expansion starts from, of each of `parts`, whose delays go by the points `references`
-        (facet, 3) [m]. They are integrated together, as far as memory allows: to set a kernel up takes as long as it
-        takes ten thousand facets."""
-        step = max(1, _AT_ONCE // max(1, *(len(each) for each in parts)))
-        found = []
-        for first in range(0, len(parts), step):
-            some = parts[first : first + step]
-            reference = np.concatenate(references[first : first + step])
-            values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
-            found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
-        return found
-
-    def _shadow(
-        self,
-        seen: Sequence[Seen],
-        kept: NDArray[np.intp],
-        references: Sequence[FloatArray],
-        values: Sequence[NDArray[np.complex128]],
-        expansion: Expansion,
-    ) -> None:
-        """Take what is not seen out of the `values` (value, facet) of the facets `kept`, whose delays go by the points
-        `references` (facet, 3) [m], one array an instant: of those in half shadow the pieces that are seen count, each
-        with its own phase."""
-        for each, own in zip(seen, values, strict=True):
-            own *= each.fraction[kept]
-        cut = [number for number, each in enumerate(seen) if len(each.owner)]
-        if not cut:
-            return
-        places = [np.searchsorted(kept, seen[number].owner) for number in cut]
-        pieces = [seen[number].facets.cut(seen[number].owner, seen[number].pieces) for number in cut]
-        found = self._values(
-            pieces, expansion, [references[number][place] for number, place in zip(cut, places, strict=True)]
-        )
-        for number, place, of_pieces in zip(cut, places, found, strict=True):
-            where, first = np.unique(place, return_index=True)
-            values[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
-
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
         return [*self._surfaces.static_vertices, *positions(t)]
@@ -356,6 +342,42 @@ class MovingParts:
         known = self._band, facets, self._materials, weight
         found = measure(*known, gains[:, *pair], pair, probe, self._level, reference)
         return float(found.error.max(initial=0.0))
+
+    def _glanced(
+        self,
+        chosen: Chosen,
+        alone: NDArray[np.intp],
+        instants: FloatArray,
+        seen: Sequence[Seen],
+        positions: Positions,
+        expansion: Expansion,
+        rays: Callable[[float], RayScene],
+    ) -> tuple[RadarPaths, float]:
+        """Paths of the facets `alone`, one each, `chosen` for looks between the `instants` [s], and the estimated error
+        of all between knots."""
+        every, known, rounds = np.arange(len(alone)), dict[float, Seen](), chosen.rounds
+        while True:
+            times = fine_times(instants, rounds)
+            looks = look(
+                self._sight, alone, self._places, instants, seen, times, known,
+                lambda t: self._corners(positions(t), alone), rays,
+            )  # fmt: skip
+            facets = [each.facets for each in looks]
+            references = [each.centroids for each in facets]
+            values = self._returns.values(facets, expansion, references)
+            self._returns.shadow(looks, every, references, values, expansion)
+            error = chosen.error(self._single(facets[0], values, expansion), facets[0].surface)
+            if error <= BETWEEN_PER_RTOL * self._rtol or rounds >= MOST:
+                break
+            rounds = min(2 * rounds, MOST)
+        shares = np.stack([each.fraction for each in looks], axis=-1)
+        coefficients, _ = self._returns.coefficients(facets, shares, values, expansion, every)
+        return self._paths(times, times, positions, facets[0], coefficients, alone), error
+
+    def _single(self, facets: Facets, values: Sequence[ComplexArray], expansion: Expansion) -> ComplexArray:
+        """(facet, instant) gains of the first pair in the middle of the band, antennas included."""
+        found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
+        return np.asarray(found * self._weight(facets, np.ones(len(facets)))[:, None])
 
     def _paths(
         self,
@@ -390,10 +412,20 @@ class MovingParts:
         )
 
     def _centroids(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
-        """(kept, 3) [m], those of the facets that `kept` counts out of all."""
-        parts, first = [np.zeros((0, 3))], 0
+        """(kept, 3) [m], those of the facets that `kept` counts out of all, ascending."""
+        found = [piece.centroids(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
+        return np.concatenate([np.zeros((0, 3)), *found])
+
+    def _corners(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
+        """(kept, 3, 3) [m], likewise."""
+        found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
+        return np.concatenate([np.zeros((0, 3, 3)), *found])
+
+    def _own(
+        self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]
+    ) -> Iterator[tuple[Tessellation, FloatArray, IntArray, NDArray[np.intp]]]:
+        """Of each surface its pieces, vertices, faces, and which of the facets `kept` are its own."""
+        first = 0
         for piece, points, surface in zip(self._pieces, vertices, self._surfaces.moving, strict=True):
-            chosen = kept[(kept >= first) & (kept < first + len(piece.face))] - first
-            parts.append(piece.centroids(points, surface.faces, chosen))
+            yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
             first += len(piece.face)
-        return np.concatenate(parts)

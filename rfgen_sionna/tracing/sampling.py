@@ -85,7 +85,7 @@ def sampled_fraction(
     weight: FloatArray | None = None,
     group: NDArray[np.integer[Any]] | None = None,
     before: NDArray[np.bool_] | None = None,
-    level: float = 0.0,
+    level: FloatArray | float = 0.0,
     moving: bool = False,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
@@ -119,7 +119,8 @@ def sampled_fraction(
         (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
         seen as a whole. None: there is no telling.
     level
-        The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`.
+        The least that counts as what all return without interfering, in units of :attr:`Sampled.returned`; an array
+        has that of each group.
     moving
         Whether nothing but moving objects hides: shares are of what is seen without them.
     """
@@ -149,7 +150,8 @@ def sampled_fraction(
     for each in np.zeros(1) if group is None else np.unique(group[edged]):
         mine = np.flatnonzero(edged) if group is None else np.flatnonzero(edged & (group == each))
         total = float(np.linalg.norm(returned if group is None else returned[group == each]))
-        allowed[mine] = _allowed(bent[mine], MISSED_PER_RTOL * rtol * max(total, level))
+        least = float(level if np.ndim(level) == 0 else np.asarray(level)[int(each)])
+        allowed[mine] = _allowed(bent[mine], MISSED_PER_RTOL * rtol * max(total, least))
     wanted = np.sqrt(bent / allowed)
     looked = edged & (wanted > np.sqrt(_BENT / _CORNERS))
     lattice = np.searchsorted(SPACINGS[:-1], wanted)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,11 +30,29 @@ class Seen:
     """(piece,) facet that a piece is of: what is seen of those hidden in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
+    outline: FloatArray
+    """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
+    level: FloatArray
+    """(surface,) what its facets may return without interfering, in units of
+    :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
     missed: FloatArray
     """(surface,) estimated error of what its facets return for what is not known of shadows' edges, relative to what
     they return without interfering."""
     looked_at: int
     rays: int
+
+    def of(self, chosen: NDArray[np.intp]) -> Seen:
+        """The facets that `chosen` counts out, in ascending order."""
+        place = np.minimum(np.searchsorted(chosen, self.owner), max(len(chosen) - 1, 0))
+        mine = chosen[place] == self.owner if len(chosen) else np.zeros(len(self.owner), np.bool_)
+        return replace(
+            self,
+            facets=self.facets.take(chosen),
+            fraction=self.fraction[chosen],
+            owner=place[mine],
+            pieces=self.pieces[mine],
+            outline=self.outline[chosen],
+        )
 
 
 class Sight:
@@ -54,10 +72,30 @@ class Sight:
         and in `rays`; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`."""
         near = lengths(facets.centroids - self._viewpoint) < self._max_range
         facing = np.flatnonzero(facets.facing & near)
+        passing = self.passing(rays, vertices)
+        outline = np.zeros(len(facets))
+        outline[facing] = Places(facets.corners[facing] - self._viewpoint, facets.number[facing]).holding(passing)
+        found = self._sampled(rays, facets, facing, places, outline, 0.0)
+        return replace(found, rays=found.rays + len(passing.hit))
+
+    def glance(self, rays: RayScene, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
+        """What is seen of some `facets`, all of which face the radar: `outline` (facet,) [rad] falls on them, and
+        `level` (surface,) is that of all facets."""
+        near = np.flatnonzero(lengths(facets.centroids - self._viewpoint) < self._max_range)
+        return self._sampled(rays, facets, near, places, outline, level)
+
+    def _sampled(
+        self,
+        rays: RayScene,
+        facets: Facets,
+        facing: NDArray[np.intp],
+        places: IntArray,
+        outline: FloatArray,
+        least: FloatArray | float,
+    ) -> Seen:
+        """What is seen of `facets`, of those that are `facing` the radar."""
         fraction = np.zeros(len(facets))
         corners, number = facets.corners[facing], facets.number[facing]
-        passing = self.passing(rays, vertices)
-        outline = Places(corners - self._viewpoint, number).holding(passing)
         surface, count = facets.surface[facing], len(self._surfaces.moving)
         weight = self._importance(facets.directions(self._viewpoint)[facing])
         guided, guides = Corners(self._viewpoint, corners, number, places[facing]).seen(rays)
@@ -69,15 +107,16 @@ class Sight:
             guided,
             self._wavenumber,
             self._rtol,
-            outline,
+            outline[facing],
             weight,
             surface,
+            level=least,
         )
         fraction[facing] = found.fraction
         error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))
         missed = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
-        sent = guides + found.rays + len(passing.hit)
-        return Seen(facets, fraction, facing[found.owner], found.pieces, missed, len(facing), sent)
+        owner, sent = facing[found.owner], guides + found.rays
+        return Seen(facets, fraction, owner, found.pieces, outline, level, missed, len(facing), sent)
 
     def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
         """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there and in `rays`, and

@@ -166,6 +166,17 @@ class Bend:
         return Bend(-(along[:, :, [1, 2, 0]] * along[:, :, [2, 0, 1]]) @ self.rises, lifts)
 
     @staticmethod
+    def blended(parts: Sequence[Bend], weights: FloatArray) -> Bend | None:
+        """Of the same facets at other times, the sum of the `parts` with their `weights` (part,); None of none."""
+        if not parts:
+            return None
+        lifts = [each.lifts for each in parts if each.lifts is not None]
+        return Bend(
+            np.tensordot(weights, [each.rises for each in parts], 1),
+            np.tensordot(weights, lifts, 1) if lifts else None,
+        )
+
+    @staticmethod
     def stack(parts: Sequence[Bend]) -> Bend:
         """One after the other."""
         lifts = [np.zeros_like(each.rises) if each.lifts is None else each.lifts for each in parts]

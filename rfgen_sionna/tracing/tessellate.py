@@ -62,8 +62,11 @@ class Tessellation:
         """Whether facets and faces are the same, one by one."""
         return not len(self.pieces) and bool((self.face == np.arange(len(self.face))).all())
 
-    def corners(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions."""
+    def corners(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp] | None = None) -> FloatArray:
+        """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions; those of the facets that `chosen`
+        counts out."""
+        if chosen is not None:
+            return np.asarray(self.weights[chosen] @ vertices[faces[self.face[chosen]]], dtype=np.float64)
         corners = vertices[faces[self.face]]
         pieces = self.pieces  # few, where a mesh is fine
         corners[pieces] = self.weights[pieces] @ corners[pieces]

@@ -65,6 +65,10 @@ class TraceReport:
     It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of shadows' edges
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
     kept by each of the two."""
+    between: float
+    """Estimated error between knots of the direct return of an actor, relative to itself [root mean square over time],
+    for shadows that move on (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance where as
+    many looks as there may be do not suffice."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +80,16 @@ class Traced:
     find_shadows: Callable[[], tuple[Shadow, ...]]
     """Works `shadows` out."""
     moving: RadarPaths
-    """The actors."""
+    """The actors, but for what is in `glanced`."""
+    glanced: RadarPaths | None
+    """Direct returns of actors' facets that shadows pass over between instants, at more knots
+    (:mod:`rfgen_sionna.tracing.glances`); None where there are none."""
     report: TraceReport
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, go by.
     It holds until the next stretch is traced."""
+    glanced_places: Callable[[float], FloatArray]
+    """The same of `glanced`."""
 
     @cached_property
     def shadows(self) -> tuple[Shadow, ...]:
@@ -90,7 +99,12 @@ class Traced:
 
     def changing(self) -> tuple[RadarPaths, ...]:
         """All but the static scene."""
-        return self.moving, *(each.paths for each in self.shadows)
+        return *self.actors, *(each.paths for each in self.shadows)
+
+    @property
+    def actors(self) -> tuple[RadarPaths, ...]:
+        """All paths by way of actors."""
+        return (self.moving,) if self.glanced is None else (self.moving, self.glanced)
 
 
 class Tracer:
@@ -325,7 +339,7 @@ class Tracer:
                     watch(t, rays)
             return rays
 
-        moving = parts.trace(knots, instants, self._vertices, look)
+        moving = parts.trace(knots, instants, self._vertices, look, self.rays_at)
         for t in instants.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)
@@ -347,8 +361,9 @@ class Tracer:
             instants=len(instants),
             knots=len(knots),
             error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
+            between=moving.between,
         )
-        return Traced(self._still, shadows, moving.paths, report, moving.places)
+        return Traced(self._still, shadows, moving.paths, moving.glanced, report, moving.places, moving.glanced_places)
 
     def rays_at(self, t: float) -> RayScene:
         """Static and moving meshes as they are at `t` [s], until it is asked for another time."""

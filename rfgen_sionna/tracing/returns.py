@@ -1,0 +1,88 @@
+"""What the facets of moving surfaces return at the instants of a stretch, those in half shadow piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.expansion import Expansion
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.sight import Seen
+
+_AT_ONCE = 200_000
+"""Facets that are integrated at once."""
+
+
+class Returns:
+    """Integrates facets of surfaces made of `materials`.
+
+    An `expansion` says what is integrated, its values; `references` are the points (facet, 3) [m] that delays go by,
+    one array an instant.
+    """
+
+    def __init__(self, band: BandTracer, materials: tuple[Material, ...]) -> None:
+        self._band, self._materials = band, materials
+
+    def values(
+        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
+    ) -> list[ComplexArray]:
+        """(value, facet) of each of `parts`, as if all were seen. They are integrated together, as far as memory
+        allows: to set a kernel up takes as long as it takes ten thousand facets."""
+        step = max(1, _AT_ONCE // max(1, *(len(each) for each in parts)))
+        found = []
+        for first in range(0, len(parts), step):
+            some = parts[first : first + step]
+            reference = np.concatenate(references[first : first + step])
+            values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
+            found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
+        return found
+
+    def shadow(
+        self,
+        seen: Sequence[Seen],
+        kept: NDArray[np.intp],
+        references: Sequence[FloatArray],
+        values: Sequence[ComplexArray],
+        expansion: Expansion,
+    ) -> None:
+        """Take what is not seen out of the `values` (value, facet) of the facets `kept`, one array an instant: of those
+        in half shadow the pieces that are seen count, each with its own phase."""
+        for each, own in zip(seen, values, strict=True):
+            own *= each.fraction[kept]
+        cut = [number for number, each in enumerate(seen) if len(each.owner)]
+        if not cut:
+            return
+        places = [np.searchsorted(kept, seen[number].owner) for number in cut]
+        pieces = [seen[number].facets.cut(seen[number].owner, seen[number].pieces) for number in cut]
+        found = self.values(
+            pieces, expansion, [references[number][place] for number, place in zip(cut, places, strict=True)]
+        )
+        for number, place, of_pieces in zip(cut, places, found, strict=True):
+            where, first = np.unique(place, return_index=True)
+            values[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
+
+    def coefficients(
+        self,
+        facets: Sequence[Facets],
+        shares: FloatArray,
+        values: Sequence[ComplexArray],
+        expansion: Expansion,
+        leader: NDArray[np.intp],
+    ) -> tuple[ComplexArray, NDArray[np.intp]]:
+        """(order, tx, rx, path, instant) of the paths that facets with the same `leader` (facet,) make together, and
+        the (path,) leaders. `shares` (facet, instant) of the area are seen; of what rough ones scatter that share of
+        the energy counts."""
+        order = np.argsort(leader, kind="stable")
+        led, first = np.unique(leader[order], return_index=True)
+        of_paths = np.stack([np.add.reduceat(each[:, order], first, axis=1) for each in values], axis=-1)
+        found = self._band.combined(expansion, of_paths)
+        for k, there in enumerate(facets):
+            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
+                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                found[0, ..., k] += np.add.reduceat(rough[order], first)
+        return found, led
