@@ -15,9 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, knot_weights
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, knot_weights
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.expansion import Expansion
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import RIM_ERROR
+from rfgen_sionna.tracing.returns import Returns
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
 
@@ -32,7 +37,7 @@ _SMOOTH = 1 / 8
 """What splines through all instants miss of gains that change smoothly, against those that leave one out, and twice
 that for safety: the error goes with the fourth power of the gap. Where an edge passes it goes with the gap itself, so
 that twice the error is what was missed."""
-_FEWEST = 4
+FEWEST = 4
 """Instants that tell anything."""
 
 
@@ -48,10 +53,10 @@ class Chosen(NamedTuple):
     level: FloatArray
     """(surface,) return that errors are relative to."""
 
-    def error(self, gains: ComplexArray, surface: NDArray[np.integer[Any]]) -> float:
-        """Estimated relative error between times of the worst surface, where those chosen, of the `surface` (chosen,),
-        have the `gains` (chosen, time)."""
-        energy = self.rest**2 + np.bincount(surface, _largest(left_out(gains)), len(self.rest))
+    def error(self, followed: FloatArray | float = 0.0) -> float:
+        """Estimated relative error between times of the worst surface, of which the chosen facets have the energy
+        `followed` (surface,)."""
+        energy = self.rest**2 + followed
         return float(np.sqrt(energy / np.where(self.level > 0, self.level, np.inf) ** 2).max(initial=0.0))
 
 
@@ -99,8 +104,8 @@ def choose(
     Parameters
     ----------
     gains, phasors
-        (facet, instant) of one pair at one frequency, antennas included, and of the propagation, at evenly spaced
-        instants.
+        (facet, instant) of one pair at one frequency, antennas included, and of the propagation, at `FEWEST` or more
+        evenly spaced instants.
     shares
         (facet, instant) of the area that is seen.
     width
@@ -115,8 +120,6 @@ def choose(
         Relative tolerance.
     """
     chosen, rounds, rest, level = [np.zeros(0, np.intp)], 1, np.zeros(len(usual)), usual.copy()
-    if gains.shape[1] < _FEWEST:
-        return Chosen(chosen[0], rounds, rest, level)
     edged = ((shares > 0) & (shares < 1)).any(axis=1) | (np.ptp(shares, axis=1) > 0)
     missed = np.where(edged, 1.0, _SMOOTH)[:, None] * left_out(gains)
     # An edge that moves on by a wavelength from one instant to the next may seem to rest.
@@ -147,39 +150,105 @@ def choose(
     return Chosen(np.sort(np.concatenate(chosen)), rounds, rest, level)
 
 
-def look(
-    sight: Sight,
-    chosen: NDArray[np.intp],
-    places: IntArray,
-    instants: FloatArray,
-    seen: Sequence[Seen],
-    times: FloatArray,
-    known: dict[float, Seen],
-    corners: Callable[[float], FloatArray],
-    rays: Callable[[float], RayScene],
-) -> list[Seen]:
-    """What is seen at `times` [s] of the facets `chosen` of all those `seen` at the `instants` [s]; they face the radar
-    all the time.
-
-    `places` (facet, 3) are those of :func:`rfgen_sionna.tracing.sampling.touching`, of all facets; `known` keeps what
-    is found from one call to the next; `corners` and `rays` give the corners (chosen, 3, 3) [m] and the ray scene at a
-    time.
-    """
-    if not known:
-        known.update((float(t), each.of(chosen)) for t, each in zip(instants, seen, strict=True))
-    at_instants = [known[float(t)] for t in instants]
-    outline = np.max([each.outline for each in at_instants], axis=0)
-    level = np.min([each.level for each in seen], axis=0)
-    bends = [each.facets.bend for each in at_instants if each.facets.bend is not None]
-    for t, weights in zip(times.tolist(), knot_weights(instants, times), strict=True):
-        if t not in known:
-            facets = replace(at_instants[0].facets, corners=corners(t), bend=Bend.blended(bends, weights))
-            known[t] = sight.glance(rays(t), facets, places[chosen], outline, level)
-    return [known[t] for t in times.tolist()]
-
-
 def fine_times(instants: FloatArray, rounds: int) -> FloatArray:
     """(time,) `rounds` of them from each of the evenly spaced `instants` [s] to the next, which are among them."""
     times = np.linspace(instants[0], instants[-1], rounds * (len(instants) - 1) + 1)
     times[::rounds] = instants
     return times
+
+
+class Followed(NamedTuple):
+    """Facets that were looked at between instants."""
+
+    times: FloatArray
+    """(time,) [s]"""
+    facets: Facets
+    """As they are at the first of them."""
+    coefficients: ComplexArray
+    """(order, tx, rx, facet, time) of a path for each."""
+    error: float
+    """Estimated error of all facets between the times, relative to its return, of the worst surface."""
+
+
+class Glances:
+    """Finds the facets whose gains splines through instants miss, and looks at them in between."""
+
+    def __init__(self, band: BandTracer, sight: Sight, returns: Returns, viewpoint: FloatArray, rtol: float) -> None:
+        self._band, self._sight, self._returns = band, sight, returns
+        self._viewpoint, self._rtol = viewpoint, rtol
+
+    def choose(
+        self,
+        facets: Sequence[Facets],
+        references: Sequence[FloatArray],
+        values: Sequence[ComplexArray],
+        shares: FloatArray,
+        expansion: Expansion,
+        level: FloatArray,
+    ) -> Chosen:
+        """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
+        `references` (facet, 3) [m], are those of what is seen of them, `shares` (facet, instant); `level` (surface,) is
+        that of :func:`choose`."""
+        middle = facets[len(facets) // 2]
+        if len(facets) < FEWEST or not len(middle):
+            return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level)
+        turns = np.stack([self._band.centre * self._band.delays(each, (0, 0)) for each in references], axis=-1)
+        ends = lengths(middle.corners - self._viewpoint)
+        return choose(
+            self._single(middle, values, expansion),
+            np.exp(-2j * np.pi * np.mod(turns, 1.0)),
+            shares,
+            4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
+            np.all([each.facing for each in facets], axis=0),
+            middle.surface,
+            level,
+            self._rtol,
+        )
+
+    def follow(
+        self,
+        chosen: Chosen,
+        alone: NDArray[np.intp],
+        places: IntArray,
+        instants: FloatArray,
+        seen: Sequence[Seen],
+        expansion: Expansion,
+        corners: Callable[[float], FloatArray],
+        rays: Callable[[float], RayScene],
+    ) -> Followed:
+        """Look at the `chosen` facets, which are `alone` (facet,) of all those `seen` at the `instants` [s], until
+        splines miss no more than the tolerance, or as often as may be.
+
+        `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.sampling.touching`; `corners` and `rays` give
+        theirs (facet, 3, 3) [m] and the ray scene at a time [s].
+        """
+        at_instants = [each.of(alone) for each in seen]
+        known = dict(zip(instants.tolist(), at_instants, strict=True))
+        outline = np.max([each.outline for each in at_instants], axis=0)
+        level = np.min([each.level for each in seen], axis=0)
+        bends = [each.facets.bend for each in at_instants if each.facets.bend is not None]
+        every, rounds = np.arange(len(alone)), chosen.rounds
+        while True:
+            times = fine_times(instants, rounds)
+            for t, weights in zip(times.tolist(), knot_weights(instants, times), strict=True):
+                if t not in known:
+                    facets = replace(at_instants[0].facets, corners=corners(t), bend=Bend.blended(bends, weights))
+                    known[t] = self._sight.glance(rays(t), facets, places, outline, level)
+            looks = [known[t] for t in times.tolist()]
+            own = [each.facets for each in looks]
+            references = [each.centroids for each in own]
+            values = self._returns.values(own, expansion, references)
+            self._returns.shadow(looks, every, references, values, expansion)
+            missed = _largest(left_out(self._single(own[0], values, expansion)))
+            error = chosen.error(np.asarray(np.bincount(own[0].surface, missed, len(chosen.level)), np.float64))
+            if error <= BETWEEN_PER_RTOL * self._rtol or rounds >= MOST:
+                break
+            rounds = min(2 * rounds, MOST)
+        shares = np.stack([each.fraction for each in looks], axis=-1)
+        coefficients, _ = self._returns.coefficients(own, shares, values, expansion, every)
+        return Followed(times, own[0], coefficients, error)
+
+    def _single(self, facets: Facets, values: Sequence[ComplexArray], expansion: Expansion) -> ComplexArray:
+        """(facet, time) gains of the first pair in the middle of the band, antennas included."""
+        found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
+        return np.asarray(found * self._band.importance(facets.directions(self._viewpoint))[:, None])

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
-from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, MOST, Chosen, choose, fine_times, look
+from rfgen_sionna.tracing.glances import Glances
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.patches import Patches
@@ -91,6 +91,7 @@ class MovingParts:
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._returns = Returns(band, self._materials)
+        self._glances = Glances(band, self._sight, self._returns, viewpoint, rtol)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
@@ -147,18 +148,15 @@ class MovingParts:
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
         self._returns.shadow(seen, kept, references, values, expansion)
-        steady = np.all([each.facing for each in facets], axis=0)
-        single = self._single(facets[middle], values, expansion)
-        turns = np.stack([self._band.centre * self._band.delays(each, (0, 0)) for each in references], axis=-1)
-        phasors = np.exp(-2j * np.pi * np.mod(turns, 1.0))
-        ends = lengths(facets[middle].corners - self._viewpoint)
-        width = 4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1)
-        chosen = choose(single, phasors, shares, width, steady, facets[middle].surface, self._level, self._rtol)
-        alone = kept[chosen.facets]
-        between = chosen.error(single[:0], np.zeros(0, np.int32))
-        glanced = None
+        chosen = self._glances.choose(facets, references, values, shares, expansion, self._level)
+        glanced, alone, between = None, kept[chosen.facets], chosen.error()
         if len(alone):
-            glanced, between = self._glanced(chosen, alone, instants, seen, positions, expansion, rays_between)
+            found = self._glances.follow(
+                chosen, alone, self._places[alone], instants, seen, expansion,
+                lambda t: self._corners(positions(t), alone), rays_between,
+            )  # fmt: skip
+            glanced = self._paths(found.times, found.times, positions, found.facets, found.coefficients, alone)
+            between = found.error
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
             leader, shares = leader[rest], shares[rest]
             facets, references = [each.take(rest) for each in facets], [each[rest] for each in references]
@@ -342,42 +340,6 @@ class MovingParts:
         known = self._band, facets, self._materials, weight
         found = measure(*known, gains[:, *pair], pair, probe, self._level, reference)
         return float(found.error.max(initial=0.0))
-
-    def _glanced(
-        self,
-        chosen: Chosen,
-        alone: NDArray[np.intp],
-        instants: FloatArray,
-        seen: Sequence[Seen],
-        positions: Positions,
-        expansion: Expansion,
-        rays: Callable[[float], RayScene],
-    ) -> tuple[RadarPaths, float]:
-        """Paths of the facets `alone`, one each, `chosen` for looks between the `instants` [s], and the estimated error
-        of all between knots."""
-        every, known, rounds = np.arange(len(alone)), dict[float, Seen](), chosen.rounds
-        while True:
-            times = fine_times(instants, rounds)
-            looks = look(
-                self._sight, alone, self._places, instants, seen, times, known,
-                lambda t: self._corners(positions(t), alone), rays,
-            )  # fmt: skip
-            facets = [each.facets for each in looks]
-            references = [each.centroids for each in facets]
-            values = self._returns.values(facets, expansion, references)
-            self._returns.shadow(looks, every, references, values, expansion)
-            error = chosen.error(self._single(facets[0], values, expansion), facets[0].surface)
-            if error <= BETWEEN_PER_RTOL * self._rtol or rounds >= MOST:
-                break
-            rounds = min(2 * rounds, MOST)
-        shares = np.stack([each.fraction for each in looks], axis=-1)
-        coefficients, _ = self._returns.coefficients(facets, shares, values, expansion, every)
-        return self._paths(times, times, positions, facets[0], coefficients, alone), error
-
-    def _single(self, facets: Facets, values: Sequence[ComplexArray], expansion: Expansion) -> ComplexArray:
-        """(facet, instant) gains of the first pair in the middle of the band, antennas included."""
-        found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
-        return np.asarray(found * self._weight(facets, np.ones(len(facets)))[:, None])
 
     def _paths(
         self,

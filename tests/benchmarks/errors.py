@@ -23,8 +23,8 @@ FAR = 150.0
 def slow_time(method: Method, times: FloatArray) -> ComplexArray:
     """(time,) channel at each time: instant by instant, but of the tracer from one trace."""
     if isinstance(method, Traced):
-        paths = method.tracer.trace(times[0], times[-1]).moving
-        return over_time(paths.select(method.subject.counted(paths)), times)
+        traced = method.tracer.trace(times[0], times[-1])
+        return np.sum([over_time(each.select(method.subject.counted(each)), times) for each in traced.actors], axis=0)
     return np.array([method(float(t)) for t in times])
 
 
@@ -123,8 +123,8 @@ class AdcCheck:
             radar, stop = self.subject.radar, wave.frame_length
 
             def cube() -> ComplexArray:
-                paths = method.tracer.trace(0.0, stop).moving
-                return synthesize(radar, paths.select(self.subject.counted(paths)), 0.0, eps=0.3 * method.rtol)
+                parts = [each.select(self.subject.counted(each)) for each in method.tracer.trace(0.0, stop).actors]
+                return np.sum([synthesize(radar, each, 0.0, eps=0.3 * method.rtol) for each in parts], axis=0)
 
             cube()
             row["adc_seconds"], samples = timed(cube)

@@ -70,7 +70,8 @@ def person(quick: bool) -> dict[str, Any]:
     traced = frame()
 
     def samples() -> Any:
-        return synthesize(radar, traced.moving, traced.moving.times[0], eps=0.3 * tracer.rtol, device="cpu")
+        start = traced.moving.times[0]
+        return [synthesize(radar, each, start, eps=0.3 * tracer.rtol, device="cpu") for each in traced.actors]
 
     whole = iter(simulator.frames(1.9))
     next(whole)

@@ -156,7 +156,8 @@ class _Run:
         still = synthesize(self.radar, traced.static, 0.0, eps=eps, device="cpu")
         for shadow in traced.shadows:
             still = still + synthesize(self.radar, shadow.paths, start, eps=eps, device="cpu")
-        return still, synthesize(self.radar, traced.moving, start, eps=eps, device="cpu")
+        parts = [synthesize(self.radar, each, start, eps=eps, device="cpu") for each in traced.actors]
+        return still, np.sum(parts, axis=0)
 
 
 def _difference(found: ComplexArray, expected: ComplexArray) -> float:

@@ -20,7 +20,7 @@ from rfgen_sionna.generative.diffusion.rhythm import find_period
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import FloatArray, Motion, RadarPaths
 
 
 @pytest.mark.slow
@@ -44,7 +44,8 @@ def test_generated_walking_shows_the_speeds_of_its_mesh_and_no_others() -> None:
     axis = np.fft.fftshift(np.fft.fftfreq(384, fast.waveform.loop_period)) * fast.wavelength / 2
     legs, trunk = [], []
     for start in (0.6, 1.0, 1.3):
-        paths = tracer.trace(start, start + fast.waveform.frame_length).moving
+        parts = tracer.trace(start, start + fast.waveform.frame_length).actors
+        paths = RadarPaths.concatenate([each.at(parts[-1].times) for each in parts])
         middle = start + 0.5 * fast.waveform.frame_length
         offset = person.vertices(middle) - np.asarray(fast.position)
         velocity = (person.vertices(middle + 1e-3) - person.vertices(middle - 1e-3)) / 2e-3
@@ -121,7 +122,7 @@ def test_micro_doppler_of_generated_walking_has_the_cadence_and_speed_of_its_leg
     starts = np.arange(0.8, 3.2, 0.05)
     edge = []
     for start in starts:
-        slow = synthesize(radar, tracer.trace(start, start + length).moving, start)[:, 0, 0]
+        slow = sum(synthesize(radar, each, start) for each in tracer.trace(start, start + length).actors)[:, 0, 0]
         window = np.blackman(256)[:, None]
         power = np.fft.fftshift(np.abs(np.fft.fft(slow * window, axis=0)) ** 2, axes=0).sum(axis=1)
         # what moves away fastest, down to thirty decibels under the whole

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal.windows import blackman
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import knot_weights
+from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.scene import RigidMesh
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
@@ -64,7 +64,8 @@ def test_translation_makes_no_doppler_of_its_own(radar, standing):
     still = RigidMesh(standing.sequence.vertices(0.0), standing.faces, "body")
     body = Actor(still, "skin", name="body", position=(3, 0, 0), velocity=(0.58, 0, 0))
     traced = Tracer(None, fast, [body]).trace(0.0, fast.waveform.frame_length)
-    slow_time = synthesize(fast, traced.moving, 0.0, eps=3e-4)[:, 0, 0].mean(axis=1)
+    samples = sum(synthesize(fast, each, 0.0, eps=3e-4) for each in traced.actors)
+    slow_time = samples[:, 0, 0].mean(axis=1)
     spectrum = np.abs(np.fft.fft(slow_time * blackman(1000), 8000)) ** 2
     frequency = np.fft.fftfreq(8000, fast.waveform.loop_period)
     doppler = 2 * 0.58 / fast.wavelength
@@ -85,7 +86,8 @@ def test_walking_shows_the_speeds_of_the_mesh(radar):
     resolution = fast.wavelength / (2 * fast.waveform.frame_length)
     fastest_limb = 0.0
     for start in (0.8, 1.0, 1.2):
-        paths = tracer.trace(start, start + fast.waveform.frame_length).moving
+        parts = tracer.trace(start, start + fast.waveform.frame_length).actors
+        paths = RadarPaths.concatenate([each.at(parts[-1].times) for each in parts])
         middle = start + 0.5 * fast.waveform.frame_length
         offset = person.vertices(middle) - np.asarray(fast.position)
         velocity = (person.vertices(middle + 1e-3) - person.vertices(middle - 1e-3)) / 2e-3

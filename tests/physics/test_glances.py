@@ -1,0 +1,213 @@
+"""Between instants: what shadows that move on leave of a return, against instants traced there."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene import Actor
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing import glances
+from rfgen_sionna.tracing.glances import choose, fine_times, left_out
+from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+
+
+def channel(parts, times):
+    """(time,) of the first pair, all `parts` together, between their knots."""
+    total = np.zeros(len(times), complex)
+    for each in parts:
+        there = each.at(times)
+        turns = np.mod(there.frequency * there.tau[0, 0], 1.0)
+        total += (there.a[0, 0] * np.exp(-2j * np.pi * turns)).sum(axis=0)
+    return total
+
+
+def traced_there(tracer, times):
+    return np.array([channel(tracer.trace(float(t), float(t)).actors, np.array([t]))[0] for t in times])
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+def screened(radar, tilt=35.0, speed=0.3, rtol=1e-2):
+    """A metal plate that lies aslant and turns a little, and a screen that passes before it."""
+    plate = Actor.from_mesh(
+        trimesh.creation.box((0.002, 0.12, 0.12)),
+        material="pec",
+        name="plate",
+        trajectory=lambda t: (3.0 + 0.1 * t, 0.0, 1.0),
+        orientation=(np.deg2rad(tilt), 0.0, 0.0),
+    )
+    screen = Actor.from_mesh(
+        trimesh.creation.box((0.002, 0.3, 0.5)),
+        material="pec",
+        name="screen",
+        trajectory=lambda t: (2.0, -0.155 + speed * t, 1.0),
+        orientation=(np.deg2rad(-40.0), 0.0, 0.0),
+    )
+    ball = Actor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=3, radius=0.04), material="pec", position=(3.2, -0.6, 1), name="ball"
+    )
+    return Tracer(None, radar, [plate, screen, ball], rtol=rtol)
+
+
+def of(parts, name):
+    return [each.select(each.object_id == each.object_names.index(name)) for each in parts]
+
+
+def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
+    """Between instants the plate's return is that of instants traced there to the error stated; without glances it is
+    several times as far off."""
+    length = radar.waveform.frame_length
+    times = np.linspace(0.0, length, 30)
+    tracer = screened(radar)
+    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    traced = tracer.trace(0.0, length)
+    assert traced.glanced is not None
+    assert len(traced.glanced.times) > len(traced.moving.times)
+    error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
+    assert error < traced.report.between
+    monkeypatch.setattr(glances, "BETWEEN_PER_RTOL", np.inf)
+    plain = tracer.trace(0.0, length)
+    assert plain.glanced is None
+    before = rms(channel(of(plain.actors, "plate"), times) - truth) / rms(truth)
+    assert before < plain.report.between
+    assert before > 0.1
+    assert error < before / 4
+
+
+def test_nothing_is_glanced_at_where_no_shadow_moves(radar):
+    """A ball alone, that shadows itself and moves fast, is followed by its instants, as well as phases are."""
+    ball = Actor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=4, radius=0.1), material="pec", position=(3, 0, 1), velocity=(2, 1, 0)
+    )
+    tracer = Tracer(None, radar, [ball], rtol=1e-2)
+    length = radar.waveform.frame_length
+    traced = tracer.trace(0.0, length)
+    assert traced.glanced is None
+    assert traced.changing() == (traced.moving,)
+    times = np.linspace(0.0, length, 31)
+    truth = traced_there(tracer, times)
+    assert rms(channel(traced.actors, times) - truth) / rms(truth) < PHASE_PER_RTOL * 1e-2
+    assert traced.report.between < 1e-3
+
+
+def test_samples_hold_what_is_glanced_at(radar):
+    """Frames of a simulator are of all parts, and a second run makes the same bits."""
+    tracer = screened(radar)
+    traced = tracer.trace(0.0, radar.waveform.frame_length)
+    assert traced.changing()[:2] == (traced.moving, traced.glanced)
+    found = [next(Simulator(None, radar, tracer.actors, rtol=1e-2).frames(0.05)) for _ in range(2)]
+    assert np.array_equal(found[0].samples, found[1].samples)
+    assert found[0].report.between > 0
+
+
+@pytest.mark.parametrize("start", [1.8, 1.9])
+def test_a_walking_person_between_instants(radar, start):
+    """Where an arm swings before the body: right to the error stated, against four times as many instants."""
+    pytest.importorskip("anny")
+    from rfgen_sionna.generative.actor import Actor as Person
+
+    person = Person.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0)
+    tracer = Tracer(None, radar, [person], rtol=1e-2)
+    length = radar.waveform.frame_length
+    traced = tracer.trace(start, start + length)
+    times = np.linspace(start, start + length, 25)[1::2]
+    truth = traced_there(tracer, times)
+    error = rms(channel(traced.actors, times) - truth) / rms(truth)
+    assert error < traced.report.between
+    assert error < 0.03
+
+
+def test_the_left_out_instant_of_a_cubic():
+    """Cubics in time are foretold exactly, from however many instants."""
+    rng = np.random.default_rng(3)
+    for count in (5, 6, 9, 20):
+        t = np.linspace(-1, 1, count)
+        gains = rng.normal(size=(7, 4)) @ np.vander(t, 4).T + 1j * rng.normal(size=(7, 4)) @ np.vander(t, 4).T
+        assert np.abs(left_out(gains)).max() < 1e-12
+        gains[2, count // 2] += 0.5j
+        missed = left_out(gains)
+        assert missed[2, count // 2 - 1] == pytest.approx(0.5j)
+        assert np.abs(np.delete(missed, 2, axis=0)).max() < 1e-12
+    assert left_out(np.ones((3, 1), complex)).shape == (3, 0)
+
+
+def test_fine_times_hold_the_instants():
+    instants = np.linspace(0.7, 0.7276, 6)
+    for rounds in (1, 3, 8):
+        times = fine_times(instants, rounds)
+        assert len(times) == 5 * rounds + 1
+        assert np.isin(instants, times).all()
+        assert np.diff(times).min() > 0
+
+
+def chosen_of(gains, shares, width=None, surface=None, usual=None, steady=None):
+    count = len(gains)
+    return choose(
+        gains,
+        np.ones(gains.shape, complex),
+        shares,
+        np.zeros(count) if width is None else width,
+        np.ones(count, bool) if steady is None else steady,
+        np.zeros(count, int) if surface is None else surface,
+        np.zeros(1) if usual is None else usual,
+        1e-2,
+    )
+
+
+def test_those_that_matter_are_chosen():
+    """Of a hundred facets the three that jump; none where their jump is below the tolerance, none that turns away, and
+    none that no edge passes."""
+    gains = np.full((100, 5), 0.01, complex)
+    shares = np.ones((100, 5))
+    jumping = np.array([4, 40, 77])
+    gains[jumping, 2] += 0.1
+    shares[jumping, 2] = 0.5
+    found = chosen_of(gains, shares)
+    assert found.facets.tolist() == jumping.tolist()
+    assert found.rest[0] < 1e-12
+    # Together they miss 0.3 where they jump, and as much beside it if they are taken for right there, of 1 … 1.3.
+    alone = chosen_of(gains, shares, steady=np.zeros(100, bool))
+    assert not len(alone.facets)
+    assert 0.3 / 1.1 < alone.error() < 0.6
+    assert not len(chosen_of(gains, shares, usual=np.array([50.0])).facets)
+    assert not len(chosen_of(gains, np.ones((100, 5))).facets)
+
+
+def test_small_errors_that_add_up_are_seen():
+    """A thousand facets that miss a tenth of a percent each, all the same way, miss all of the return."""
+    gains = np.full((1000, 5), 1e-3, complex)
+    gains[:, 2] = 2e-3
+    shares = np.ones((1000, 5))
+    shares[:, 2] = 0.5
+    found = chosen_of(gains, shares)
+    assert len(found.facets) > 900
+
+
+def test_an_edge_that_keeps_step_with_the_instants():
+    """Gains that look the same at every instant are not, where the edge goes on by wavelengths in between."""
+    gains = np.full((50, 5), 0.01, complex)
+    shares = np.ones((50, 5))
+    gains[7] = 0.2
+    shares[7] = np.linspace(1, 0.2, 5)
+    still, quick = (chosen_of(gains, shares, width=np.full(50, each)) for each in (0.1, 30.0))
+    assert not len(still.facets)
+    assert quick.facets.tolist() == [7]
+    assert quick.rounds > 3
+
+
+def test_parts_may_be_joined(radar):
+    """What is glanced at is a set of paths like any other: at common knots both are one."""
+    traced = screened(radar).trace(0.0, radar.waveform.frame_length)
+    times = traced.glanced.times
+    joined = RadarPaths.concatenate([each.at(times) for each in traced.actors])
+    assert joined.num_paths == traced.moving.num_paths + traced.glanced.num_paths
+    assert channel([joined], times) == pytest.approx(channel(traced.actors, times))
