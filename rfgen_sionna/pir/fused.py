@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from rfgen_sionna.pir.fusion import MOST_GAIN_DB, Refinement, image, mix
+from rfgen_sionna.pir.fusion import MOST_GAIN_DB, Refinement, before, image, mix
 from rfgen_sionna.pir.surroundings import Surroundings
 from rfgen_sionna.records import FloatArray, Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
@@ -117,7 +117,7 @@ class Fusion:
         if self.surroundings.moves:
             share = np.stack([np.interp(times, instants, row) for row in share]) if len(share) else share[:, :0]
         seen, *around = mix(traced.moving, self.surroundings, times, share)
-        glanced = [] if traced.glanced is None else mix(traced.glanced, self.surroundings, times, share)[:1]
+        glanced = [] if traced.glanced is None else [before(traced.glanced, self.surroundings)]
         if refinement is not None:
             seen = refinement(seen, self._places(traced))
             glanced = [refinement(each, traced.glanced_places) for each in glanced]

@@ -146,13 +146,19 @@ def mix(paths: RadarPaths, surroundings: Surroundings, times: FloatArray, shown:
     """
     if len(surroundings.pixel) == 0:
         return [paths]
+    return [before(paths, surroundings), surroundings.paths(times, shown)]
+
+
+def before(paths: RadarPaths, surroundings: Surroundings) -> RadarPaths:
+    """What the surroundings leave of traced paths."""
+    if len(surroundings.pixel) == 0:
+        return paths
     weight = surroundings.in_front(paths)
-    seen = replace(
+    return replace(
         paths,
         a=paths.a * weight,
         dispersion=None if paths.dispersion is None else paths.dispersion * weight,
     )
-    return [seen, surroundings.paths(times, shown)]
 
 
 def image(parts: Sequence[RadarPaths], view: View, t: float) -> Pir:

@@ -4,6 +4,10 @@ Gains are splines through instants. Where the edge of a shadow moves over a face
 aslant, its gain changes with the wavelengths that the edge passes and not with the turns of the body: in a walking
 person a few facets of thousands, behind the arm that swings. By how much splines miss them between instants is told by
 leaving each instant out in turn. Those that matter are looked at in between as well, and go by paths of their own.
+
+Instants tell of edges that they see. What hides a facet for less than the time between two of them, a rod of 2 cm at
+4 m/s, may be missed by all; and what actors hide of the static scene, and ghosts and slabs show of them, follows its
+instants alone.
 """
 
 from __future__ import annotations
@@ -61,8 +65,8 @@ class Chosen(NamedTuple):
 
 
 def left_out(gains: ComplexArray) -> ComplexArray:
-    """(facet, inner time) by how much `gains` (facet, time) at evenly spaced times differ from the cubics through their
-    four neighbours."""
+    """(facet, inner time) by how much `gains` (facet, time) at evenly spaced times differ from the polynomials through
+    their four neighbours; through three, of four times."""
     count = gains.shape[1]
     weights = np.zeros((max(count - 2, 0), count))
     for k, row in enumerate(weights, 1):
@@ -166,6 +170,9 @@ class Followed(NamedTuple):
     """As they are at the first of them."""
     coefficients: ComplexArray
     """(order, tx, rx, facet, time) of a path for each."""
+    looked_at: int
+    """Facets looked at, each as often as it was."""
+    rays: int
     error: float
     """Estimated error of all facets between the times, relative to its return, of the worst surface."""
 
@@ -173,9 +180,17 @@ class Followed(NamedTuple):
 class Glances:
     """Finds the facets whose gains splines through instants miss, and looks at them in between."""
 
-    def __init__(self, band: BandTracer, sight: Sight, returns: Returns, viewpoint: FloatArray, rtol: float) -> None:
+    def __init__(
+        self,
+        band: BandTracer,
+        sight: Sight,
+        returns: Returns,
+        viewpoint: FloatArray,
+        max_range: float,
+        rtol: float,
+    ) -> None:
         self._band, self._sight, self._returns = band, sight, returns
-        self._viewpoint, self._rtol = viewpoint, rtol
+        self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
 
     def choose(
         self,
@@ -194,10 +209,12 @@ class Glances:
             return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level)
         turns = np.stack([self._band.centre * self._band.delays(each, (0, 0)) for each in references], axis=-1)
         ends = lengths(middle.corners - self._viewpoint)
+        # Who comes into the range window is not coming out of a shadow.
+        near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in facets], axis=0)
         return choose(
             self._single(middle, values, expansion),
             np.exp(-2j * np.pi * np.mod(turns, 1.0)),
-            shares,
+            np.where(near[:, None], shares, 1.0),
             4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
             np.all([each.facing for each in facets], axis=0),
             middle.surface,
@@ -208,7 +225,7 @@ class Glances:
     def follow(
         self,
         chosen: Chosen,
-        alone: NDArray[np.intp],
+        followed: NDArray[np.intp],
         places: IntArray,
         instants: FloatArray,
         seen: Sequence[Seen],
@@ -216,18 +233,18 @@ class Glances:
         corners: Callable[[float], FloatArray],
         rays: Callable[[float], RayScene],
     ) -> Followed:
-        """Look at the `chosen` facets, which are `alone` (facet,) of all those `seen` at the `instants` [s], until
-        splines miss no more than the tolerance, or as often as may be.
+        """Look at the `chosen` facets, those that `followed` counts out of all that are `seen` at the `instants` [s],
+        until splines miss no more than the tolerance, or as often as may be.
 
         `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.sampling.touching`; `corners` and `rays` give
         theirs (facet, 3, 3) [m] and the ray scene at a time [s].
         """
-        at_instants = [each.of(alone) for each in seen]
+        at_instants = [each.of(followed) for each in seen]
         known = dict(zip(instants.tolist(), at_instants, strict=True))
         outline = np.max([each.outline for each in at_instants], axis=0)
         level = np.min([each.level for each in seen], axis=0)
         bends = [each.facets.bend for each in at_instants if each.facets.bend is not None]
-        every, rounds = np.arange(len(alone)), chosen.rounds
+        every, rounds = np.arange(len(followed)), chosen.rounds
         while True:
             times = fine_times(instants, rounds)
             for t, weights in zip(times.tolist(), knot_weights(instants, times), strict=True):
@@ -239,14 +256,16 @@ class Glances:
             references = [each.centroids for each in own]
             values = self._returns.values(own, expansion, references)
             self._returns.shadow(looks, every, references, values, expansion)
-            missed = _largest(left_out(self._single(own[0], values, expansion)))
+            missed = _rms(left_out(self._single(own[0], values, expansion))) ** 2
             error = chosen.error(np.asarray(np.bincount(own[0].surface, missed, len(chosen.level)), np.float64))
             if error <= BETWEEN_PER_RTOL * self._rtol or rounds >= MOST:
                 break
             rounds = min(2 * rounds, MOST)
         shares = np.stack([each.fraction for each in looks], axis=-1)
         coefficients, _ = self._returns.coefficients(own, shares, values, expansion, every)
-        return Followed(times, own[0], coefficients, error)
+        between = [each for t, each in known.items() if t not in instants]
+        looked_at, rays_sent = (sum(getattr(each, name) for each in between) for name in ("looked_at", "rays"))
+        return Followed(times, own[0], coefficients, looked_at, rays_sent, error)
 
     def _single(self, facets: Facets, values: Sequence[ComplexArray], expansion: Expansion) -> ComplexArray:
         """(facet, time) gains of the first pair in the middle of the band, antennas included."""

@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
-from rfgen_sionna.tracing.glances import Glances
+from rfgen_sionna.tracing.glances import Followed, Glances, fine_times
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.patches import Patches
@@ -91,7 +91,7 @@ class MovingParts:
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._returns = Returns(band, self._materials)
-        self._glances = Glances(band, self._sight, self._returns, viewpoint, rtol)
+        self._glances = Glances(band, self._sight, self._returns, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
@@ -149,14 +149,18 @@ class MovingParts:
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
         self._returns.shadow(seen, kept, references, values, expansion)
         chosen = self._glances.choose(facets, references, values, shares, expansion, self._level)
-        glanced, alone, between = None, kept[chosen.facets], chosen.error()
-        if len(alone):
+        glanced, followed, between = None, kept[chosen.facets], chosen.error()
+        looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [*seen, *mirrored, *chain(*bounced), *veiled]
+        if len(followed):
             found = self._glances.follow(
-                chosen, alone, self._places[alone], instants, seen, expansion,
-                lambda t: self._corners(positions(t), alone), rays_between,
+                chosen, followed, self._places[followed], instants, seen, expansion,
+                lambda t: self._corners(positions(t), followed), rays_between,
             )  # fmt: skip
-            glanced = self._paths(found.times, found.times, positions, found.facets, found.coefficients, alone)
+            # As many knots as delays ask for, the times among them.
+            often = fine_times(found.times, -(-(len(knots) - 1) // (len(found.times) - 1)))
+            glanced = self._paths(often, found.times, positions, found.facets, found.coefficients, followed)
             between = found.error
+            looked.append(found)
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
             leader, shares = leader[rest], shares[rest]
             facets, references = [each.take(rest) for each in facets], [each[rest] for each in references]
@@ -183,7 +187,6 @@ class MovingParts:
         for plates, shown in zip(bounces, bounced, strict=True):
             found_there, missed = plates.trace(knots, instants, whole, shown, centroids, self._level)
             more, error = more + found_there, error + missed
-        looked: list[Seen | MirroredView | Bounced | Veiled] = [*seen, *mirrored, *chain(*bounced), *veiled]
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             glanced,
@@ -192,7 +195,7 @@ class MovingParts:
             sum(each.looked_at for each in looked),
             sum(each.rays for each in looked),
             lambda t: self._centroids(positions(t), led),
-            lambda t: self._centroids(positions(t), alone),
+            lambda t: self._centroids(positions(t), followed),
         )
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:

@@ -57,7 +57,7 @@ class TraceReport:
     instants: int
     """Instants at which visibility and gains were traced."""
     knots: int
-    """Knots of the delays."""
+    """Knots of the delays; facets that are looked at between instants have more."""
     error: float
     """Estimated error of an actor's return, relative to itself, or of the static scene's, relative to its strongest
     surface's or to what all of it returns without interfering; whichever is larger.
@@ -66,9 +66,9 @@ class TraceReport:
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
     kept by each of the two."""
     between: float
-    """Estimated error between knots of the direct return of an actor, relative to itself [root mean square over time],
-    for shadows that move on (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance where as
-    many looks as there may be do not suffice."""
+    """Estimated error of the direct return of an actor between the times that it was looked at, relative to itself, for
+    shadows of actors that move on (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance
+    where as many looks as there may be do not suffice. What they hide of the static scene is not in it."""
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,41 @@ def test_samples_hold_what_is_glanced_at(radar):
     assert found[0].report.between > 0
 
 
+def test_a_plate_that_vibrates_keeps_the_knots_of_its_delays(radar):
+    """An edge passes a plate that swings by 0.3 mm at 200 Hz: its delays have the knots that they ask for."""
+    tracer = screened(radar)
+    plate, screen, _ = tracer.actors
+
+    def place(t):
+        return 3.0 + 3e-4 * np.sin(2 * np.pi * 200 * t), 0.0, 1.0
+
+    shaking = Actor.from_mesh(
+        trimesh.creation.box((0.002, 0.12, 0.12)),
+        material="pec",
+        name="plate",
+        trajectory=place,
+        orientation=plate.orientation,
+    )
+    tracer = Tracer(None, radar, [shaking, screen], rtol=1e-2)
+    length = radar.waveform.frame_length
+    traced = tracer.trace(0.0, length)
+    assert len(traced.glanced.times) >= len(traced.moving.times) > 13
+    times = np.linspace(0.0, length, 41)[1::2]
+    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    assert rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth) < min(traced.report.between, 0.1)
+
+
+def test_who_leaves_the_range_window_is_not_in_a_shadow(radar):
+    """A ball alone that goes out of the window is not looked at between instants."""
+    ball = Actor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=4, radius=0.2),
+        material="pec",
+        position=(radar.max_range - 0.12, 0, 1),
+        velocity=(4, 0, 0),
+    )
+    assert Tracer(None, radar, [ball], rtol=1e-2).trace(0.0, radar.waveform.frame_length).glanced is None
+
+
 @pytest.mark.parametrize("start", [1.8, 1.9])
 def test_a_walking_person_between_instants(radar, start):
     """Where an arm swings before the body: right to the error stated, against four times as many instants."""
