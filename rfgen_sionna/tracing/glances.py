@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import RIM_ERROR
-from rfgen_sionna.tracing.returns import Returns
+from rfgen_sionna.tracing.returns import FacetReturns
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
 
@@ -184,7 +184,7 @@ class Glances:
         self,
         band: BandTracer,
         sight: Sight,
-        returns: Returns,
+        returns: FacetReturns,
         viewpoint: FloatArray,
         max_range: float,
         rtol: float,

@@ -22,7 +22,7 @@ from rfgen_sionna.tracing.glances import Followed, Glances, fine_times
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.patches import Patches
-from rfgen_sionna.tracing.returns import Returns
+from rfgen_sionna.tracing.returns import FacetReturns
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -90,7 +90,7 @@ class MovingParts:
         self._ghosts, self._bounces, self._veils = ghosts, tuple(bounces), veils
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
-        self._returns = Returns(band, self._materials)
+        self._returns = FacetReturns(band, self._materials)
         self._glances = Glances(band, self._sight, self._returns, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []

@@ -18,7 +18,7 @@ _AT_ONCE = 200_000
 """Facets that are integrated at once."""
 
 
-class Returns:
+class FacetReturns:
     """Integrates facets of surfaces made of `materials`.
 
     An `expansion` says what is integrated, its values; `references` are the points (facet, 3) [m] that delays go by,

@@ -66,9 +66,10 @@ class TraceReport:
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
     kept by each of the two."""
     between: float
-    """Estimated error of the direct return of an actor between the times that it was looked at, relative to itself, for
-    shadows of actors that move on (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance
-    where as many looks as there may be do not suffice. What they hide of the static scene is not in it."""
+    """Estimated error of the direct return of an actor between the times that it was looked at, relative to itself, or
+    where it fades to what it was, for shadows of actors that move on (:mod:`rfgen_sionna.tracing.glances`): above
+    `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not suffice. What they hide of the static
+    scene is not in it."""
 
 
 @dataclass(frozen=True)
