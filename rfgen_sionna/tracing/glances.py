@@ -37,10 +37,6 @@ MOST = 8
 """Times from one instant to the next, at most."""
 _EACH = 0.7
 """Share of that which facets that are looked at in between may err by, and the others."""
-_SMOOTH = 1 / 8
-"""What splines through all instants miss of gains that change smoothly, against those that leave one out, and twice
-that for safety: the error goes with the fourth power of the gap. Where an edge passes it goes with the gap itself, so
-that twice the error is what was missed."""
 FEWEST = 4
 """Instants that tell anything."""
 
@@ -64,9 +60,15 @@ class Chosen(NamedTuple):
         return float(np.sqrt(energy / np.where(self.level > 0, self.level, np.inf) ** 2).max(initial=0.0))
 
 
+def edged(shares: FloatArray) -> NDArray[np.bool_]:
+    """(facet,) whether the edge of a shadow is on a facet, or passes it, by its `shares` (facet, instant)."""
+    return np.asarray(((shares > 0) & (shares < 1)).any(axis=1) | (np.ptp(shares, axis=1) > 0))
+
+
 def left_out(gains: ComplexArray) -> ComplexArray:
     """(facet, inner time) by how much `gains` (facet, time) at evenly spaced times differ from the polynomials through
-    their four neighbours; through three, of four times."""
+    their four neighbours; through three, of four times. Where an edge passes, errors go with the gap, so that this is
+    twice what splines through all miss."""
     count = gains.shape[1]
     weights = np.zeros((max(count - 2, 0), count))
     for k, row in enumerate(weights, 1):
@@ -100,10 +102,11 @@ def choose(
     width: FloatArray,
     steady: NDArray[np.bool_],
     surface: NDArray[np.integer[Any]],
-    usual: FloatArray,
+    level: FloatArray,
     rtol: float,
 ) -> Chosen:
-    """Choose facets that splines through the instants miss most of, where all together is more than the tolerance.
+    """Choose facets that splines through the instants miss most of, where all that edges pass over miss more than the
+    tolerance.
 
     Parameters
     ----------
@@ -118,24 +121,21 @@ def choose(
         (facet,) whether a facet faces the radar all the time; others are not chosen.
     surface
         (facet,) position in the list of surfaces.
-    usual
-        (surface,) what each surface's return counts as at least.
+    level
+        (surface,) return that errors are relative to.
     rtol
         Relative tolerance.
     """
-    chosen, rounds, rest, level = [np.zeros(0, np.intp)], 1, np.zeros(len(usual)), usual.copy()
-    edged = ((shares > 0) & (shares < 1)).any(axis=1) | (np.ptp(shares, axis=1) > 0)
-    missed = np.where(edged, 1.0, _SMOOTH)[:, None] * left_out(gains)
+    chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
+    missed = np.where(edged(shares)[:, None], left_out(gains), 0.0)
     # An edge that moves on by a wavelength from one instant to the next may seem to rest.
     swing = width * np.abs(np.diff(shares)).max(axis=1)
-    seen = np.where(edged, _largest(gains), 0.0)
+    seen = np.where(edged(shares), _largest(gains), 0.0)
     energy, missed = np.maximum(_largest(missed), seen * _lost(swing)), missed * phasors[:, 1:-1]
-    for number in range(len(usual)):
+    for number in range(len(level)):
         mine = np.flatnonzero(surface == number)
-        returned = float(_rms((gains[mine] * phasors[mine]).sum(axis=0)[None])[0])
-        level[number] = max(returned, level[number])
         allowed = BETWEEN_PER_RTOL * rtol * level[number]
-        able = mine[(edged & steady)[mine]]
+        able = mine[steady[mine] & (energy[mine] > 0)]
         able = able[np.argsort(-energy[able], kind="stable")]
         # What the others miss when the first so many are followed: one by one, and as they add up, side by side.
         apart, together = np.zeros(len(able) + 1), np.zeros((len(able) + 1, missed.shape[1]), np.complex128)
@@ -203,24 +203,29 @@ class Glances:
     ) -> Chosen:
         """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
         `references` (facet, 3) [m], are those of what is seen of them, `shares` (facet, instant); `level` (surface,) is
-        that of :func:`choose`."""
-        middle = facets[len(facets) // 2]
-        if len(facets) < FEWEST or not len(middle):
+        what each surface's return usually is."""
+        some = np.flatnonzero(edged(shares))
+        if len(facets) < FEWEST or not len(some):
             return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level)
-        turns = np.stack([self._band.centre * self._band.delays(each, (0, 0)) for each in references], axis=-1)
-        ends = lengths(middle.corners - self._viewpoint)
+        half = len(facets) // 2
+        whole = self._single(facets[half], values[half : half + 1], expansion) * self._phasors(references[half])
+        surface = facets[half].surface
+        now = [np.bincount(surface, part, len(level)) for part in (whole[:, 0].real, whole[:, 0].imag)]
+        own = [each.take(some) for each in facets]
+        ends = lengths(own[half].corners - self._viewpoint)
         # Who comes into the range window is not coming out of a shadow.
-        near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in facets], axis=0)
-        return choose(
-            self._single(middle, values, expansion),
-            np.exp(-2j * np.pi * np.mod(turns, 1.0)),
-            np.where(near[:, None], shares, 1.0),
+        near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)
+        found = choose(
+            self._single(own[half], [each[:, some] for each in values], expansion),
+            np.concatenate([self._phasors(each[some]) for each in references], axis=1),
+            np.where(near[:, None], shares[some], 1.0),
             4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
-            np.all([each.facing for each in facets], axis=0),
-            middle.surface,
-            level,
+            np.all([each.facing for each in own], axis=0),
+            surface[some],
+            np.maximum(level, np.hypot(*now)),
             self._rtol,
         )
+        return found._replace(facets=some[found.facets])
 
     def follow(
         self,
@@ -266,6 +271,11 @@ class Glances:
         between = [each for t, each in known.items() if t not in instants]
         looked_at, rays_sent = (sum(getattr(each, name) for each in between) for name in ("looked_at", "rays"))
         return Followed(times, own[0], coefficients, looked_at, rays_sent, error)
+
+    def _phasors(self, reference: FloatArray) -> ComplexArray:
+        """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""
+        turns = np.mod(self._band.centre * self._band.delays(reference, (0, 0)), 1.0)
+        return np.asarray(np.exp(-2j * np.pi * turns)[:, None])
 
     def _single(self, facets: Facets, values: Sequence[ComplexArray], expansion: Expansion) -> ComplexArray:
         """(facet, time) gains of the first pair in the middle of the band, antennas included."""

@@ -184,7 +184,7 @@ def test_fine_times_hold_the_instants():
         assert np.diff(times).min() > 0
 
 
-def chosen_of(gains, shares, width=None, surface=None, usual=None, steady=None):
+def chosen_of(gains, shares, width=None, surface=None, level=None, steady=None):
     count = len(gains)
     return choose(
         gains,
@@ -193,7 +193,7 @@ def chosen_of(gains, shares, width=None, surface=None, usual=None, steady=None):
         np.zeros(count) if width is None else width,
         np.ones(count, bool) if steady is None else steady,
         np.zeros(count, int) if surface is None else surface,
-        np.zeros(1) if usual is None else usual,
+        np.array([rms(gains.sum(axis=0))]) if level is None else level,
         1e-2,
     )
 
@@ -213,7 +213,7 @@ def test_those_that_matter_are_chosen():
     alone = chosen_of(gains, shares, steady=np.zeros(100, bool))
     assert not len(alone.facets)
     assert 0.3 / 1.1 < alone.error() < 0.6
-    assert not len(chosen_of(gains, shares, usual=np.array([50.0])).facets)
+    assert not len(chosen_of(gains, shares, level=np.array([50.0])).facets)
     assert not len(chosen_of(gains, np.ones((100, 5))).facets)
 
 
