@@ -156,9 +156,9 @@ def choose(
 
 def fine_times(instants: FloatArray, rounds: int) -> FloatArray:
     """(time,) `rounds` of them from each of the evenly spaced `instants` [s] to the next, which are among them."""
-    times = np.linspace(instants[0], instants[-1], rounds * (len(instants) - 1) + 1)
-    times[::rounds] = instants
-    return times
+    part = np.arange(rounds) / rounds  # those of twice as many hold these to the bit
+    between = instants[:-1, None] + part * np.diff(instants)[:, None]
+    return np.append(between, instants[-1])
 
 
 class Followed(NamedTuple):
@@ -263,9 +263,9 @@ class Glances:
             self._returns.shadow(looks, every, references, values, expansion)
             missed = _rms(left_out(self._single(own[0], values, expansion))) ** 2
             error = chosen.error(np.asarray(np.bincount(own[0].surface, missed, len(chosen.level)), np.float64))
-            if error <= BETWEEN_PER_RTOL * self._rtol or rounds >= MOST:
+            if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > MOST:
                 break
-            rounds = min(2 * rounds, MOST)
+            rounds *= 2
         shares = np.stack([each.fraction for each in looks], axis=-1)
         coefficients, _ = self._returns.coefficients(own, shares, values, expansion, every)
         between = [each for t, each in known.items() if t not in instants]

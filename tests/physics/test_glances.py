@@ -181,6 +181,7 @@ def test_fine_times_hold_the_instants():
         times = fine_times(instants, rounds)
         assert len(times) == 5 * rounds + 1
         assert np.isin(instants, times).all()
+        assert np.isin(times, fine_times(instants, 2 * rounds)).all()
         assert np.diff(times).min() > 0
 
 
