@@ -82,11 +82,14 @@ def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 
     return through.mean(axis=1), through.size
 
 
-def _all_rays(rays: Any, viewpoint: Any, corners: Any, facet: Any, _seen: Any, wavenumber: float, *_: Any) -> Any:
+def _all_rays(
+    rays: Any, viewpoint: Any, corners: Any, facet: Any, _seen: Any, wavenumber: float, *_: Any,
+    moving: bool = False, **_others: Any,
+) -> Any:  # fmt: skip
     """A lattice of four cells along the edge on every facet."""
     count = len(corners)
     lit = shadow_lines.lit_parts(
-        lambda of, place: rays.sees(viewpoint, corners, facet, of, place, np.arange(len(of))),
+        lambda of, place: rays.sees(viewpoint, corners, facet, of, place, np.arange(len(of)), moving),
         np.full(count, 2),
     )
     order = np.argsort(lit.owner, kind="stable")
@@ -105,7 +108,7 @@ _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
 _RAYS = tuple((module, "sampled_fraction", _all_rays) for module in (sight, static))
 _ENERGY = ((ghosts, "SKIPPED", 0.0), (bounces, "SKIPPED", 0.0), (static_bounces, "SKIPPED", 0.0))
-_VEILS = (veils.Veils, "possible", lambda self, only=None: True)
+_VEILS = (veils.Veils, "possible", lambda self, only=None, one_way=False: True)
 
 SKIPS = (
     Skip("static parts are traced once", _patched()),

@@ -143,8 +143,7 @@ def trihedral(band: int) -> Subject:
 def _corner(
     name: str, title: str, band: int, mesh: trimesh.Trimesh, section: float, distance: float, bounces: int
 ) -> Subject:
-    waveform = {} if band == 24 else {"slope": 4e12}  # 165 m of range
-    radar = radar_of(band, **waveform)
+    radar = radar_of(band, slope={24: 0.25e12, 77: 4e12}[band])  # 128 and 165 m of range
     actor = Actor.from_mesh(mesh, material="pec", position=(distance, 0, 0), velocity=(SPEED, 0, 0), name=name)
 
     centre = radar.center_frequency
