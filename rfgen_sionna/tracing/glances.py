@@ -6,8 +6,8 @@ person a few facets of thousands, behind the arm that swings. By how much spline
 leaving each instant out in turn. Those that matter are looked at in between as well, and go by paths of their own.
 
 Instants tell of edges that they see. What hides a facet for less than the time between two of them, a rod of 2 cm at
-4 m/s, may be missed by all; and what actors hide of the static scene, and ghosts and slabs show of them, follows its
-instants alone.
+4 m/s, may be missed by all; and what ghosts and slabs show of actors follows its instants alone. Of what actors hide of
+the static scene :mod:`rfgen_sionna.tracing.static_glances` takes care.
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ class Chosen(NamedTuple):
     """(surface,) estimated error of all others between instants."""
     level: FloatArray
     """(surface,) return that errors are relative to."""
+    width: FloatArray
+    """(chosen,) phase between the ends of each facet, both ways [rad]."""
 
     def error(self, followed: FloatArray | float = 0.0) -> float:
         """Estimated relative error between times of the worst surface, of which the chosen facets have the energy
@@ -85,12 +87,12 @@ def _largest(missed: ComplexArray) -> FloatArray:
     return np.asarray((missed.real**2 + missed.imag**2).max(axis=1, initial=0.0))
 
 
-def _lost(swing: FloatArray) -> FloatArray:
+def lost(swing: FloatArray) -> FloatArray:
     """(facet,) share of the energy of phasors that swing by so much [rad] from time to time that splines miss."""
     return np.asarray(np.minimum(RIM_ERROR * swing**4, 1.0) ** 2)
 
 
-def _rms(parts: ComplexArray) -> FloatArray:
+def rms(parts: ComplexArray) -> FloatArray:
     """(part,) root mean squares over time of `parts` (part, time)."""
     return np.asarray(np.sqrt((parts.real**2 + parts.imag**2).mean(axis=1)))
 
@@ -104,6 +106,7 @@ def choose(
     surface: NDArray[np.integer[Any]],
     level: FloatArray,
     rtol: float,
+    most: int = MOST,
 ) -> Chosen:
     """Choose facets that splines through the instants miss most of, where all that edges pass over miss more than the
     tolerance.
@@ -125,13 +128,15 @@ def choose(
         (surface,) return that errors are relative to.
     rtol
         Relative tolerance.
+    most
+        Times from one instant to the next, at most.
     """
     chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
     missed = np.where(edged(shares)[:, None], left_out(gains), 0.0)
     # An edge that moves on by a wavelength from one instant to the next may seem to rest.
     swing = width * np.abs(np.diff(shares)).max(axis=1)
     seen = np.where(edged(shares), _largest(gains), 0.0)
-    energy, missed = np.maximum(_largest(missed), seen * _lost(swing)), missed * phasors[:, 1:-1]
+    energy, missed = np.maximum(_largest(missed), seen * lost(swing)), missed * phasors[:, 1:-1]
     for number in range(len(level)):
         mine = np.flatnonzero(surface == number)
         allowed = BETWEEN_PER_RTOL * rtol * level[number]
@@ -142,16 +147,25 @@ def choose(
         np.cumsum(energy[able], out=apart[1:])
         np.cumsum(missed[able], axis=0, out=together[1:])
         others = np.sqrt(np.maximum(energy[mine].sum() - apart, 0.0))
-        others = np.maximum(others, _rms(missed[mine].sum(axis=0) - together))
+        others = np.maximum(others, rms(missed[mine].sum(axis=0) - together))
         count = 0
         if others[0] > allowed > 0:
             enough = np.maximum.accumulate(others[::-1])[::-1] <= _EACH * allowed
             count = int(enough.argmax()) if enough.any() else len(able)
             chosen.append(followed := able[:count])
-            while rounds < MOST and (seen * _lost(swing / rounds))[followed].sum() > (_EACH * allowed) ** 2:
+            while rounds < most and (seen * lost(swing / rounds))[followed].sum() > (_EACH * allowed) ** 2:
                 rounds += 1
         rest[number] = others[count]
-    return Chosen(np.sort(np.concatenate(chosen)), rounds, rest, level)
+    found = np.sort(np.concatenate(chosen))
+    return Chosen(found, rounds, rest, level, width[found])
+
+
+def missed_of(gains: ComplexArray, shares: FloatArray, width: FloatArray) -> FloatArray:
+    """(facet,) energy, the mean over time, that splines through `gains` (facet, time) miss in between where `shares`
+    (facet, time) of facets of so many radians are seen: what is left out, or what an edge swings by."""
+    energy = gains.real**2 + gains.imag**2
+    swung = np.maximum(energy[:, 1:], energy[:, :-1]) * lost(width[:, None] * np.abs(np.diff(shares, axis=1)))
+    return np.asarray(np.maximum(rms(left_out(gains)) ** 2, swung.mean(axis=1)))
 
 
 def fine_times(instants: FloatArray, rounds: int) -> FloatArray:
@@ -206,7 +220,7 @@ class Glances:
         what each surface's return usually is."""
         some = np.flatnonzero(edged(shares))
         if len(facets) < FEWEST or not len(some):
-            return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level)
+            return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
         half = len(facets) // 2
         whole = self._single(facets[half], values[half : half + 1], expansion) * self._phasors(references[half])
         surface = facets[half].surface
@@ -261,12 +275,12 @@ class Glances:
             references = [each.centroids for each in own]
             values = self._returns.values(own, expansion, references)
             self._returns.shadow(looks, every, references, values, expansion)
-            missed = _rms(left_out(self._single(own[0], values, expansion))) ** 2
+            shares = np.stack([each.fraction for each in looks], axis=-1)
+            missed = missed_of(self._single(own[0], values, expansion), shares, chosen.width)
             error = chosen.error(np.asarray(np.bincount(own[0].surface, missed, len(chosen.level)), np.float64))
             if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > MOST:
                 break
             rounds *= 2
-        shares = np.stack([each.fraction for each in looks], axis=-1)
         coefficients, _ = self._returns.coefficients(own, shares, values, expansion, every)
         between = [each for t, each in known.items() if t not in instants]
         looked_at, rays_sent = (sum(getattr(each, name) for each in between) for name in ("looked_at", "rays"))

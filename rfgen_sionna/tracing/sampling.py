@@ -129,7 +129,9 @@ def sampled_fraction(
         none = np.zeros(0)
         return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
     offset = corners - viewpoint
-    most, cut = (each if weight is None else weight * each for each in _returns(offset, wavenumber))
+    most, cut, width = returns_at_most(offset, wavenumber)
+    if weight is not None:
+        most, cut = weight * most, weight * cut
     lit = seen[:, 0].astype(np.int8) + seen[:, 1] + seen[:, 2]
     fraction = lit / 3.0
     mixed = (lit > 0) & (lit < 3)
@@ -164,7 +166,7 @@ def sampled_fraction(
         found = []
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
             see = partial(_see, rays, viewpoint, corners[some], facet[some], moving)
-            found.append((some, lit_parts(see, lattice[some])))
+            found.append((some, lit_parts(see, lattice[some], width[some])))
             fraction[some] = found[-1][1].fraction
         return found
 
@@ -244,13 +246,14 @@ def _volume(p: FloatArray) -> FloatArray:
     return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)))
 
 
-def _returns(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
+def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
     angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
-    phase. An integral over a whole facet falls with the square of that, one over a straight edge with itself."""
+    phase. An integral over a whole facet falls with the square of that, one over a straight edge with
+    itself. And the phase between their ends, there and back [rad]."""
     p = np.ascontiguousarray(corners.T)
     a, b, c = np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2)
     near = np.minimum(np.minimum(a, b), c)
     turn = wavenumber * (np.maximum(np.maximum(a, b), c) - near)
     angle = np.abs(_volume(p)) / np.maximum(near, 1e-9) ** 3  # twice the solid angle, nearly
-    return angle / (1.0 + turn**2), angle / (1.0 + turn)
+    return angle / (1.0 + turn**2), angle / (1.0 + turn), 2.0 * turn

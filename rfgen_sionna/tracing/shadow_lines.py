@@ -18,8 +18,10 @@ from rfgen_sionna.records import FloatArray
 
 SPACINGS = (1, 2, 4, 8, 16, 32)
 """Cells along a facet's edge, level by level."""
-_QUARTERINGS = 2
-"""How often the edge of a cell is quartered to find the shadow's edge on it."""
+_QUARTERINGS = (2, 4)
+"""How often the edge of a cell is quartered to find the shadow's edge on it, at least and at most."""
+_STRAY = 0.05
+"""Phase that the place found may be off by before it is quartered again [rad, root mean square]."""
 
 _INSET = 5e-4
 _AIM = np.array([0.36, 0.31, 0.33])
@@ -93,8 +95,9 @@ def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.asarray((cells + 1) * (cells + 2) // 2, np.intp)
 
 
-def lit_parts(see: See, level: NDArray[np.intp]) -> Lit:
-    """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`."""
+def lit_parts(see: See, level: NDArray[np.intp], width: FloatArray) -> Lit:
+    """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`. Between the
+    ends of each the phase differs by its `width` (facet,) [rad]."""
     members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
     of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
     places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
@@ -107,7 +110,9 @@ def lit_parts(see: See, level: NDArray[np.intp]) -> Lit:
         first += lit.size
         row, edge = np.nonzero(lit[:, found.edges[:, 0]] != lit[:, found.edges[:, 1]])
         groups.append(_Group(facets, found, each, lit, row, edge))
-    crossings, sent = _crossings(see, groups)
+    # What is left of a cell is known to its twelfth root, in the mean.
+    stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
+    crossings, sent = _crossings(see, groups, np.ceil(0.5 * np.log2(np.maximum(stray, 1.0))).astype(np.intp))
     fraction = np.zeros(len(level))
     owners, pieces = [none], [np.zeros((0, 3, 3))]
     first = 0
@@ -123,8 +128,9 @@ def lit_parts(see: See, level: NDArray[np.intp]) -> Lit:
     return Lit(np.minimum(fraction, 1.0), owner, piece, len(seen) + sent)
 
 
-def _crossings(see: See, groups: list[_Group]) -> tuple[FloatArray, int]:
-    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, and the rays sent."""
+def _crossings(see: See, groups: list[_Group], quarterings: NDArray[np.intp]) -> tuple[FloatArray, int]:
+    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, and the rays sent, with
+    so many `quarterings` (facet,) where these are not too few or too many."""
     of, lit, dark = [np.zeros(0, np.intp)], [np.zeros((0, 3))], [np.zeros((0, 3))]
     for group in groups:
         ends = group.lattice.edges[group.edge]
@@ -136,12 +142,19 @@ def _crossings(see: See, groups: list[_Group]) -> tuple[FloatArray, int]:
     owner, near, far = np.concatenate(of), inset(np.concatenate(lit)), inset(np.concatenate(dark))
     if not len(owner):
         return near, 0
-    for _ in range(_QUARTERINGS):
-        step = (far - near) / 4
-        through = see(np.tile(owner, 3), np.concatenate([near + k * step for k in (1, 2, 3)])).reshape(3, -1)
-        near = near + np.logical_and.accumulate(through).sum(axis=0)[:, None] * step
-        far = near + step
-    return 0.5 * (near + far), 3 * _QUARTERINGS * len(owner)
+    least, most = _QUARTERINGS
+    often, sent = np.maximum(quarterings[owner], least), 0
+    for count in range(most):
+        some = np.flatnonzero(often > count) if count >= least else np.arange(len(owner))
+        if not len(some):
+            break
+        start = near[some]
+        step = (far[some] - start) / 4
+        through = see(np.tile(owner[some], 3), np.concatenate([start + k * step for k in (1, 2, 3)])).reshape(3, -1)
+        near[some] = start + np.logical_and.accumulate(through).sum(axis=0)[:, None] * step
+        far[some] = near[some] + step
+        sent += 3 * len(some)
+    return 0.5 * (near + far), sent
 
 
 def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:

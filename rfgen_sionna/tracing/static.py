@@ -44,6 +44,24 @@ class Dimmed(NamedTuple):
     """(piece, corner, 3) barycentric coordinates of their corners."""
     missed: float
     """Estimated error for what is not known of shadows' edges, relative to what that of :class:`StaticTrace` is."""
+    outline: FloatArray
+    """(facet,) length of actors' outlines that fall on each [rad], as rays' points tell."""
+    values: ComplexArray
+    """(value, cut) what the expansion starts from of each facet that is hidden in part, in their order: the sum over
+    its pieces. None of them before :meth:`StaticTrace.integrated`."""
+
+    def only(self, chosen: NDArray[np.bool_]) -> Dimmed:
+        """The same as if actors hid nothing but the `chosen` (facet,)."""
+        cut = np.unique(self.owner)
+        mine = chosen[self.owner]
+        return Dimmed(
+            np.where(chosen, self.left, 1.0),
+            self.owner[mine],
+            self.pieces[mine],
+            self.missed,
+            self.outline,
+            self.values[:, chosen[cut]] if self.values.size else self.values,
+        )
 
 
 @dataclass(frozen=True)
@@ -62,8 +80,7 @@ class Returns:
     """What all return without interfering, in units of :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
 
     def of_pieces(self, facets: Facets, parts: Sequence[Dimmed]) -> list[ComplexArray]:
-        """(order, tx, rx, facet) gains of the facets that are an owner in each of `parts`, from the pieces that are
-        seen; all are integrated together."""
+        """(value, cut) :attr:`Dimmed.values` of each of `parts`; all are integrated together."""
         owner = np.concatenate([each.owner for each in parts])
         pieces = np.concatenate([each.pieces for each in parts])
         values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, facets.centroids[owner])
@@ -71,7 +88,7 @@ class Returns:
         for each in parts:
             own = values[:, first : first + len(each.owner)]
             starts = np.unique(each.owner, return_index=True)[1]
-            found.append(self.band.combined(self.expansion, np.add.reduceat(own, starts, axis=1)[..., None])[..., 0])
+            found.append(np.add.reduceat(own, starts, axis=1))
             first += len(each.owner)
         return found
 
@@ -111,7 +128,8 @@ class StaticTrace:
         return spheres(self.facets, self.viewpoint)
 
     @cached_property
-    def _weight(self) -> FloatArray:
+    def weight(self) -> FloatArray:
+        """(facet,) the antennas' field gain towards each."""
         return self.returns.band.importance(self.facets.directions(self.viewpoint))
 
     @cached_property
@@ -121,7 +139,15 @@ class StaticTrace:
     @property
     def bright(self) -> Dimmed:
         """What is left where there are no actors."""
-        return Dimmed(np.ones(len(self.facets)), np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0.0)
+        count = len(self.facets)
+        return Dimmed(
+            np.ones(count),
+            np.zeros(0, np.intp),
+            np.zeros((0, 3, 3)),
+            0.0,
+            np.zeros(count),
+            np.zeros((0, 0), np.complex128),
+        )
 
     def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
         """Facets that may be hidden by the `actors`, each of which takes up (point, 3) places [m]."""
@@ -134,9 +160,13 @@ class StaticTrace:
         things hide is known: nothing but actors is looked for, and a facet that none of them touches keeps its share to
         the bit.
         """
+        return self.glance(rays, index, self._shown.holding(passing.of_actors))
+
+    def glance(self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray) -> tuple[Dimmed, int]:
+        """:meth:`visible` where so much `outline` (facet,) [rad] falls on each facet."""
+        every, outline = outline, outline[index]
         now, sent = self.corners.seen(rays, index, moving=True)
         now &= self.lit[index]
-        outline = self._shown.holding(passing.of_actors)[index]
         changed, passed = (now != self.lit[index]).any(axis=1), outline > 0
         left = np.ones(len(self.facets))
         left[index[changed & ~passed & ~now.any(axis=1)]] = 0.0
@@ -151,24 +181,33 @@ class StaticTrace:
             self.returns.wavenumber,
             self.returns.rtol,
             outline[some],
-            self._weight[chosen],
+            self.weight[chosen],
             before=self.lit[chosen],
             level=self.returns.level,
             moving=True,
         )
         left[chosen] = found.fraction
         missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
-        return Dimmed(left, chosen[found.owner], found.pieces, missed), sent + found.rays
+        nothing = np.zeros((0, 0), np.complex128)
+        return Dimmed(left, chosen[found.owner], found.pieces, missed, every, nothing), sent + found.rays
+
+    def integrated(self, dimmed: Sequence[Dimmed]) -> list[Dimmed]:
+        """The same with their values."""
+        cut = [each for each in dimmed if len(each.owner)]
+        values = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
+        return [each._replace(values=next(values)) if len(each.owner) else each for each in dimmed]
 
     def shadows(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[Shadow, Shadow]:
-        """What is missing of static paths with what is left at each of the `knots` [s]: as it changes, and as it is."""
+        """What is missing of static paths with what is left at each of the `knots` [s], integrated: as it changes, and
+        as it is."""
         left = np.stack([each.left for each in dimmed], axis=1)
         changing, steady = cast(self.paths, left, knots, np.concatenate([each.owner for each in dimmed]))
         a, dispersion = changing.paths.a, changing.paths.dispersion  # its own, to be written to
-        cut = [knot for knot, each in enumerate(dimmed) if len(each.owner)]
-        found = self.returns.of_pieces(self.facets, [dimmed[knot] for knot in cut]) if cut else []
-        for knot, gains in zip(cut, found, strict=True):
-            each, owner = dimmed[knot], np.unique(dimmed[knot].owner)
+        for knot, each in enumerate(dimmed):
+            if not len(each.owner):
+                continue
+            owner = np.unique(each.owner)
+            gains = self.returns.band.combined(self.returns.expansion, each.values[..., None])[..., 0]
             row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
             gains *= share
             if self.returns.rough is not None:

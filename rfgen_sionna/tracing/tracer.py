@@ -25,6 +25,7 @@ from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
+from rfgen_sionna.tracing.static_glances import follow_hidden, missed_between
 from rfgen_sionna.tracing.static_veiled_bounces import trace_static_veiled_bounces
 from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
@@ -66,10 +67,12 @@ class TraceReport:
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
     kept by each of the two."""
     between: float
-    """Estimated error of the direct return of an actor between the times that it was looked at, relative to itself, or
-    where it fades to what it was, for shadows of actors that move on (:mod:`rfgen_sionna.tracing.glances`): above
-    `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not suffice. What they hide of the static
-    scene is not in it."""
+    """Estimated error between the times that things were looked at, for shadows of actors that move on. Of the direct
+    return of an actor it is relative to itself, or where it fades to what it was
+    (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be
+    do not suffice. Of the static scene it is relative to what its `error` is, and the more cautious the more facets are
+    in it (:mod:`rfgen_sionna.tracing.static_glances`). The larger of the two; what mirrors and slabs show of actors is
+    not in it."""
 
 
 @dataclass(frozen=True)
@@ -345,24 +348,32 @@ class Tracer:
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)
 
+        dimmed = [shares.get(t, static.bright) for t in instants.tolist()]
+        hiding = follow_hidden(static, instants, dimmed, self.rays_at, self.rtol)
+        further = [np.stack([by_time[t] for t in instants.tolist()], axis=1) if by_time else None for by_time in left]
+        unseen = [
+            missed_between(static, each.paths, share)
+            for each, share in zip(beyond, further, strict=True)
+            if share is not None
+        ]
+
         def shadows() -> tuple[Shadow, ...]:
-            found = list(static.shadows(instants, [shares.get(t, static.bright) for t in instants.tolist()]))
+            found = list(hiding.shadows(static))
             first = static.paths.num_paths
-            for each, by_time in zip(beyond, left, strict=True):
-                if by_time:
-                    more = each.shadows(instants, np.stack([by_time[t] for t in instants.tolist()], axis=1))
-                    found += [shadow.of(first) for shadow in more]
+            for each, share in zip(beyond, further, strict=True):
+                if share is not None:
+                    found += [shadow.of(first) for shadow in each.shadows(instants, share)]
                 first += each.paths.num_paths
             return tuple(shadow for shadow in found if shadow.paths.num_paths)
 
         edges = max((each.missed for each in shares.values()), default=0.0)
         report = TraceReport(
-            facets=len(static.facets) + moving.facets,
-            rays=sum(sent) + moving.rays,
+            facets=len(static.facets) + moving.facets + hiding.looked_at,
+            rays=sum(sent) + moving.rays + hiding.rays,
             instants=len(instants),
             knots=len(knots),
             error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
-            between=moving.between,
+            between=max(moving.between, float(np.linalg.norm([hiding.error, *unseen]))),
         )
         return Traced(self._still, shadows, moving.paths, moving.glanced, report, moving.places, moving.glanced_places)
 

@@ -32,6 +32,7 @@ from rfgen_sionna.tracing import (
     sight,
     static,
     static_bounces,
+    tessellate,
     tracer,
     veils,
     visibility,
@@ -86,14 +87,15 @@ def _all_rays(
     rays: Any, viewpoint: Any, corners: Any, facet: Any, _seen: Any, wavenumber: float, *_: Any,
     moving: bool = False, **_others: Any,
 ) -> Any:  # fmt: skip
-    """A lattice of four cells along the edge on every facet."""
+    """A lattice on every facet, of more cells the more wavelengths lie along it: four at least."""
     count = len(corners)
+    most, _, width = sampling.returns_at_most(corners - viewpoint, wavenumber)
+    level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
     lit = shadow_lines.lit_parts(
-        lambda of, place: rays.sees(viewpoint, corners, facet, of, place, np.arange(len(of)), moving),
-        np.full(count, 2),
+        lambda of, place: rays.sees(viewpoint, corners, facet, of, place, np.arange(len(of)), moving), level, width
     )
     order = np.argsort(lit.owner, kind="stable")
-    returned = sampling._returns(corners - viewpoint, wavenumber)[0] * (lit.fraction > 0)
+    returned = most * (lit.fraction > 0)
     return sampling.Sampled(lit.fraction, lit.owner[order], lit.pieces[order], np.zeros(count), returned, lit.rays)
 
 
@@ -102,7 +104,17 @@ def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
 
 
 _COLLECT = tracer.collect_surfaces
-_EVERYWHERE = (gains.BandTracer, "importance", lambda self, direction: np.ones(direction.shape[:-1]))
+_DEMAND = tessellate._demand
+
+
+def _as_in_the_beam(
+    corners: Any, viewpoint: Any, frequency: float, rtol: float, _importance: Any, *more: Any
+) -> tuple[Any, Any]:
+    """What is demanded of facets, as if the antennas sent as much everywhere."""
+    return _DEMAND(corners, viewpoint, frequency, rtol, lambda places: np.ones(places.shape[:-1]), *more)
+
+
+_EVERYWHERE = (tessellate, "_demand", _as_in_the_beam)
 _BEHIND = (static, "behind", _everything)
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)

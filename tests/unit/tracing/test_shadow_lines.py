@@ -11,9 +11,9 @@ from rfgen_sionna.tracing.visibility import lattice
 value = st.floats(0.05, 1.0)
 
 
-def share_of(values, level):
+def share_of(values, level, width=0.0):
     """What is found where a linear function with these `values` at the corners is above zero, all in one facet."""
-    return lit_parts(lambda _, place: place @ np.asarray(values) > 0, np.array([level]))
+    return lit_parts(lambda _, place: place @ np.asarray(values) > 0, np.array([level]), np.array([width]))
 
 
 @given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
@@ -31,12 +31,29 @@ def test_a_straight_edge_leaves_what_geometry_says(sizes, odd, lit, level):
     assert size.sum() == pytest.approx(found.fraction[0])
 
 
+@pytest.mark.parametrize("level", [0, 3, 5])
+def test_where_many_wavelengths_lie_along_a_facet_its_edge_is_found_more_sharply(level):
+    """To less than a tenth of a radian, with no more rays than that takes."""
+    rng = np.random.default_rng(1)
+    for width in (0.1, 10.0, 100.0):
+        errors, rays = [], []
+        for first in rng.uniform(0.2, 0.8, 40).tolist():
+            found = share_of((-first, 1.0 - first, 1.0 - first), level, width)
+            # One side of the shadow's edge is parallel to a side of the facet.
+            errors.append(width * (np.sqrt(1.0 - found.fraction[0]) - first))
+            rays.append(found.rays)
+        plain = share_of((-0.5, 0.51, 0.49), level, 0.0).rays
+        assert np.sqrt(np.mean(np.square(errors))) < max(0.08, 0.002 * width / SPACINGS[level])
+        if width / SPACINGS[level] < 1.0:
+            assert max(rays) <= 2 * plain
+
+
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), min_size=2, max_size=8), st.data())
 def test_facets_of_all_levels_are_told_apart(values, data):
     """Many at once are what they are one by one, and pieces lie where it is light."""
     levels = np.array([data.draw(st.integers(0, 5)) for _ in values])
     table = np.array(values)
-    found = lit_parts(lambda of, place: np.einsum("rc,rc->r", place, table[of]) > 0, levels)
+    found = lit_parts(lambda of, place: np.einsum("rc,rc->r", place, table[of]) > 0, levels, np.zeros(len(values)))
     for k, (row, level) in enumerate(zip(values, levels, strict=True)):
         alone = share_of(row, int(level))
         assert found.fraction[k] == pytest.approx(alone.fraction[0], abs=1e-12)
@@ -56,7 +73,9 @@ def test_what_a_round_shadow_leaves_is_known_to_the_square_of_the_spacing():
         truth = (np.linalg.norm(fine - centre, axis=1) > radius).mean()
         for level in range(len(SPACINGS)):
             found = lit_parts(
-                lambda _, place, c=centre, r=radius: np.linalg.norm(place @ corners - c, axis=1) > r, np.array([level])
+                lambda _, place, c=centre, r=radius: np.linalg.norm(place @ corners - c, axis=1) > r,
+                np.array([level]),
+                np.zeros(1),
             )
             row[level] = found.fraction[0] - truth
     rms = np.sqrt((errors**2).mean(axis=0))

@@ -1,0 +1,137 @@
+"""Between instants: what actors that move on leave of the static scene, against instants traced there."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing import static_glances
+from rfgen_sionna.tracing.tracer import Tracer
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+
+
+def scene_of(mesh):
+    """A static scene of one metal thing."""
+    import mitsuba as mi
+    import sionna.rt as rt
+
+    from rfgen_sionna.scene.radio_materials import sionna_material
+
+    scene = load_scene(None)
+    scene.tune(77e9)
+    made = mi.Mesh("thing", len(mesh.vertices), len(mesh.faces))
+    parameters = mi.traverse(made)
+    parameters["faces"] = mi.UInt32(np.asarray(mesh.faces, np.uint32).ravel())
+    parameters["vertex_positions"] = mi.Float(np.asarray(mesh.vertices, np.float32).ravel())
+    parameters.update()
+    thing = rt.SceneObject(mi_mesh=made, name="thing", radio_material=sionna_material("pec", name="thing-material"))
+    scene.sionna.edit(add=[thing])
+    return load_scene(scene.sionna)
+
+
+def plate(tilt, width=0.12):
+    mesh = trimesh.creation.box((0.002, width, width))
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.deg2rad(tilt), (0, 0, 1)))
+    return mesh.apply_translation((3, 0, 1))
+
+
+def screen(speed, place=-0.155):
+    """It passes before the plate, half way."""
+    return Actor.from_mesh(
+        trimesh.creation.box((0.002, 0.3, 0.5)),
+        material="pec",
+        name="screen",
+        trajectory=lambda t: (2.0, place + speed * t, 1.0),
+        orientation=(np.deg2rad(-40.0), 0.0, 0.0),
+    )
+
+
+def static_channel(tracer, traced, times):
+    """(time,) of the first pair: the static scene less what is hidden, between knots."""
+    total = np.zeros(len(times), complex)
+    for each in (traced.static, *(shadow.paths for shadow in traced.shadows)):
+        there = each.at(times) if len(each.times) > 1 else each
+        weight = tracer._band.importance(there.direction[:, 0])[:, None]
+        turns = np.mod(there.frequency * there.tau[0, 0], 1.0)
+        total = total + (there.a[0, 0] * np.exp(-2j * np.pi * turns) * weight).sum(axis=0)
+    return total
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+def errors(tracer, length, monkeypatch):
+    """Errors relative to the static scene's level, and what is stated: with glances, then without."""
+    times = np.linspace(0.0, length, 40)
+    truth = np.array([static_channel(tracer, tracer.trace(t, t), np.array([t]))[0] for t in times.tolist()])
+    found = []
+    for tolerance in (static_glances.BETWEEN_PER_RTOL, np.inf):
+        monkeypatch.setattr(static_glances, "BETWEEN_PER_RTOL", tolerance)
+        monkeypatch.setattr("rfgen_sionna.tracing.glances.BETWEEN_PER_RTOL", tolerance)
+        traced = tracer.trace(0.0, length)
+        error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
+        found.append((error, traced.report.between + traced.report.error, traced))
+    return found
+
+
+@pytest.mark.parametrize(("tilt", "speed", "place"), [(35, 0.3, -0.155), (60, 1.0, -0.12), (75, 2.0, -0.14)])
+def test_an_edge_that_passes_a_static_plate_aslant(radar, monkeypatch, tilt, speed, place):
+    """What a screen leaves of it is followed between instants, to the error stated; by splines through instants alone
+    it is off by a quarter to a half of the plate's return, and that is stated as well."""
+    tracer = Tracer(scene_of(plate(tilt)), radar, [screen(speed, place)], rtol=1e-2)
+    (error, stated, traced), (before, stated_before, plain) = errors(tracer, radar.waveform.frame_length, monkeypatch)
+    assert error < stated
+    assert before < stated_before
+    assert before > 0.2
+    assert error < before / 2.5
+    assert max(len(shadow.paths.times) for shadow in traced.shadows) > 8 * (traced.report.instants - 1)
+    assert max(len(shadow.paths.times) for shadow in plain.shadows) == plain.report.instants
+    assert traced.report.rays > plain.report.rays
+    assert traced.report.facets > plain.report.facets
+
+
+def test_an_edge_too_quick_to_be_followed_is_stated(radar, monkeypatch):
+    """At 5 m/s it passes by dozens of wavelengths from instant to instant."""
+    tracer = Tracer(scene_of(plate(20)), radar, [screen(5.0)], rtol=1e-2)
+    for error, stated, _ in errors(tracer, radar.waveform.frame_length, monkeypatch):
+        assert 0.1 < error < stated
+
+
+def test_a_plate_that_nobody_passes_is_left_alone(radar):
+    """Its shadows are the same all the time, and nothing is looked at again."""
+    tracer = Tracer(scene_of(plate(35)), radar, [screen(0.3, place=-1.0)], rtol=1e-2)
+    traced = tracer.trace(0.0, radar.waveform.frame_length)
+    assert traced.shadows == ()
+    assert traced.report.between < 1e-3
+
+
+def test_what_corners_return_is_in_the_error_stated(radar):
+    """A screen passes before a dihedral: of its second bounce is stated what splines miss."""
+    half = trimesh.creation.box((0.3, 0.002, 0.3))
+    left, right = half.copy(), half.copy()
+    left.apply_transform(trimesh.transformations.rotation_matrix(np.deg2rad(-45), (0, 0, 1)))
+    right.apply_transform(trimesh.transformations.rotation_matrix(np.deg2rad(45), (0, 0, 1)))
+    corner = trimesh.util.concatenate(
+        left.apply_translation((3.0, 0.108, 1.0)), right.apply_translation((3.0, -0.108, 1.0))
+    )
+    found = []
+    for bounces in (1, 2):
+        tracer = Tracer(scene_of(corner), radar, [screen(1.0)], rtol=1e-2, max_bounces=bounces)
+        found.append((tracer, tracer.trace(0.0, radar.waveform.frame_length).report.between))
+    assert sum(each.paths.num_paths for each in found[1][0].beyond) > 0
+    assert found[1][1] > 1.05 * found[0][1]
+
+
+def test_samples_hold_what_is_looked_at_again(radar):
+    """Frames of a simulator, made twice, are the same to the bit."""
+    scene = scene_of(plate(35))
+    found = [next(Simulator(scene, radar, [screen(0.3)], rtol=1e-2).frames(0.05)) for _ in range(2)]
+    assert np.array_equal(found[0].samples, found[1].samples)
+    assert found[0].report.between > 0
