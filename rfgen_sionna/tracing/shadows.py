@@ -18,6 +18,10 @@ class Shadow:
     index: NDArray[np.intp]
     """(path,) static path that each takes from."""
 
+    def at(self, index: NDArray[np.intp]) -> Shadow:
+        """The same where `index` counts the static paths out of more."""
+        return replace(self, index=index[self.index])
+
     def of(self, first: int) -> Shadow:
         """The same where the static paths are counted from `first` on."""
         return replace(self, index=self.index + first)

@@ -197,11 +197,16 @@ class StaticTrace:
         values = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
         return [each._replace(values=next(values)) if len(each.owner) else each for each in dimmed]
 
-    def shadows(self, knots: FloatArray, dimmed: Sequence[Dimmed]) -> tuple[Shadow, Shadow]:
+    def shadows(
+        self, knots: FloatArray, dimmed: Sequence[Dimmed], index: NDArray[np.intp] | None = None
+    ) -> tuple[Shadow, Shadow]:
         """What is missing of static paths with what is left at each of the `knots` [s], integrated: as it changes, and
-        as it is."""
+        as it is. `index` (facet,) are the facets that shares are of, ascending; None is all."""
+        every = np.arange(len(self.facets)) if index is None else index
         left = np.stack([each.left for each in dimmed], axis=1)
-        changing, steady = cast(self.paths, left, knots, np.concatenate([each.owner for each in dimmed]))
+        paths = self.paths if index is None else self.paths.select(index)
+        within = np.searchsorted(every, np.concatenate([each.owner for each in dimmed]))
+        changing, steady = (shadow.at(every) for shadow in cast(paths, left, knots, within))
         a, dispersion = changing.paths.a, changing.paths.dispersion  # its own, to be written to
         for knot, each in enumerate(dimmed):
             if not len(each.owner):
@@ -211,7 +216,7 @@ class StaticTrace:
             row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
             gains *= share
             if self.returns.rough is not None:
-                seen = share * each.left[owner]
+                seen = share * each.left[np.searchsorted(every, owner)]
                 gains[0] += np.sqrt(seen) * self.returns.rough[owner]  # of energy, half of a facet returns half
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:

@@ -41,8 +41,10 @@ class Hidden(NamedTuple):
     """What is left at each instant; of the facets below all is."""
     times: FloatArray
     """(time,) of the facets that were looked at in between [s]; none where there are none."""
+    chosen: NDArray[np.intp]
+    """(facet,) those facets, ascending."""
     looks: Sequence[Dimmed]
-    """What is left of those at each of the times."""
+    """What is left of those at each of the times, integrated: their shares alone."""
     error: float
     """Estimated error between times, relative to :attr:`StaticTrace.level`."""
     looked_at: int
@@ -53,7 +55,7 @@ class Hidden(NamedTuple):
     def shadows(self, static: StaticTrace) -> tuple[Shadow, ...]:
         """What is missing of the `static` paths."""
         found = static.shadows(self.instants, static.integrated(self.dimmed))
-        return found if not len(self.times) else (*found, *static.shadows(self.times, self.looks))
+        return found if not len(self.times) else (*found, *static.shadows(self.times, self.looks, self.chosen))
 
 
 def follow_hidden(
@@ -68,7 +70,7 @@ def follow_hidden(
 
     `dimmed` are :meth:`StaticTrace.visible` at the instants, and `rays` gives the ray scene at any other time [s].
     """
-    nothing = Hidden(instants, dimmed, np.zeros(0), (), 0.0, 0, 0)
+    nothing = Hidden(instants, dimmed, np.zeros(0), np.zeros(0, np.intp), (), 0.0, 0, 0)
     left = np.stack([each.left for each in dimmed], axis=1)
     edged = (left != left[:, :1]).any(axis=1)
     edged[np.concatenate([each.owner for each in dimmed])] = True
@@ -87,7 +89,7 @@ def follow_hidden(
     some, width, mine = some[rows], width[rows], np.zeros(len(left), np.bool_)
     mine[some] = True
     found = choose(
-        LIKELY * _single(static, some, static.integrated([each.only(mine) for each in dimmed])),
+        LIKELY * _single(static, some, left[some], static.integrated([each.only(mine) for each in dimmed])),
         np.repeat(_phasors(static.paths, some), len(instants), axis=1),
         left[some],
         width,
@@ -104,7 +106,12 @@ def follow_hidden(
     mine = np.zeros(len(left), np.bool_)
     mine[chosen] = True
     outline = np.max([each.outline for each in dimmed], axis=0)
-    there = static.integrated([each.only(mine) for each in dimmed])
+
+    def own(look: Dimmed) -> Dimmed:
+        """Of a large room no more is kept than what is looked at."""
+        return look._replace(left=look.left[chosen])
+
+    there = static.integrated([own(each.only(mine)) for each in dimmed])
     known = dict(zip(instants.tolist(), there, strict=True))
     sent = 0
     while True:
@@ -113,18 +120,18 @@ def follow_hidden(
         looked = []
         for t in fresh:
             look, count = static.glance(rays(t), chosen, outline)
-            looked.append(look)
+            looked.append(own(look))
             sent += count
         known |= zip(fresh, static.integrated(looked), strict=True)
         looks = [known[t] for t in times.tolist()]
-        shares = np.stack([each.left[chosen] for each in looks], axis=1)
-        missed = float(missed_of(_single(static, chosen, looks), shares, found.width).sum())
+        shares = np.stack([each.left for each in looks], axis=1)
+        missed = float(missed_of(_single(static, chosen, shares, looks), shares, found.width).sum())
         if np.sqrt(missed) <= BETWEEN_PER_RTOL * rtol * static.level or 2 * rounds > MOST:
             break
         rounds *= 2
     rest = [each.only(~mine) for each in dimmed]
     error = found.error(np.array([missed]))
-    return Hidden(instants, rest, times, looks, error, len(chosen) * (len(known) - len(instants)), sent)
+    return Hidden(instants, rest, times, chosen, looks, error, len(chosen) * (len(known) - len(instants)), sent)
 
 
 def missed_between(static: StaticTrace, paths: RadarPaths, left: FloatArray) -> float:
@@ -152,10 +159,10 @@ def _at_most(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, wid
     return np.asarray(np.maximum(whole * jumps, weight * cut / (8 * np.pi) * np.sqrt(lost(swing))))
 
 
-def _single(static: StaticTrace, index: NDArray[np.intp], dimmed: Sequence[Dimmed]) -> ComplexArray:
+def _single(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, dimmed: Sequence[Dimmed]) -> ComplexArray:
     """(facet, time) gains of the first pair in the middle of the band, antennas included, of the facets that `index`
-    counts out, with what is left of them in each of the `dimmed`, which are integrated."""
-    found = np.stack([static.paths.a[0, 0, index, 0] * each.left[index] for each in dimmed], axis=1)
+    counts out, of which `left` (facet, time) is left; the `dimmed`, integrated, tell it of those hidden in part."""
+    found = static.paths.a[0, 0, index] * left
     weights, rough = static.returns.expansion.weights[0, 0, 0], static.returns.rough
     row = np.full(len(static.facets), -1, np.intp)
     row[index] = np.arange(len(index))
@@ -167,7 +174,7 @@ def _single(static: StaticTrace, index: NDArray[np.intp], dimmed: Sequence[Dimme
         owner = cut[mine]
         own = static.fraction[owner] * (weights @ each.values[:, mine])
         if rough is not None:
-            own = own + np.sqrt(static.fraction[owner] * each.left[owner]) * rough[owner]
+            own = own + np.sqrt(static.fraction[owner] * left[row[owner], k]) * rough[owner]
         found[row[owner], k] = own
     return np.asarray(found * static.weight[index][:, None])
 

@@ -13,7 +13,6 @@ from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.smooth import smoothing
-from rfgen_sionna.tracing.static import Dimmed
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import patches, triangle_points
 
@@ -130,7 +129,7 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     ball = Actor.from_mesh(mesh, material="pec", position=(2.5, -0.4, 1), velocity=(0, 20.0, 0), name="ball")
     sim = Simulator(str(file), radar, [ball])
     traced = sim.tracer.trace(0.0, 0.02)
-    changing, *steady = traced.shadows
+    changing, *others = traced.shadows
     assert len(changing.paths.times) >= 3
     shaded = np.concatenate([each.index for each in traced.shadows])
     assert len(np.unique(shaded)) == len(shaded)
@@ -138,7 +137,10 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     unobstructed = channel(traced.static)
     changes = []
     for knot, t in enumerate(changing.paths.times):
-        blended = unobstructed + channel(changing.paths, knot) + sum(channel(each.paths) for each in steady)
+        blended = unobstructed + channel(changing.paths, knot)
+        for each in others:  # such as stay, and such as are looked at between these knots as well
+            own = each.paths.times
+            blended += channel(each.paths, 0 if len(own) == 1 else int(np.flatnonzero(own == t)[0]))
         direct = channel(of(sim.paths(float(t)), "wall"))
         assert abs(blended - direct) < 1e-9 * abs(unobstructed)
         changes.append(abs(blended / unobstructed))
@@ -239,7 +241,7 @@ def test_a_facet_that_is_seen_in_part_loses_nothing_where_nobody_is(radar):
     static = Tracer(load_scene("living_room"), replace(radar, position=(0, 0, 1)), [], 1e-2).static
     part = np.flatnonzero(static.fraction < 1)
     assert len(part) > 100
-    whole = Dimmed(np.ones(len(static.facets)), part, np.broadcast_to(np.eye(3), (len(part), 3, 3)), 0.0)
-    missing = static.shadows(np.array([0.0]), [whole])[0]
+    whole = static.bright._replace(owner=part, pieces=np.broadcast_to(np.eye(3), (len(part), 3, 3)))
+    missing = static.shadows(np.array([0.0]), static.integrated([whole]))[0]
     assert np.array_equal(missing.index, part)
     assert np.abs(missing.paths.a).max() < 1e-9 * np.abs(static.paths.a[:, :, part]).max()
