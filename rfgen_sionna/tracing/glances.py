@@ -107,6 +107,7 @@ def choose(
     level: FloatArray,
     rtol: float,
     most: int = MOST,
+    aside: ComplexArray | None = None,
 ) -> Chosen:
     """Choose facets that splines through the instants miss most of, where all that edges pass over miss more than the
     tolerance.
@@ -130,6 +131,8 @@ def choose(
         Relative tolerance.
     most
         Times from one instant to the next, at most.
+    aside
+        (inner instant,) what is missed of others of the only surface there is, which are not to be chosen.
     """
     chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
     missed = np.where(edged(shares)[:, None], left_out(gains), 0.0)
@@ -147,7 +150,8 @@ def choose(
         np.cumsum(energy[able], out=apart[1:])
         np.cumsum(missed[able], axis=0, out=together[1:])
         others = np.sqrt(np.maximum(energy[mine].sum() - apart, 0.0))
-        others = np.maximum(others, rms(missed[mine].sum(axis=0) - together))
+        left = missed[mine].sum(axis=0) if aside is None else missed[mine].sum(axis=0) + aside
+        others = np.maximum(others, rms(left - together))
         count = 0
         if others[0] > allowed > 0:
             enough = np.maximum.accumulate(others[::-1])[::-1] <= _EACH * allowed
@@ -160,12 +164,23 @@ def choose(
     return Chosen(found, rounds, rest, level, width[found])
 
 
-def missed_of(gains: ComplexArray, shares: FloatArray, width: FloatArray) -> FloatArray:
-    """(facet,) energy, the mean over time, that splines through `gains` (facet, time) miss in between where `shares`
-    (facet, time) of facets of so many radians are seen: what is left out, or what an edge swings by."""
-    energy = gains.real**2 + gains.imag**2
+def missed_of(
+    gains: ComplexArray,
+    phasors: ComplexArray,
+    shares: FloatArray,
+    width: FloatArray,
+    surface: NDArray[np.integer[Any]],
+    count: int,
+) -> FloatArray:
+    """(surface,) energy, the mean over time, that splines miss in between of each of `count` surfaces: of each facet
+    what is left out, or what an edge swings by, or what is left out of all of them as they add up. The other arguments
+    are those of :func:`choose`, at evenly spaced times."""
+    energy, missed = gains.real**2 + gains.imag**2, left_out(gains)
     swung = np.maximum(energy[:, 1:], energy[:, :-1]) * lost(width[:, None] * np.abs(np.diff(shares, axis=1)))
-    return np.asarray(np.maximum(rms(left_out(gains)) ** 2, swung.mean(axis=1)))
+    apart = np.bincount(surface, np.maximum(rms(missed) ** 2, swung.mean(axis=1)), count)
+    missed = missed * (phasors if phasors.shape[1] == 1 else phasors[:, 1:-1])
+    together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])
+    return np.asarray(np.maximum(apart, rms(together) ** 2))
 
 
 def fine_times(instants: FloatArray, rounds: int) -> FloatArray:
@@ -276,8 +291,10 @@ class Glances:
             values = self._returns.values(own, expansion, references)
             self._returns.shadow(looks, every, references, values, expansion)
             shares = np.stack([each.fraction for each in looks], axis=-1)
-            missed = missed_of(self._single(own[0], values, expansion), shares, chosen.width)
-            error = chosen.error(np.asarray(np.bincount(own[0].surface, missed, len(chosen.level)), np.float64))
+            gains = self._single(own[0], values, expansion)
+            phasors = np.concatenate([self._phasors(each) for each in references], axis=1)
+            missed = missed_of(gains, phasors, shares, chosen.width, own[0].surface, len(chosen.level))
+            error = chosen.error(missed)
             if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > MOST:
                 break
             rounds *= 2

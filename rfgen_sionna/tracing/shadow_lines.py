@@ -110,7 +110,7 @@ def lit_parts(see: See, level: NDArray[np.intp], width: FloatArray) -> Lit:
         first += lit.size
         row, edge = np.nonzero(lit[:, found.edges[:, 0]] != lit[:, found.edges[:, 1]])
         groups.append(_Group(facets, found, each, lit, row, edge))
-    # What is left of a cell is known to its twelfth root, in the mean.
+    # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
     crossings, sent = _crossings(see, groups, np.ceil(0.5 * np.log2(np.maximum(stray, 1.0))).astype(np.intp))
     fraction = np.zeros(len(level))

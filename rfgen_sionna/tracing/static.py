@@ -34,7 +34,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Dimmed(NamedTuple):
-    """What actors leave of static facets."""
+    """What actors leave of static facets, at one time."""
 
     left: FloatArray
     """(facet,) share of what is seen without actors."""

@@ -2,7 +2,8 @@
 
 As of actors (:mod:`rfgen_sionna.tracing.glances`): where the edge of a shadow moves on over a facet that lies aslant,
 splines through instants miss what it returns in between. Static facets that matter are looked at more often, and what
-is hidden of them has knots of its own.
+is hidden of them has knots of its own. How far an edge moves is told by the share that is left: of what hides the middle
+of a facet alone, a rod, both edges move and the share stays, so that the estimate may be too low.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ LIKELY = 0.35
 tolerance facets are looked at again. The error that is stated is all of it, as much as is missed where edges pass by
 wavelengths at once."""
 
-_SURE = 0.3
+_SURE = 0.5
 """Share of the tolerance that facets which are not even integrated may err by, at most."""
 
 
@@ -51,6 +52,8 @@ class Hidden(NamedTuple):
     """Facets looked at in between, each as often as it was."""
     rays: int
     """Rays sent for that."""
+    missed: float
+    """:attr:`Dimmed.missed` of the worst of the looks."""
 
     def shadows(self, static: StaticTrace) -> tuple[Shadow, ...]:
         """What is missing of the `static` paths."""
@@ -70,7 +73,7 @@ def follow_hidden(
 
     `dimmed` are :meth:`StaticTrace.visible` at the instants, and `rays` gives the ray scene at any other time [s].
     """
-    nothing = Hidden(instants, dimmed, np.zeros(0), np.zeros(0, np.intp), (), 0.0, 0, 0)
+    nothing = Hidden(instants, dimmed, np.zeros(0), np.zeros(0, np.intp), (), 0.0, 0, 0, 0.0)
     left = np.stack([each.left for each in dimmed], axis=1)
     edged = (left != left[:, :1]).any(axis=1)
     edged[np.concatenate([each.owner for each in dimmed])] = True
@@ -82,14 +85,18 @@ def follow_hidden(
     # Few of many facets may return enough to matter.
     at_most = LIKELY * _at_most(static, some, left[some], width)
     order = np.argsort(at_most, kind="stable")
-    skipped = np.sqrt(np.cumsum(at_most[order] ** 2))
-    sure = skipped <= _SURE * BETWEEN_PER_RTOL * rtol * static.level
-    beside = float(skipped[sure].max(initial=0.0))
-    rows = np.sort(order[~sure])
+    whole = (static.paths.a[0, 0, some] * _phasors(static.paths, some))[:, 0] * static.weight[some]
+    together = np.cumsum(LIKELY * left_out(whole[order, None] * left[some[order]]), axis=0)
+    apart = np.sqrt(np.cumsum(at_most[order] ** 2))
+    skipped = np.maximum.accumulate(np.maximum(apart, rms(together)))  # one by one, and as they add up, side by side
+    sure = int(np.count_nonzero(skipped <= _SURE * BETWEEN_PER_RTOL * rtol * static.level))
+    beside, aside = (apart[sure - 1], together[sure - 1]) if sure else (0.0, np.zeros(together.shape[1], np.complex128))
+    rows = np.sort(order[sure:])
     some, width, mine = some[rows], width[rows], np.zeros(len(left), np.bool_)
     mine[some] = True
+    told = static.integrated([each.only(mine) for each in dimmed])
     found = choose(
-        LIKELY * _single(static, some, left[some], static.integrated([each.only(mine) for each in dimmed])),
+        LIKELY * _single(static, some, left[some], told),
         np.repeat(_phasors(static.paths, some), len(instants), axis=1),
         left[some],
         width,
@@ -98,11 +105,12 @@ def follow_hidden(
         np.array([static.level]),
         rtol,
         MOST,
+        aside,
     )
     found = found._replace(rest=np.hypot(found.rest, beside) / LIKELY)
     if not len(found.facets):
         return nothing._replace(error=found.error())
-    chosen, rounds = some[found.facets], found.rounds
+    chosen, rounds = some[found.facets], max(found.rounds, 2)
     mine = np.zeros(len(left), np.bool_)
     mine[chosen] = True
     outline = np.max([each.outline for each in dimmed], axis=0)
@@ -111,8 +119,8 @@ def follow_hidden(
         """Of a large room no more is kept than what is looked at."""
         return look._replace(left=look.left[chosen])
 
-    there = static.integrated([own(each.only(mine)) for each in dimmed])
-    known = dict(zip(instants.tolist(), there, strict=True))
+    known = {t: own(each.only(mine)) for t, each in zip(instants.tolist(), told, strict=True)}
+    phasors, every = _phasors(static.paths, chosen), np.zeros(len(chosen), np.intp)
     sent = 0
     while True:
         times = fine_times(instants, rounds)
@@ -125,13 +133,14 @@ def follow_hidden(
         known |= zip(fresh, static.integrated(looked), strict=True)
         looks = [known[t] for t in times.tolist()]
         shares = np.stack([each.left for each in looks], axis=1)
-        missed = float(missed_of(_single(static, chosen, shares, looks), shares, found.width).sum())
-        if np.sqrt(missed) <= BETWEEN_PER_RTOL * rtol * static.level or 2 * rounds > MOST:
+        missed = missed_of(_single(static, chosen, shares, looks), phasors, shares, found.width, every, 1)
+        if np.sqrt(missed[0]) <= BETWEEN_PER_RTOL * rtol * static.level or rounds == MOST:
             break
-        rounds *= 2
+        rounds = min(2 * rounds, MOST)
     rest = [each.only(~mine) for each in dimmed]
-    error = found.error(np.array([missed]))
-    return Hidden(instants, rest, times, chosen, looks, error, len(chosen) * (len(known) - len(instants)), sent)
+    asked = len(chosen) * (len(known) - len(instants))
+    unknown = max(each.missed for each in known.values())
+    return Hidden(instants, rest, times, chosen, looks, found.error(missed), asked, sent, unknown)
 
 
 def missed_between(static: StaticTrace, paths: RadarPaths, left: FloatArray) -> float:
@@ -148,7 +157,7 @@ def missed_between(static: StaticTrace, paths: RadarPaths, left: FloatArray) -> 
 
 
 def _at_most(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, width: FloatArray) -> FloatArray:
-    """(facet,) by how much each may differ, without its return being known, from what the others of its times tell:
+    """(facet,) estimate, without its return being known, of how much each differs from what others of its times tell:
     for shares `left` (facet, instant) that come and go, and for edges that pass on over a facet of so many radians."""
     weight = static.weight[index]
     whole = np.abs(static.paths.a[0, 0, index, 0]) * weight

@@ -70,8 +70,8 @@ class TraceReport:
     """Estimated error between the times that things were looked at, for shadows of actors that move on. Of the direct
     return of an actor it is relative to itself, or where it fades to what it was
     (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be
-    do not suffice. Of the static scene it is relative to what its `error` is, and the more cautious the more facets are
-    in it (:mod:`rfgen_sionna.tracing.static_glances`). The larger of the two; what mirrors and slabs show of actors is
+    do not suffice. Of the static scene it is relative to what its `error` is
+    (:mod:`rfgen_sionna.tracing.static_glances`). The larger of the two; what mirrors and slabs show of actors is
     not in it."""
 
 
@@ -349,24 +349,21 @@ class Tracer:
                 look(t)
 
         dimmed = [shares.get(t, static.bright) for t in instants.tolist()]
-        hiding = follow_hidden(static, instants, dimmed, self.rays_at, self.rtol)
+        hiding = follow_hidden(static, instants, dimmed, lambda t: self.rays_at(t, keep=False), self.rtol)
         further = [np.stack([by_time[t] for t in instants.tolist()], axis=1) if by_time else None for by_time in left]
-        unseen = [
-            missed_between(static, each.paths, share)
-            for each, share in zip(beyond, further, strict=True)
-            if share is not None
-        ]
+        pairs = list(zip(beyond, further, strict=True))
+        unseen = [missed_between(static, each.paths, share) for each, share in pairs if share is not None]
 
         def shadows() -> tuple[Shadow, ...]:
             found = list(hiding.shadows(static))
             first = static.paths.num_paths
-            for each, share in zip(beyond, further, strict=True):
+            for each, share in pairs:
                 if share is not None:
                     found += [shadow.of(first) for shadow in each.shadows(instants, share)]
                 first += each.paths.num_paths
             return tuple(shadow for shadow in found if shadow.paths.num_paths)
 
-        edges = max((each.missed for each in shares.values()), default=0.0)
+        edges = max([hiding.missed, *(each.missed for each in shares.values())])
         report = TraceReport(
             facets=len(static.facets) + moving.facets + hiding.looked_at,
             rays=sum(sent) + moving.rays + hiding.rays,
@@ -377,10 +374,12 @@ class Tracer:
         )
         return Traced(self._still, shadows, moving.paths, moving.glanced, report, moving.places, moving.glanced_places)
 
-    def rays_at(self, t: float) -> RayScene:
-        """Static and moving meshes as they are at `t` [s], until it is asked for another time."""
+    def rays_at(self, t: float, keep: bool = True) -> RayScene:
+        """Static and moving meshes as they are at `t` [s], until it is asked for another time; `keep`, vertices are
+        kept for the stretch at hand."""
         if self.actors and self._rays_time != t:
-            self._rays.update(self._vertices(t))
+            known = keep or t in self._positions
+            self._rays.update(self._vertices(t) if known else [actor.vertices(t) for actor in self.actors])
             self._rays_time = t
         return self._rays
 
