@@ -29,7 +29,7 @@ LIKELY = 0.35
 tolerance facets are looked at again. The error that is stated is all of it, as much as is missed where edges pass by
 wavelengths at once."""
 
-_SURE = 0.5
+_SURE = 0.3
 """Share of the tolerance that facets which are not even integrated may err by, at most."""
 
 
