@@ -2,8 +2,8 @@
 
 As of actors (:mod:`rfgen_sionna.tracing.glances`): where the edge of a shadow moves on over a facet that lies aslant,
 splines through instants miss what it returns in between. Static facets that matter are looked at more often, and what
-is hidden of them has knots of its own. How far an edge moves is told by the share that is left: of what hides the middle
-of a facet alone, a rod, both edges move and the share stays, so that the estimate may be too low.
+is hidden of them has knots of its own. How far an edge moves is told by the share that is left: where a rod hides the
+middle of a facet, both edges move and the share stays, so that the estimate may be too low.
 """
 
 from __future__ import annotations
