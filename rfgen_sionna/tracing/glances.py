@@ -178,7 +178,7 @@ def missed_of(
     energy, missed = gains.real**2 + gains.imag**2, left_out(gains)
     swung = np.maximum(energy[:, 1:], energy[:, :-1]) * lost(width[:, None] * np.abs(np.diff(shares, axis=1)))
     apart = np.bincount(surface, np.maximum(rms(missed) ** 2, swung.mean(axis=1)), count)
-    missed = missed * (phasors if phasors.shape[1] == 1 else phasors[:, 1:-1])
+    missed = missed * phasors[:, 1:-1]
     together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])
     return np.asarray(np.maximum(apart, rms(together) ** 2))
 

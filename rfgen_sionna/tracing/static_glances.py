@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, FEWEST, choose, fine_times, left_out, lost, missed_of, rms
 from rfgen_sionna.tracing.sampling import returns_at_most
@@ -80,10 +79,9 @@ def follow_hidden(
     some = np.flatnonzero(edged)
     if len(instants) < FEWEST or not len(some):
         return nothing
-    ends = lengths(static.facets.corners[some] - static.viewpoint)
-    width = 2 * static.returns.wavenumber * np.ptp(ends, axis=1)
+    _, cut, width = returns_at_most(static.facets.corners[some] - static.viewpoint, static.returns.wavenumber)
     # Few of many facets may return enough to matter.
-    at_most = LIKELY * _at_most(static, some, left[some], width)
+    at_most = LIKELY * _at_most(static, some, left[some], cut, width)
     order = np.argsort(at_most, kind="stable")
     whole = (static.paths.a[0, 0, some] * _phasors(static.paths, some))[:, 0] * static.weight[some]
     together = np.cumsum(LIKELY * left_out(whole[order, None] * left[some[order]]), axis=0)
@@ -97,7 +95,7 @@ def follow_hidden(
     told = static.integrated([each.only(mine) for each in dimmed])
     found = choose(
         LIKELY * _single(static, some, left[some], told),
-        np.repeat(_phasors(static.paths, some), len(instants), axis=1),
+        np.broadcast_to(_phasors(static.paths, some), (len(some), len(instants))),
         left[some],
         width,
         np.ones(len(some), np.bool_),
@@ -133,7 +131,8 @@ def follow_hidden(
         known |= zip(fresh, static.integrated(looked), strict=True)
         looks = [known[t] for t in times.tolist()]
         shares = np.stack([each.left for each in looks], axis=1)
-        missed = missed_of(_single(static, chosen, shares, looks), phasors, shares, found.width, every, 1)
+        gains, over_time = _single(static, chosen, shares, looks), np.broadcast_to(phasors, shares.shape)
+        missed = missed_of(gains, over_time, shares, found.width, every, 1)
         if np.sqrt(missed[0]) <= BETWEEN_PER_RTOL * rtol * static.level or rounds == MOST:
             break
         rounds = min(2 * rounds, MOST)
@@ -156,13 +155,16 @@ def missed_between(static: StaticTrace, paths: RadarPaths, left: FloatArray) -> 
     return max(float(np.linalg.norm(rms(missed))), float(together)) / static.level
 
 
-def _at_most(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, width: FloatArray) -> FloatArray:
+def _at_most(
+    static: StaticTrace, index: NDArray[np.intp], left: FloatArray, cut: FloatArray, width: FloatArray
+) -> FloatArray:
     """(facet,) estimate, without its return being known, of how much each differs from what others of its times tell:
-    for shares `left` (facet, instant) that come and go, and for edges that pass on over a facet of so many radians."""
+    for shares `left` (facet, instant) that come and go, and for edges that pass on over a facet of so many radians
+    `width` (facet,), which cut by an edge returns `cut` (facet,) of
+    :func:`rfgen_sionna.tracing.sampling.returns_at_most` at most."""
     weight = static.weight[index]
     whole = np.abs(static.paths.a[0, 0, index, 0]) * weight
     jumps = np.abs(left_out(left.astype(np.complex128))).max(axis=1, initial=0.0)
-    _, cut, _ = returns_at_most(static.facets.corners[index] - static.viewpoint, static.returns.wavenumber)
     # A metal facet's gain is its area over 4 pi R^2, and twice its solid angle is what `cut` begins with.
     swing = width * np.abs(np.diff(left)).max(axis=1)
     return np.asarray(np.maximum(whole * jumps, weight * cut / (8 * np.pi) * np.sqrt(lost(swing))))

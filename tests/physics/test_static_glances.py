@@ -5,34 +5,16 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing import static_glances
 from rfgen_sionna.tracing.tracer import Tracer
+from tests.physics.test_moving_radar_ghosts import scene_with_mesh
 
 
 @pytest.fixture(scope="module")
 def radar():
     return Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-
-
-def scene_of(mesh):
-    """A static scene of one metal thing."""
-    import mitsuba as mi
-    import sionna.rt as rt
-
-    from rfgen_sionna.scene.radio_materials import sionna_material
-
-    scene = load_scene(None)
-    scene.tune(77e9)
-    made = mi.Mesh("thing", len(mesh.vertices), len(mesh.faces))
-    parameters = mi.traverse(made)
-    parameters["faces"] = mi.UInt32(np.asarray(mesh.faces, np.uint32).ravel())
-    parameters["vertex_positions"] = mi.Float(np.asarray(mesh.vertices, np.float32).ravel())
-    parameters.update()
-    thing = rt.SceneObject(mi_mesh=made, name="thing", radio_material=sionna_material("pec", name="thing-material"))
-    scene.sionna.edit(add=[thing])
-    return load_scene(scene.sionna)
 
 
 def sheet(width, count):
@@ -95,7 +77,7 @@ def errors(tracer, length, monkeypatch):
 def test_an_edge_that_passes_a_static_plate_aslant(radar, monkeypatch, tilt, speed, place):
     """What a screen leaves of it is followed between instants, to the error stated; by splines through instants alone
     it is off by a quarter to a half of the plate's return, and that is stated as well."""
-    tracer = Tracer(scene_of(plate(tilt)), radar, [screen(speed, place)], rtol=1e-2)
+    tracer = Tracer(scene_with_mesh(plate(tilt)), radar, [screen(speed, place)], rtol=1e-2)
     (error, stated, traced), (before, stated_before, plain) = errors(tracer, radar.waveform.frame_length, monkeypatch)
     assert error < stated
     assert before < stated_before
@@ -118,25 +100,25 @@ def test_facets_in_phase_are_missed_together(radar, count):
         trajectory=lambda t: (0.6, -0.055 + 1.0 * t, 1.0),
         orientation=(np.deg2rad(-40.0), 0.0, 0.0),
     )
-    tracer = Tracer(scene_of(sheet(0.06, count)), radar, [passing], rtol=1e-2)
+    tracer = Tracer(scene_with_mesh(sheet(0.06, count)), radar, [passing], rtol=1e-2)
     traced = tracer.trace(0.0, length)
     times = np.linspace(0.0, length, 25)
     truth = np.array([static_channel(tracer, tracer.trace(t, t), np.array([t]))[0] for t in times.tolist()])
     error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
     assert error < traced.report.between + traced.report.error
-    assert error < 0.08
+    assert error < 0.08  # 0.03 is asked for, of an estimate that is taken by a third before more looks are
 
 
 def test_an_edge_too_quick_to_be_followed_is_stated(radar, monkeypatch):
     """At 5 m/s it passes by dozens of wavelengths from instant to instant."""
-    tracer = Tracer(scene_of(plate(20)), radar, [screen(5.0)], rtol=1e-2)
+    tracer = Tracer(scene_with_mesh(plate(20)), radar, [screen(5.0)], rtol=1e-2)
     for error, stated, _ in errors(tracer, radar.waveform.frame_length, monkeypatch):
         assert 0.1 < error < stated
 
 
 def test_a_plate_that_nobody_passes_is_left_alone(radar):
     """Its shadows are the same all the time, and nothing is looked at again."""
-    tracer = Tracer(scene_of(plate(35)), radar, [screen(0.3, place=-1.0)], rtol=1e-2)
+    tracer = Tracer(scene_with_mesh(plate(35)), radar, [screen(0.3, place=-1.0)], rtol=1e-2)
     traced = tracer.trace(0.0, radar.waveform.frame_length)
     assert traced.shadows == ()
     assert traced.report.between < 1e-3
@@ -153,7 +135,7 @@ def test_what_corners_return_is_in_the_error_stated(radar):
     )
     found = []
     for bounces in (1, 2):
-        tracer = Tracer(scene_of(corner), radar, [screen(1.0)], rtol=1e-2, max_bounces=bounces)
+        tracer = Tracer(scene_with_mesh(corner), radar, [screen(1.0)], rtol=1e-2, max_bounces=bounces)
         found.append((tracer, tracer.trace(0.0, radar.waveform.frame_length).report.between))
     assert sum(each.paths.num_paths for each in found[1][0].beyond) > 0
     assert found[1][1] > 1.05 * found[0][1]
@@ -161,7 +143,7 @@ def test_what_corners_return_is_in_the_error_stated(radar):
 
 def test_samples_hold_what_is_looked_at_again(radar, monkeypatch):
     """Frames of a simulator, made twice, are the same to the bit; without further looks they are others."""
-    scene = scene_of(plate(35))
+    scene = scene_with_mesh(plate(35))
 
     def samples():
         return next(Simulator(scene, radar, [screen(0.3)], rtol=1e-2).frames(0.05)).samples

@@ -43,6 +43,7 @@ def test_where_many_wavelengths_lie_along_a_facet_its_edge_is_found_more_sharply
             errors.append(width * (np.sqrt(1.0 - found.fraction[0]) - first))
             rays.append(found.rays)
         plain = share_of((-0.5, 0.51, 0.49), level, 0.0).rays
+        # A twentieth of a radian is asked for, and four quarterings leave 1 / 256 / sqrt(12) of a cell.
         assert np.sqrt(np.mean(np.square(errors))) < max(0.08, 0.002 * width / SPACINGS[level])
         if width / SPACINGS[level] < 1.0:
             assert max(rays) <= 2 * plain
