@@ -12,6 +12,7 @@ import numpy as np
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import BackendError
+from rfgen_sionna.scene.transfer import upload
 
 MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
 """(vertex, 3) positions [m] and (face, 3) vertex indices."""
@@ -54,24 +55,9 @@ class Layer:
         self._parameters.update()
 
     def _shifted(self) -> Any:
-        return upload((self.vertices - self._origin).reshape(1, -1))[0]
+        import mitsuba as mi
 
-
-def upload(rows: FloatArray) -> list[Any]:
-    """Each row as a `mi.Float`.
-
-    On the CPU Dr.Jit takes over NumPy's memory as it is, and compiles one kernel per combination of aligned and
-    unaligned inputs: so each row starts at a multiple of 64 bytes.
-    """
-    import mitsuba as mi
-
-    count, length = rows.shape
-    stride = -(-length // 16) * 16
-    memory = np.empty(count * stride + 16, np.float32)
-    start = -memory.ctypes.data % 64 // 4
-    aligned = memory[start : start + count * stride].reshape(count, stride)[:, :length]
-    aligned[:] = rows
-    return [mi.Float(row) for row in aligned]
+        return upload(mi.Float, self.vertices - self._origin)
 
 
 def _position_key(parameters: Any) -> str:

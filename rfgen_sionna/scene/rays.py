@@ -17,16 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, upload
+from rfgen_sionna.scene.ray_layer import Layer, MeshArrays
+from rfgen_sionna.scene.targets import CHUNK, NO_PRIMITIVE, SELF_GAP, Targets
+from rfgen_sionna.scene.transfer import upload
 
-SELF_GAP = 1e-5
-"""Relative distance within which a hit counts as the target point itself. float32 resolves 1.2e-7 of the coordinates,
-so a point on a surface is found within a few 1e-7 of its distance, or of its distance from the origin of the scene."""
 BLIND_GAP = 1e-4
-"""The same where the target's facet is not known and its own hit must not count."""
-_NO_PRIMITIVE = 0xFFFFFFFF
-_CHUNK = 1 << 21
-"""Rays per launch: 2 million of them take about 200 MB."""
+"""What :data:`SELF_GAP` is where the target's facet is not known and its own hit must not count."""
 
 
 @dataclass(frozen=True)
@@ -218,13 +214,14 @@ class RayScene:
         import drjit as dr
         import mitsuba as mi
 
-        ray = mi.Ray3f(mi.Point3f(*upload((origins - self.origin).T)), mi.Vector3f(*upload(directions.T)))
+        start, towards = ([upload(mi.Float, row) for row in rows.T] for rows in (origins - self.origin, directions))
+        ray = mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*towards))
         facet, distance, weights = self._nearest(ray, len(origins))
         outputs: list[Any] = [facet, distance, *(weights if uv else [])]
         dr.eval(*outputs)
         # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
         index = outputs[0].numpy().astype(np.int64)
-        index[index == _NO_PRIMITIVE] = -1
+        index[index == NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
     def _nearest(self, ray: Any, count: int, moving: bool = False) -> tuple[Any, Any, list[Any]]:
@@ -233,7 +230,7 @@ class RayScene:
         import drjit as dr
         import mitsuba as mi
 
-        facet = dr.full(mi.UInt32, _NO_PRIMITIVE, count)
+        facet = dr.full(mi.UInt32, NO_PRIMITIVE, count)
         distance = dr.full(mi.Float, dr.inf, count)
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
         for layer, first in zip((self._static, self._moving), self._first, strict=True):
@@ -246,67 +243,25 @@ class RayScene:
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
         return facet, distance, weights
 
-    def sees(
-        self,
-        viewpoint: FloatArray,
-        corners: FloatArray,
-        facets: IntArray,
-        of: NDArray[np.intp],
-        weights: FloatArray,
-        row: NDArray[np.intp],
-        moving: bool = False,
-    ) -> NDArray[np.bool_]:
-        """(ray,) whether points on facets are seen from one place: :meth:`occluded` for points that are found on the
-        device, several times faster for many.
+    def targets(self, viewpoint: FloatArray, corners: FloatArray, facets: IntArray, moving: bool = False) -> Targets:
+        """Points on facets that are to be looked at from one place, as the objects stand now.
 
         Args:
             viewpoint: (3,) [m].
             corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
             facets: (piece,) the facet that each is a piece of, which does not hide it.
-            of: (ray,) the piece that each ray goes to.
-            weights: (place, 3) barycentric coordinates of places on a piece.
-            row: (ray,) the place that each ray goes to.
             moving: whether nothing but moving objects hides.
         """
-        import drjit as dr
-        import mitsuba as mi
 
-        double: Any = dr.float64_array_t(mi.Float)
-        whole: Any = mi.UInt32
-        flat = double(np.ascontiguousarray(corners - viewpoint).reshape(-1))
-        table = double(np.ascontiguousarray(weights, np.float64).reshape(-1))
-        own = whole(np.ascontiguousarray(facets, np.uint32))
-        # One array for all numbers that may change: each of its own would be one more launch.
-        shift = viewpoint - self.origin
-        given = double(np.array([*shift, np.abs(shift).max()]))
-        x, y, z, largest = (dr.gather(double, given, whole(i)) for i in range(4))
-        origin = mi.Point3f(mi.Float(x), mi.Float(y), mi.Float(z))
-        seen = np.empty(len(of), np.bool_)
-        for start in range(0, len(of), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            lane = dr.arange(whole, len(of[part]))
-            piece = dr.gather(whole, whole(np.ascontiguousarray(of[part], np.uint32)), lane)
-            place = dr.gather(whole, whole(np.ascontiguousarray(row[part], np.uint32)), lane)
-            share = [dr.gather(double, table, 3 * place + i) for i in range(3)]
-            corner = [[dr.gather(double, flat, 9 * piece + 3 * i + k) for i in range(3)] for k in range(3)]
-            offset = [sum(share[i] * each[i] for i in range(3)) for each in corner]
-            reach = dr.sqrt(sum(each * each for each in offset))
-            direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
-            ray: Any = mi.Ray3f(origin, direction)
-            ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
-            facet, distance, _ = self._nearest(ray, len(lane), moving)
-            size = largest
-            for there, here in zip(offset, (x, y, z), strict=True):
-                size = dr.maximum(size, dr.abs(there + here))
-            limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
-            hidden = (facet != _NO_PRIMITIVE) & (double(distance) < limit) & (facet != dr.gather(whole, own, piece))
-            seen[part] = ~hidden.numpy()
-        return seen
+        def nearest(ray: Any, count: int) -> tuple[Any, Any]:
+            return self._nearest(ray, count, moving)[:2]
+
+        return Targets(nearest, self.origin, viewpoint, corners, facets)
 
 
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
-    for start in range(0, len(arrays[0]), _CHUNK):
-        yield tuple(a[start : start + _CHUNK] for a in arrays)
+    for start in range(0, len(arrays[0]), CHUNK):
+        yield tuple(a[start : start + CHUNK] for a in arrays)
 
 
 def _largest(points: FloatArray) -> FloatArray:

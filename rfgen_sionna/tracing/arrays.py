@@ -8,9 +8,6 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from rfgen_sionna.scene.backend import ensure_backend
 
 
@@ -20,13 +17,3 @@ def drjit_types() -> tuple[ModuleType, Any]:
     import drjit
 
     return drjit, drjit.cuda if variant.startswith("cuda") else drjit.llvm
-
-
-def upload(dr: Any, kind: Any, values: ArrayLike) -> Any:
-    """NumPy values, of any shape, as a flat Dr.Jit array of type `kind`.
-
-    A single value is copied: Dr.Jit would map it where it is and compile the kernel anew where that is aligned
-    otherwise.
-    """
-    flat = np.ascontiguousarray(values).reshape(-1)
-    return dr.opaque(kind, flat[0].item()) if len(flat) == 1 else kind(flat)

@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.tracing.arrays import drjit_types, upload
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, media_of_lanes, transverse
 from rfgen_sionna.tracing.quadratic import Quadratic, flattened, lattice_triangle, number_of_terms, pairs, summed
 from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
@@ -128,12 +129,13 @@ def facet_gains(
         return FacetGains(np.zeros(shape, np.complex128), np.zeros(shape))
 
     def vector(values: FloatArray, index: Any) -> Any:
-        flat = upload(dr, Float, np.asarray(values, np.float64))
+        flat = upload(Float, np.asarray(values, np.float64))
         return Array3(*(dr.gather(Float, flat, index * 3 + axis) for axis in range(3)))
 
     def whole(values: ArrayLike, index: Any) -> Any:
-        return dr.gather(UInt32, upload(dr, UInt32, np.asarray(values, np.uint32)), index)
+        return dr.gather(UInt32, upload(UInt32, np.asarray(values, np.uint32)), index)
 
+    wavenumbers = 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)
     lane = dr.arange(UInt32, shape[0] * shape[1])
     facet_count = dr.opaque(UInt32, shape[1])
     facet, node = lane % facet_count, lane // facet_count
@@ -144,8 +146,7 @@ def facet_gains(
     flat_corners = np.ascontiguousarray(corners, dtype=np.float64).reshape(-1, 3)
     p = [vector(flat_corners, facet * 3 + corner) for corner in range(3)]
     t, r = vector(nodes.tx, node), vector(nodes.rx, node)
-    wavenumbers = 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)
-    wavenumber = dr.gather(Float, upload(dr, Float, wavenumbers), node)
+    wavenumber = dr.gather(Float, upload(Float, wavenumbers), node)
     medium = media_of_lanes(dr, types, media, node, whole(material, facet), wavenumber)
     field_of_tx, field_of_rx = (Array3(*(dr.opaque(Float, float(x)) for x in f)) for f in (tx_field, rx_field))
     walls = None

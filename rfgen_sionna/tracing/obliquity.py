@@ -15,7 +15,8 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.arrays import drjit_types, upload
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 
 MAX_FRINGE = 3.0
@@ -79,7 +80,7 @@ def media_of_lanes(dr: Any, types: Any, media: Media, node: Any, material: Any, 
     entry = node * dr.opaque(UInt32, media.permittivity.shape[1]) + material
 
     def table(values: Any, index: Any) -> Any:
-        return dr.gather(Float, upload(dr, Float, np.asarray(values, np.float64)), index)
+        return dr.gather(Float, upload(Float, np.asarray(values, np.float64)), index)
 
     conductor = ~np.isfinite(media.permittivity)
     eps, mu = np.where(conductor, 1.0, media.permittivity), np.where(conductor, 1.0, media.permeability)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.tracing.arrays import upload
+from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.obliquity import Media, Medium, media_of_lanes, reflection, transverse
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed, screened
@@ -81,10 +81,10 @@ def walls_of_lanes(
 
 def _wall(dr: Any, types: Any, via: Via, chosen: IntArray, facet: Any, node: Any, wavenumber: Any) -> Wall:
     Float, UInt32 = types.Float64, types.UInt32
-    mirror = dr.gather(UInt32, upload(dr, UInt32, np.asarray(chosen, np.uint32)), facet)
-    flat = upload(dr, Float, via.normal)
+    mirror = dr.gather(UInt32, upload(UInt32, np.asarray(chosen, np.uint32)), facet)
+    flat = upload(Float, via.normal)
     normal = types.Array3f64(*(dr.gather(Float, flat, mirror * 3 + axis) for axis in range(3)))
-    offset = dr.gather(Float, upload(dr, Float, via.offset), mirror)
+    offset = dr.gather(Float, upload(Float, via.offset), mirror)
     return Wall(normal, offset, media_of_lanes(dr, types, via.media, node, mirror, wavenumber))
 
 

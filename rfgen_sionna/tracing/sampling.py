@@ -8,7 +8,6 @@ shadow of a grille is finer than the finest lattice its share is right, its patt
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,8 +164,8 @@ def sampled_fraction(
         batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
         found = []
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
-            see = partial(_see, rays, viewpoint, corners[some], facet[some], moving)
-            found.append((some, lit_parts(see, lattice[some], width[some])))
+            targets = rays.targets(viewpoint, corners[some], facet[some], moving)
+            found.append((some, lit_parts(targets, lattice[some], width[some])))
             fraction[some] = found[-1][1].fraction
         return found
 
@@ -181,18 +180,6 @@ def sampled_fraction(
     order = np.argsort(owner, kind="stable")
     sent = sum(lit.rays for _, lit in found)
     return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), sent)
-
-
-def _see(
-    rays: RayScene,
-    viewpoint: FloatArray,
-    corners: FloatArray,
-    facet: IntArray,
-    moving: bool,
-    of: NDArray[np.intp],
-    places: FloatArray,
-) -> NDArray[np.bool_]:
-    return rays.sees(viewpoint, corners, facet, of, places, np.arange(len(of)), moving)
 
 
 class Corners:
@@ -220,10 +207,8 @@ class Corners:
         light[side.ravel()] = True
         there = np.flatnonzero(light)
         owner, corner = np.divmod(self._one[there], 3)
-        places = inset(np.eye(3), _RIM)
-        every = np.arange(len(there))
-        corners, facet = self._corners[owner], self._facet[owner]
-        light[there] = rays.sees(self._viewpoint, corners, facet, every, places, corner, moving)
+        targets = rays.targets(self._viewpoint, self._corners[owner], self._facet[owner], moving)
+        light[there] = targets.seen(np.arange(len(there)), inset(np.eye(3), _RIM)[corner])
         return light[side], len(there)
 
 

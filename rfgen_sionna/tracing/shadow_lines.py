@@ -1,15 +1,14 @@
 """The lit parts of facets that a shadow's edge passes.
 
 Points of a lattice on the facet are looked at; where two neighbours differ, the shadow's edge between them is found by
-quartering, and straight lines join what is found (marching triangles). What is cut off where the edge is bent falls
+halving, and straight lines join what is found (marching triangles). What is cut off where the edge is bent falls
 with the square of the lattice's spacing. As the facet moves its lit part changes with the shadow, not cell by cell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +17,28 @@ from rfgen_sionna.records import FloatArray
 
 SPACINGS = (1, 2, 4, 8, 16, 32)
 """Cells along a facet's edge, level by level."""
-_QUARTERINGS = (2, 4)
-"""How often the edge of a cell is quartered to find the shadow's edge on it, at least and at most."""
+_HALVINGS = (4, 8)
+"""How often the edge of a cell is halved to find the shadow's edge on it, at least and at most."""
 _STRAY = 0.05
-"""Phase that the place found may be off by before it is quartered again [rad, root mean square]."""
+"""Phase that the place found may be off by before it is halved again [rad, root mean square]."""
 
 _INSET = 5e-4
 _AIM = np.array([0.36, 0.31, 0.33])
 """Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
 it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
 
-See = Callable[[NDArray[np.intp], FloatArray], NDArray[np.bool_]]
-"""Facets (ray,) and barycentric coordinates (ray, 3) on them to (ray,) whether each point is seen."""
+
+class Look(Protocol):
+    """Tells what is seen of facets: :class:`rfgen_sionna.scene.targets.Targets` does, by rays."""
+
+    def seen(self, of: NDArray[np.intp], places: FloatArray, /) -> NDArray[np.bool_]:
+        """(ray,) whether the points at barycentric `places` (ray, 3) on facets `of` (ray,) are seen."""
+
+    def edges(
+        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: NDArray[np.intp], /
+    ) -> FloatArray:
+        """(ray, 3) where on facets `of` (ray,) the shadow's edge is between the points `lit` (ray, 3), which are seen,
+        and `dark` (ray, 3), after so many `halvings` (ray,)."""
 
 
 class Lit(NamedTuple):
@@ -95,14 +104,14 @@ def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.asarray((cells + 1) * (cells + 2) // 2, np.intp)
 
 
-def lit_parts(see: See, level: NDArray[np.intp], width: FloatArray) -> Lit:
+def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
     """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`. Between the
     ends of each the phase differs by its `width` (facet,) [rad]."""
     members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
     of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
     places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
     none = np.zeros(0, np.intp)
-    seen = see(np.concatenate([none, *of]), inset(np.concatenate([np.zeros((0, 3)), *places])))
+    seen = look.seen(np.concatenate([none, *of]), inset(np.concatenate([np.zeros((0, 3)), *places])))
     groups, first = [], 0
     for each, facets in members:
         found = _lattice(each)
@@ -112,7 +121,9 @@ def lit_parts(see: See, level: NDArray[np.intp], width: FloatArray) -> Lit:
         groups.append(_Group(facets, found, each, lit, row, edge))
     # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
-    crossings, sent = _crossings(see, groups, np.ceil(0.5 * np.log2(np.maximum(stray, 1.0))).astype(np.intp))
+    crossings, sent = _crossings(
+        look, groups, np.clip(np.ceil(np.log2(np.maximum(stray, 1.0))), *_HALVINGS).astype(np.intp)
+    )
     fraction = np.zeros(len(level))
     owners, pieces = [none], [np.zeros((0, 3, 3))]
     first = 0
@@ -128,9 +139,9 @@ def lit_parts(see: See, level: NDArray[np.intp], width: FloatArray) -> Lit:
     return Lit(np.minimum(fraction, 1.0), owner, piece, len(seen) + sent)
 
 
-def _crossings(see: See, groups: list[_Group], quarterings: NDArray[np.intp]) -> tuple[FloatArray, int]:
+def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> tuple[FloatArray, int]:
     """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, and the rays sent, with
-    so many `quarterings` (facet,) where these are not too few or too many."""
+    so many `halvings` (facet,)."""
     of, lit, dark = [np.zeros(0, np.intp)], [np.zeros((0, 3))], [np.zeros((0, 3))]
     for group in groups:
         ends = group.lattice.edges[group.edge]
@@ -139,22 +150,9 @@ def _crossings(see: See, groups: list[_Group], quarterings: NDArray[np.intp]) ->
         of.append(group.facets[group.row])
         lit.append(group.lattice.points[ends[:, 0]])
         dark.append(group.lattice.points[ends[:, 1]])
-    owner, near, far = np.concatenate(of), inset(np.concatenate(lit)), inset(np.concatenate(dark))
-    if not len(owner):
-        return near, 0
-    least, most = _QUARTERINGS
-    often, sent = np.maximum(quarterings[owner], least), 0
-    for count in range(most):
-        some = np.flatnonzero(often > count) if count >= least else np.arange(len(owner))
-        if not len(some):
-            break
-        start = near[some]
-        step = (far[some] - start) / 4
-        through = see(np.tile(owner[some], 3), np.concatenate([start + k * step for k in (1, 2, 3)])).reshape(3, -1)
-        near[some] = start + np.logical_and.accumulate(through).sum(axis=0)[:, None] * step
-        far[some] = near[some] + step
-        sent += 3 * len(some)
-    return 0.5 * (near + far), sent
+    owner = np.concatenate(of)
+    often = halvings[owner]
+    return look.edges(owner, inset(np.concatenate(lit)), inset(np.concatenate(dark)), often), int(often.sum())
 
 
 def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:

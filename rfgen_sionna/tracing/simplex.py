@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-SERIES_SPREAD = 1.0  # rad; below it the differences cancel
-SERIES_TERMS = 12  # remainder below 1e-13 of the mean for spreads up to 1 rad
+SERIES_SPREAD = 0.1  # rad; at it the differences, divided by it three times at most, lose three digits
+SERIES_TERMS = 7  # remainder below 1e-13 of the mean for spreads up to that
 _BESSEL_SERIES = 0.3
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.arrays import upload
+from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.obliquity import MAX_FRINGE
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 
@@ -193,12 +193,12 @@ def _slabs_of_lanes(
     finite = np.isfinite(eps)
     eps = np.where(finite, eps, 1.0)
     count = dr.opaque(UInt32, len(table.materials))
-    crossed = upload(dr, UInt32, np.maximum(slabs.crossed, 0).astype(np.uint32))
-    present = upload(dr, Float, (slabs.crossed != NO_SLAB).astype(np.float64))
-    normals = upload(dr, Float, slabs.normals)
+    crossed = upload(UInt32, np.maximum(slabs.crossed, 0).astype(np.uint32))
+    present = upload(Float, (slabs.crossed != NO_SLAB).astype(np.float64))
+    normals = upload(Float, slabs.normals)
 
     def values(numbers: Any, index: Any) -> Any:
-        return dr.gather(Float, upload(dr, Float, np.asarray(numbers, np.float64)), index)
+        return dr.gather(Float, upload(Float, np.asarray(numbers, np.float64)), index)
 
     found = []
     for level in range(depth):

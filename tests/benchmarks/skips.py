@@ -78,8 +78,8 @@ def _open_surfaces(*arguments: Any) -> Any:
 def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 8) -> tuple[Any, int]:
     """(facet,) visible share by n^2 rays to each, and the number of rays."""
     places = visibility.lattice(n)
-    of, row = np.repeat(np.arange(len(corners)), len(places)), np.tile(np.arange(len(places)), len(corners))
-    through = rays.sees(viewpoint, corners, facet, of, places, row).reshape(len(corners), -1)
+    of, every = np.repeat(np.arange(len(corners)), len(places)), np.tile(places, (len(corners), 1))
+    through = rays.targets(viewpoint, corners, facet).seen(of, every).reshape(len(corners), -1)
     return through.mean(axis=1), through.size
 
 
@@ -91,9 +91,7 @@ def _all_rays(
     count = len(corners)
     most, _, width = sampling.returns_at_most(corners - viewpoint, wavenumber)
     level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
-    lit = shadow_lines.lit_parts(
-        lambda of, place: rays.sees(viewpoint, corners, facet, of, place, np.arange(len(of)), moving), level, width
-    )
+    lit = shadow_lines.lit_parts(rays.targets(viewpoint, corners, facet, moving), level, width)
     order = np.argsort(lit.owner, kind="stable")
     returned = most * (lit.fraction > 0)
     return sampling.Sampled(lit.fraction, lit.owner[order], lit.pieces[order], np.zeros(count), returned, lit.rays)

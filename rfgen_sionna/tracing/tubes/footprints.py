@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.arrays import drjit_types, upload
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.facet import lattice_triangle
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments
@@ -242,12 +243,11 @@ def _mean(k: float, ways: FloatArray, strength: ComplexArray) -> ComplexArray:
 def _launch(phase: FloatArray, strength: ComplexArray, parts: NDArray[np.uint32]) -> ComplexArray:
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
-    psi = [upload(dr, Float, phase[:, node]) for node in range(6)]
+    psi = [upload(Float, phase[:, node]) for node in range(6)]
     strengths = [
-        ComplexPair(upload(dr, Float, strength[:, node].real), upload(dr, Float, strength[:, node].imag))
-        for node in range(6)
+        ComplexPair(upload(Float, strength[:, node].real), upload(Float, strength[:, node].imag)) for node in range(6)
     ]
-    count = upload(dr, UInt32, parts)
+    count = upload(UInt32, parts)
     scale = 1.0 / Float(count)
 
     def shapes(w: tuple[Any, Any, Any]) -> list[Any]:

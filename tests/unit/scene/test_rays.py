@@ -117,6 +117,43 @@ def test_static_and_moving_bodies_hide_each_other(mixed: RayScene):
     assert hits.distance[0] == pytest.approx(3.0, abs=1e-6)
 
 
+def points_on_the_walls(mixed: RayScene, count: int):
+    """Corners and numbers of the room's faces, and random points on them: which face, and barycentric coordinates."""
+    number = np.arange(12)
+    rng = np.random.default_rng(0)
+    return mixed.corners(number), number, rng.integers(0, 12, count), rng.dirichlet(np.ones(3), (2, count))
+
+
+def test_points_on_facets_are_seen_where_nothing_hides_them(mixed: RayScene, monkeypatch: pytest.MonkeyPatch):
+    corners, number, of, (places, _) = points_on_the_walls(mixed, 4000)
+    viewpoint = np.array([0.3, 0.1, 0.2])
+    targets = mixed.targets(viewpoint, corners, number)
+    seen = targets.seen(of, places)
+    points = np.einsum("rc,rci->ri", places, corners[of])
+    np.testing.assert_array_equal(seen, ~mixed.occluded(viewpoint, points, number[of]))
+    assert 0.1 < seen.mean() < 0.95
+    monkeypatch.setattr("rfgen_sionna.scene.targets.CHUNK", 1000)
+    np.testing.assert_array_equal(targets.seen(of, places), seen)
+
+
+def test_the_edge_of_a_shadow_is_where_halving_finds_it(mixed: RayScene, monkeypatch: pytest.MonkeyPatch):
+    """In one kernel as step by step; each pair as often as it asks for."""
+    corners, number, of, (one, other) = points_on_the_walls(mixed, 4000)
+    targets = mixed.targets(np.array([0.3, 0.1, 0.2]), corners, number)
+    lit = np.flatnonzero(targets.seen(of, one) & ~targets.seen(of, other))
+    of, near, far = of[lit], one[lit], other[lit]
+    halvings = np.random.default_rng(1).integers(0, 9, len(of))
+    found = targets.edges(of, near, far, halvings)
+    monkeypatch.setattr("rfgen_sionna.scene.targets.CHUNK", 100)
+    np.testing.assert_array_equal(targets.edges(of, near, far, halvings), found)
+    for step in range(8):
+        middle = 0.5 * (near + far)
+        seen, on = targets.seen(of, middle), step < halvings
+        near[on & seen], far[on & ~seen] = middle[on & seen], middle[on & ~seen]
+    assert len(of) > 100
+    np.testing.assert_allclose(found, 0.5 * (near + far), atol=1e-15)
+
+
 def test_both_sides_of_a_plate_hide():
     plate = (np.array([[0.0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
     rays = RayScene([plate], [])
@@ -196,7 +233,7 @@ def test_many_rays_are_split(monkeypatch: pytest.MonkeyPatch):
     rays = RayScene([arrays(BALL)])
     targets = np.random.default_rng(0).normal(size=(1000, 3))
     whole = rays.occluded((-8, 0, 0), targets)
-    monkeypatch.setattr(module, "_CHUNK", 64)
+    monkeypatch.setattr(module, "CHUNK", 64)
     np.testing.assert_array_equal(rays.occluded((-8, 0, 0), targets), whole)
     assert 0 < whole.sum() < 1000
 

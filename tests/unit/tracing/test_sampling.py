@@ -31,8 +31,8 @@ def sampled(scene, corners, number, rtol):
 
 def uniform(scene, corners, number, n):
     rows = lattice(n)
-    of, row = np.repeat(np.arange(len(corners)), len(rows)), np.tile(np.arange(len(rows)), len(corners))
-    seen = scene.sees(VIEW, corners, number, of, rows, row).reshape(len(corners), -1)
+    of, places = np.repeat(np.arange(len(corners)), len(rows)), np.tile(rows, (len(corners), 1))
+    seen = scene.targets(VIEW, corners, number).seen(of, places).reshape(len(corners), -1)
     return seen.mean(axis=1)
 
 
@@ -114,10 +114,9 @@ def test_where_static_things_hide_is_known_without_asking_them_again():
     corners = np.asarray(wall.vertices[wall.faces])
     number = len(board.faces) + np.arange(len(corners))
     rows = np.random.default_rng(0).dirichlet(np.ones(3), 400)
-    of, row = np.repeat(np.arange(len(corners)), len(rows)), np.tile(np.arange(len(rows)), len(corners))
-    asked = VIEW, corners, number, of, rows, row
-    seen = every.sees(*asked)
-    by_ball = ~every.sees(*asked, moving=True)
-    by_board = ~alone.sees(*asked)
+    asked = np.repeat(np.arange(len(corners)), len(rows)), np.tile(rows, (len(corners), 1))
+    seen = every.targets(VIEW, corners, number).seen(*asked)
+    by_ball = ~every.targets(VIEW, corners, number, moving=True).seen(*asked)
+    by_board = ~alone.targets(VIEW, corners, number).seen(*asked)
     assert 20 < np.count_nonzero(by_ball & by_board) < np.count_nonzero(by_ball) < np.count_nonzero(~seen)
     assert np.array_equal(seen, ~by_ball & ~by_board)

@@ -1,0 +1,140 @@
+"""Points on facets that are looked at from one place, all on the device.
+
+Of few rays at a time most of what they take is setting a kernel up: so what is asked of them again and again, where
+between two points a shadow's edge is, is one kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.transfer import upload
+
+SELF_GAP = 1e-5
+"""Relative distance within which a hit counts as the target point itself. float32 resolves 1.2e-7 of the coordinates,
+so a point on a surface is found within a few 1e-7 of its distance, or of its distance from the origin of the scene."""
+NO_PRIMITIVE = 0xFFFFFFFF
+CHUNK = 1 << 21
+"""Rays per launch: 2 million of them take about 200 MB."""
+
+Nearest = Callable[[Any, int], tuple[Any, Any]]
+"""A ray and its width to the face that it hits first, `NO_PRIMITIVE` for none, and the distance, on the device."""
+
+
+class Targets:
+    """Points on facets, asked for by the piece that they lie on and their barycentric coordinates there.
+
+    Args:
+        nearest: what rays hit first.
+        origin: (3,) [m] of the coordinates that rays have.
+        viewpoint: (3,) [m].
+        corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
+        facets: (piece,) the facet that each is a piece of, which does not hide it.
+    """
+
+    def __init__(
+        self, nearest: Nearest, origin: FloatArray, viewpoint: FloatArray, corners: FloatArray, facets: IntArray
+    ) -> None:
+        import drjit as dr
+        import mitsuba as mi
+
+        self._nearest = nearest
+        self._double: Any = dr.float64_array_t(mi.Float)
+        self._flat = upload(self._double, corners - viewpoint)
+        self._own = upload(mi.UInt32, facets)
+        # One array for all numbers that may change: each of its own would be one more launch.
+        shift = viewpoint - origin
+        given = upload(self._double, [*shift, np.abs(shift).max()])
+        *self._origin, self._largest = (dr.gather(self._double, given, mi.UInt32(i)) for i in range(4))
+
+    def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
+        """(ray,) whether points are seen: :meth:`rfgen_sionna.scene.rays.RayScene.occluded`, several times faster for
+        many.
+
+        Args:
+            of: (ray,) the piece that each ray goes to.
+            places: (ray, 3) barycentric coordinates on it.
+        """
+        found = np.empty(len(of), np.bool_)
+        for part in _chunks(len(of)):
+            piece, place = self._lanes(of[part], places[part])
+            found[part] = self._visible(piece, place).numpy()
+        return found
+
+    def edges(self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: ArrayLike) -> FloatArray:
+        """(ray, 3) barycentric coordinates of an edge of the shadow between a point that is seen and one that is not.
+
+        Args:
+            of: (ray,) the piece that both lie on.
+            lit, dark: (ray, 3) of the point that is seen, and of the one that is not.
+            halvings: (ray,) how often what is between them is halved: one ray each.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        found = np.empty((len(of), 3))
+        often = np.broadcast_to(np.asarray(halvings), (len(of),))
+        for part in _chunks(len(of)):
+            piece, near = self._lanes(of[part], lit[part])
+            far = _vectors(self._double, dark[part], len(piece))
+            count = upload(mi.UInt32, often[part])
+
+            def halve(index: Any, *ends: Any, piece: Any = piece) -> tuple[Any, ...]:
+                middle = [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)]
+                seen = self._visible(piece, middle)
+                near = [dr.select(seen, m, a) for m, a in zip(middle, ends[:3], strict=True)]
+                far = [dr.select(seen, b, m) for m, b in zip(middle, ends[3:], strict=True)]
+                return index + 1, *near, *far
+
+            start = dr.zeros(mi.UInt32, len(piece)), *near, *far
+
+            def unfinished(index: Any, *_: Any, count: Any = count) -> Any:
+                return index < count
+
+            _, *ends = dr.while_loop(start, unfinished, halve)
+            middle = [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)]
+            dr.eval(*middle)
+            for axis, values in enumerate(middle):
+                found[part, axis] = values.numpy()
+        return found
+
+    def _lanes(self, of: NDArray[np.intp], places: FloatArray) -> tuple[Any, list[Any]]:
+        import mitsuba as mi
+
+        return upload(mi.UInt32, of), _vectors(self._double, places, len(of))
+
+    def _visible(self, piece: Any, place: list[Any]) -> Any:
+        import drjit as dr
+        import mitsuba as mi
+
+        double = self._double
+        corner = [[dr.gather(double, self._flat, 9 * piece + 3 * i + axis) for i in range(3)] for axis in range(3)]
+        offset = [sum(place[i] * each[i] for i in range(3)) for each in corner]
+        reach = dr.sqrt(sum(each * each for each in offset))
+        direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
+        ray: Any = mi.Ray3f(mi.Point3f(*(mi.Float(each) for each in self._origin)), direction)
+        ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
+        facet, distance = self._nearest(ray, dr.width(piece))
+        size = self._largest
+        for there, here in zip(offset, self._origin, strict=True):
+            size = dr.maximum(size, dr.abs(there + here))
+        limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
+        own = dr.gather(mi.UInt32, self._own, piece)
+        return ~((facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own))
+
+
+def _vectors(kind: Any, places: FloatArray, count: int) -> list[Any]:
+    import drjit as dr
+    import mitsuba as mi
+
+    flat, lane = upload(kind, places), dr.arange(mi.UInt32, count)
+    return [dr.gather(kind, flat, 3 * lane + i) for i in range(3)]
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
