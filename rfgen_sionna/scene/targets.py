@@ -50,7 +50,9 @@ class Targets:
         # One array for all numbers that may change: each of its own would be one more launch.
         shift = viewpoint - origin
         given = upload(self._double, [*shift, np.abs(shift).max()])
-        *self._origin, self._largest = (dr.gather(self._double, given, mi.UInt32(i)) for i in range(4))
+        gather: Any = dr.gather
+        numbers = [gather(self._double, given, mi.UInt32(i)) for i in range(4)]
+        self._origin, self._largest = numbers[:3], numbers[3]
 
     def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
         """(ray,) whether points are seen: :meth:`rfgen_sionna.scene.rays.RayScene.occluded`, several times faster for
@@ -82,26 +84,28 @@ class Targets:
         for part in _chunks(len(of)):
             piece, near = self._lanes(of[part], lit[part])
             far = _vectors(self._double, dark[part], len(piece))
-            count = upload(mi.UInt32, often[part])
-
-            def halve(index: Any, *ends: Any, piece: Any = piece) -> tuple[Any, ...]:
-                middle = [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)]
-                seen = self._visible(piece, middle)
-                near = [dr.select(seen, m, a) for m, a in zip(middle, ends[:3], strict=True)]
-                far = [dr.select(seen, b, m) for m, b in zip(middle, ends[3:], strict=True)]
-                return index + 1, *near, *far
-
-            start = dr.zeros(mi.UInt32, len(piece)), *near, *far
-
-            def unfinished(index: Any, *_: Any, count: Any = count) -> Any:
-                return index < count
-
-            _, *ends = dr.while_loop(start, unfinished, halve)
-            middle = [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)]
+            middle = self._halved(piece, near, far, upload(mi.UInt32, often[part]))
             dr.eval(*middle)
             for axis, values in enumerate(middle):
                 found[part, axis] = values.numpy()
         return found
+
+    def _halved(self, piece: Any, near: list[Any], far: list[Any], count: Any) -> list[Any]:
+        """Where the edge is between `near`, which is seen, and `far`, after `count` steps."""
+        import drjit as dr
+        import mitsuba as mi
+
+        def halve(*state: Any) -> tuple[Any, ...]:
+            lit, dark = state[1:4], state[4:]
+            middle = [0.5 * (a + b) for a, b in zip(lit, dark, strict=True)]
+            seen = self._visible(piece, middle)
+            lit = tuple(dr.select(seen, m, a) for m, a in zip(middle, lit, strict=True))
+            dark = tuple(dr.select(seen, b, m) for m, b in zip(middle, dark, strict=True))
+            return state[0] + 1, *lit, *dark
+
+        start = dr.zeros(mi.UInt32, len(piece)), *near, *far
+        ends = dr.while_loop(start, lambda *state: state[0] < count, halve)[1:]
+        return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)]
 
     def _lanes(self, of: NDArray[np.intp], places: FloatArray) -> tuple[Any, list[Any]]:
         import mitsuba as mi
