@@ -19,8 +19,11 @@ from rfgen_sionna.scene.mesh import columns, lengths, middles
 
 CLEARANCE = 1e-4
 """How far outside rays pass, times the distance."""
-_APART = 5e-3
+APART = 5e-3
 """Angle between rays past one edge [rad]."""
+STILL_APART = 1.25e-3
+"""The same past edges of what stays, for what stays, which is looked at once: a pole of a few centimetres leaves facets
+behind it lit at all their corners, and only such rays tell."""
 _MANY = 32
 """Pieces of a face that are all tried for the one that a ray falls on."""
 _NEAREST = (8, 64)
@@ -74,9 +77,9 @@ class Outline:
         turned = (count == 2) & (forward[first] == forward[after])
         return ends[order[first]], np.stack([own[first], second], axis=1), across, turned
 
-    def passing(self, vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def passing(self, vertices: FloatArray, apart: float = APART) -> tuple[FloatArray, FloatArray]:
         """Points (ray, 3) [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
-        from the viewpoint, and the length of outline (ray,) [rad] that each stands for."""
+        from the viewpoint, and the length of outline (ray,) [rad] that each stands for: `apart` at most."""
         a, b, c = np.moveaxis(columns(vertices, self._faces), 1, 0)
         towards = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0
         ends, faces, across, turned = self._edges
@@ -89,7 +92,7 @@ class Outline:
         inward = np.einsum("ei,ei->e", out, other - start) > 0
         out[inward] *= -1.0
         angle = np.arctan2(size, np.einsum("ei,ei->e", start, stop))
-        count = np.ceil(angle / _APART).astype(np.intp)  # none where it is seen end on
+        count = np.ceil(angle / apart).astype(np.intp)  # none where it is seen end on
         edge = np.repeat(np.arange(len(outer)), count)
         share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[edge]
         # At equal angles: the sines' law in the triangle of the viewpoint and the edge.

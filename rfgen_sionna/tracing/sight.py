@@ -14,7 +14,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
 
@@ -145,14 +145,16 @@ class Sight:
     def _static(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rays that pass the outlines of what stays: directions (ray, 3) as long as the way there (ray,) [m], and what
         each stands for."""
-        rays, span = static_outlines(self._surfaces, self._viewpoint)
+        rays, span = static_outlines(self._surfaces, self._viewpoint, APART)
         return rays, span, lengths(rays)
 
 
-def static_outlines(surfaces: Surfaces, viewpoint: FloatArray) -> tuple[FloatArray, FloatArray]:
+def static_outlines(
+    surfaces: Surfaces, viewpoint: FloatArray, apart: float = STILL_APART
+) -> tuple[FloatArray, FloatArray]:
     """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
-    outline (ray,) [rad] that each stands for."""
+    outline (ray,) [rad] that each stands for, `apart` at most."""
     placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
-    found = [Outline(surface.faces).passing(points - viewpoint) for surface, points in placed]
+    found = [Outline(surface.faces).passing(points - viewpoint, apart) for surface, points in placed]
     rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
     return rays, span

@@ -83,18 +83,26 @@ def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 
     return through.mean(axis=1), through.size
 
 
+_SAMPLED = sampling.sampled_fraction
+
+
 def _all_rays(
-    rays: Any, viewpoint: Any, corners: Any, facet: Any, _seen: Any, wavenumber: float, *_: Any,
-    moving: bool = False, **_others: Any,
-) -> Any:  # fmt: skip
-    """A lattice on every facet, of more cells the more wavelengths lie along it: four at least."""
-    count = len(corners)
-    most, _, width = sampling.returns_at_most(corners - viewpoint, wavenumber)
+    rays: Any, viewpoint: Any, corners: Any, facet: Any, seen: Any, wavenumber: float, *more: Any, **others: Any
+) -> Any:
+    """Rays to all facets: those that would have some get these, others a lattice of more cells the more wavelengths lie
+    along them, four at least."""
+    found = _SAMPLED(rays, viewpoint, corners, facet, seen, wavenumber, *more, **others)
+    rest = np.setdiff1d(np.arange(len(corners)), found.owner)
+    _, _, width = sampling.returns_at_most(corners[rest] - viewpoint, wavenumber)
     level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
-    lit = shadow_lines.lit_parts(rays.targets(viewpoint, corners, facet, moving), level, width)
-    order = np.argsort(lit.owner, kind="stable")
-    returned = most * (lit.fraction > 0)
-    return sampling.Sampled(lit.fraction, lit.owner[order], lit.pieces[order], np.zeros(count), returned, lit.rays)
+    targets = rays.targets(viewpoint, corners[rest], facet[rest], others.get("moving", False))
+    lit = shadow_lines.lit_parts(targets, level, width)
+    fraction = found.fraction.copy()
+    fraction[rest] = lit.fraction
+    owner = np.concatenate([found.owner, rest[lit.owner]])
+    pieces = np.concatenate([found.pieces, lit.pieces])
+    order = np.argsort(owner, kind="stable")
+    return found._replace(fraction=fraction, owner=owner[order], pieces=pieces[order], rays=found.rays + lit.rays)
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
