@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.shadow_lines import SPACINGS, Lit, inset, lit_parts, points_of
+from rfgen_sionna.tracing.shadow_lines import SPACINGS, Lit, crossed, inset, lit_parts, points_of
 
 MISSED_PER_RTOL = 0.4
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
@@ -32,6 +32,11 @@ _BATCH = 500_000
 _RIM = 0.05
 """Guiding rays go to points so much nearer to the middle than corners are: of a face that looks away, behind the rim of
 its body, the very corner may be taken for seen."""
+_HIDDEN = 4e-3
+"""Of facets that no edge is known to pass, the energy of what their returns miss for those that pass all the same, over
+that of what they may return when cut: in a furnished room, of small ones."""
+_SEARCHED = (2, 3)
+"""Levels of lattices on which such edges are looked for."""
 _LINES = 32.0
 """Shadows' edges that are reckoned with on one facet, at most."""
 
@@ -86,6 +91,7 @@ def sampled_fraction(
     before: NDArray[np.bool_] | None = None,
     level: FloatArray | float = 0.0,
     moving: bool = False,
+    search: bool = False,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -122,6 +128,9 @@ def sampled_fraction(
         has that of each group.
     moving
         Whether nothing but moving objects hides: shares are of what is seen without them.
+    search
+        Whether edges are looked for on facets, too, that neither corners nor outlines tell of any: where surfaces
+        run through each other, and behind what is narrow. It takes a few rays to each facet that would matter.
     """
     count = len(corners)
     if not count:
@@ -140,7 +149,13 @@ def sampled_fraction(
         fraction, mixed = np.where(changed, share, 1.0), changed & (lit > 0)
     outline = np.zeros(count) if outline is None else outline
     passed = outline > 0
-    edged = mixed | passed
+    edged, hidden, searched = mixed | passed, np.zeros(count), 0
+    if search:
+        quiet, hidden, searched = _search(
+            rays, viewpoint, corners, facet, moving, np.where(edged, 0.0, cut), width,
+            0.5 * MISSED_PER_RTOL * rtol * float(np.linalg.norm(most * (fraction > 0))),
+        )  # fmt: skip
+        edged |= quiet
     bent = _BENT * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
@@ -159,6 +174,7 @@ def sampled_fraction(
     while points_of(lattice[looked]).sum() > _MOST and lattice[looked].any():
         lattice = np.maximum(lattice - 1, 0)
     missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, _CORNERS * cut * edged))
+    missed = np.maximum(missed, hidden)
 
     def look(chosen: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], Lit]]:
         batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
@@ -178,8 +194,35 @@ def sampled_fraction(
     owner = np.concatenate([index[lit.owner] for index, lit in found])
     pieces = np.concatenate([lit.pieces for _, lit in found])
     order = np.argsort(owner, kind="stable")
-    sent = sum(lit.rays for _, lit in found)
+    sent = searched + sum(lit.rays for _, lit in found)
     return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), sent)
+
+
+def _search(
+    rays: RayScene,
+    viewpoint: FloatArray,
+    corners: FloatArray,
+    facet: IntArray,
+    moving: bool,
+    cut: FloatArray,
+    width: FloatArray,
+    allowed: float,
+) -> tuple[NDArray[np.bool_], FloatArray, int]:
+    """(facet,) which are seen in part, found by a few points on each: on those that matter most by what they may return
+    when `cut` (facet,), until the others make up no more than is `allowed`; what these may miss (facet,); and the rays
+    sent."""
+    order = np.argsort(cut, kind="stable")
+    few = int(np.searchsorted(np.cumsum(_HIDDEN * cut[order] ** 2), allowed**2))
+    missed, found = np.zeros(len(cut)), np.zeros(len(cut), np.bool_)
+    missed[order[:few]] = np.sqrt(_HIDDEN) * cut[order[:few]]
+    chosen = np.sort(order[few:])
+    chosen = chosen[cut[chosen] > 0]
+    grid = np.clip(np.searchsorted(SPACINGS, np.sqrt(width[chosen])), *_SEARCHED)
+    points = points_of(grid)
+    for some in np.split(np.arange(len(chosen)), np.flatnonzero(np.diff(np.cumsum(points) // _BATCH)) + 1):
+        own = chosen[some]
+        found[own] = crossed(rays.targets(viewpoint, corners[own], facet[own], moving), grid[some])
+    return found, missed, int(points.sum())
 
 
 class Corners:

@@ -7,6 +7,7 @@ with the square of the lattice's spacing. As the facet moves its lit part change
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple, Protocol
 
@@ -107,25 +108,19 @@ def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
 def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
     """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`. Between the
     ends of each the phase differs by its `width` (facet,) [rad]."""
-    members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
-    of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
-    places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
-    none = np.zeros(0, np.intp)
-    seen = look.seen(np.concatenate([none, *of]), inset(np.concatenate([np.zeros((0, 3)), *places])))
-    groups, first = [], 0
-    for each, facets in members:
+    groups, sent = [], 0
+    for each, facets, lit in _points(look, level):
         found = _lattice(each)
-        lit = seen[first : first + len(facets) * len(found.points)].reshape(len(facets), -1)
-        first += lit.size
+        sent += lit.size
         row, edge = np.nonzero(lit[:, found.edges[:, 0]] != lit[:, found.edges[:, 1]])
         groups.append(_Group(facets, found, each, lit, row, edge))
     # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
-    crossings, sent = _crossings(
+    crossings, more = _crossings(
         look, groups, np.clip(np.ceil(np.log2(np.maximum(stray, 1.0))), *_HALVINGS).astype(np.intp)
     )
     fraction = np.zeros(len(level))
-    owners, pieces = [none], [np.zeros((0, 3, 3))]
+    owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
     first = 0
     for group in groups:
         fraction[group.facets[group.lit.all(axis=1)]] = 1.0
@@ -136,7 +131,28 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
         first = last
     owner, piece = np.concatenate(owners), np.concatenate(pieces)
     fraction += np.bincount(owner, np.abs(np.linalg.det(piece)), len(level))
-    return Lit(np.minimum(fraction, 1.0), owner, piece, len(seen) + sent)
+    return Lit(np.minimum(fraction, 1.0), owner, piece, sent + more)
+
+
+def crossed(look: Look, level: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(facet,) whether some points of each one's lattice, of its `level`, are seen and others are not."""
+    found = np.zeros(len(level), np.bool_)
+    for _, facets, lit in _points(look, level):
+        found[facets] = lit.any(axis=1) & ~lit.all(axis=1)
+    return found
+
+
+def _points(look: Look, level: NDArray[np.intp]) -> Iterator[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
+    """Level by level the facets of it, and (facet, point) which of their lattice's points are seen."""
+    members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
+    of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
+    places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
+    seen = look.seen(np.concatenate([np.zeros(0, np.intp), *of]), inset(np.concatenate([np.zeros((0, 3)), *places])))
+    first = 0
+    for each, facets in members:
+        last = first + len(facets) * len(_lattice(each).points)
+        yield each, facets, seen[first:last].reshape(len(facets), -1)
+        first = last
 
 
 def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> tuple[FloatArray, int]:

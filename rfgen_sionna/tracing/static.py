@@ -353,7 +353,7 @@ def _seen_facets(
     outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
     weight = band.importance(facets.directions(viewpoint))
     found = sampled_fraction(
-        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight
+        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight, search=True
     )
     cut = np.zeros(len(facets), np.bool_)
     cut[found.owner] = True

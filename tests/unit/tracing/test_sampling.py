@@ -6,6 +6,7 @@ import trimesh
 
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 from rfgen_sionna.tracing.visibility import lattice
 
@@ -82,6 +83,50 @@ def test_the_area_that_a_board_leaves_of_a_plate(y):
     assert np.allclose(np.bincount(found.owner, size, len(fraction))[mixed], fraction[mixed])
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert (fraction * area).sum() / area.sum() == pytest.approx(0.5 + y, abs=0.01)
+
+
+def pole_before_a_wall():
+    """Scene, corners and numbers of the wall's facets of 16 mm, their true shares, and rays past the pole's outline for
+    each spacing of these."""
+    wall = trimesh.creation.box((0.01, 1.0, 1.0))
+    for _ in range(6):
+        wall = wall.subdivide()
+    wall.apply_translation((4, 0, 1))
+    pole = trimesh.creation.box((0.001, 0.004, 1.2)).apply_translation((2, 0.004, 1))
+    pole.apply_transform(trimesh.transformations.rotation_matrix(0.02, (1, 0, 0), (2, 0, 1)))
+    scene, corners, number = facets_of(wall, pole)
+    of_wall = number < len(wall.faces)
+    corners, number = corners[of_wall], number[of_wall]
+
+    def past(apart):
+        points, span = Outline(np.asarray(pole.faces)).passing(np.asarray(pole.vertices) - VIEW, apart)
+        return Places(corners - VIEW, number).holding(Passing(points, scene.first_facet(VIEW, points), span))
+
+    return scene, corners, number, uniform(scene, corners, number, 24), past
+
+
+def test_a_pole_s_shadow_is_found_on_facets_that_are_lit_at_all_corners():
+    """By rays past its outline where they are close enough together, and where there are none by searching."""
+    scene, corners, number, truth, past = pole_before_a_wall()
+    guided, _ = Corners(VIEW, corners, number, touching(corners)).seen(scene)
+    crossed = (truth > 0.02) & (truth < 0.98)
+    unaware = crossed & (guided.all(axis=1) | ~guided.any(axis=1))
+    assert unaware.sum() > 10
+    closely, coarsely = past(STILL_APART) > 0, past(APART) > 0
+    assert closely[unaware].all()
+    assert not coarsely[unaware].all()
+
+    def found(**more):
+        return sampled_fraction(scene, VIEW, corners, number, guided, WAVENUMBER, 1e-3, **more)
+
+    blind, searched, known = found(), found(search=True), found(outline=past(STILL_APART))
+    assert (blind.fraction[unaware] == 1).all()
+    for each in (searched, known):
+        assert np.abs(each.fraction - truth).max() < 0.02  # 576 points tell an edge to a twenty-fourth
+    assert np.linalg.norm(searched.missed) < 0.5e-3 * np.linalg.norm(searched.returned)
+    # It goes to where it matters: of a coarse tolerance to fewer facets.
+    loose = sampled_fraction(scene, VIEW, corners, number, guided, WAVENUMBER, 0.3, search=True)
+    assert loose.rays < 0.5 * searched.rays
 
 
 def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
