@@ -13,7 +13,7 @@ GIB = 1024.0**3 / 1e6
 def claims(result: dict[str, Any]) -> list[Claim]:
     """One entry per claim for which there are figures: what is wanted, what was found, whether it holds."""
     made: list[Claim] = []
-    for find in (_against_samples, _floors, _rays, _times, _skips, _start):
+    for find in (_against_samples, _frames, _floors, _rays, _times, _skips, _start):
         made += [claim for claim in find(result) if claim["found"] is not None]
     return made
 
@@ -45,6 +45,19 @@ def _against_samples(result: dict[str, Any]) -> Iterator[Claim]:
             yield _least(
                 f"{of}: their time to ours at 1 dB and 10°", 100, found.get("equal_error_ratio"), "times", note
             )
+
+
+def _frames(result: dict[str, Any]) -> Iterator[Claim]:
+    names = {"sphere": "moving sphere", "person": "person"}
+    for scene in result.get("scenes", ()):
+        if scene["scene"] not in names or scene["band_ghz"] != 77:
+            continue
+        for way, found in scene.get("frames_compared", {}).items():
+            of = f"a frame of the {names[scene['scene']]}, {way}"
+            yield _least(f"{of}: their error to ours at equal time", 100, found["equal_time_ratio"], "times",
+                         "at the default tolerance")  # fmt: skip
+            note = "" if found["baseline_reaches_it"] else "a lower bound: they do not get there"
+            yield _least(f"{of}: their time to ours at 1 dB and 10°", 100, found["equal_error_ratio"], "times", note)
 
 
 def _floors(result: dict[str, Any]) -> Iterator[Claim]:

@@ -16,6 +16,8 @@ LEVEL_DB, PHASE_DEG = 1.0, 10.0
 """What counts as equal error."""
 PUBLISHED_DEG = 60.0
 """Field of view of published images."""
+FRAME_ERROR = 0.22
+"""Relative error of samples that are 1 dB and 10 degrees off."""
 
 Row = dict[str, Any]
 Point = tuple[float, float]
@@ -87,6 +89,25 @@ def _against(ours: Sequence[Row], baseline: Sequence[Row], rtol: float) -> dict[
         found |= {
             "equal_error_ours_seconds": mine, "equal_error_their_seconds": other, "equal_error_ratio": other / mine,
             "baseline_reaches_it": they_reach,
+        }  # fmt: skip
+    return found
+
+
+def compare_frames(rows: Sequence[Row], rtol: float) -> dict[str, Any]:
+    """Whole frames, ours traced once and synthesised, against one sample per pixel by the `way` that it takes over the
+    frame; `seconds` and `relative` of the `rows` are those of a frame and of its samples."""
+    ours = [row for row in rows if row["way"] == "tracer"]
+    found: dict[str, Any] = {}
+    for way in dict.fromkeys(row["way"] for row in rows if row["way"] != "tracer"):
+        theirs = [row for row in rows if row["way"] == way]
+        curve = front(theirs, lambda row: row["relative"])
+        mine, reached = time_at(front(ours, lambda row: row["relative"]), FRAME_ERROR)
+        other, they_reach = time_at(curve, FRAME_ERROR)
+        ratios = [error_at(curve, row["seconds"]) / max(row["relative"], 1e-12) for row in ours if row["rtol"] == rtol]
+        found[way] = {
+            "equal_time_ratio": max(ratios, default=None), "equal_error_ratio": other / mine if reached else None,
+            "equal_error_ours_seconds": mine, "equal_error_their_seconds": other, "baseline_reaches_it": they_reach,
+            "largest_rays": max(row["rays"] for row in theirs),
         }  # fmt: skip
     return found
 

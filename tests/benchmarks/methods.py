@@ -7,9 +7,11 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.tracing.footprints import Stage, trace_footprints
 from rfgen_sionna.tracing.tracer import Tracer
@@ -162,6 +164,7 @@ class Samples:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        ensure_backend()
         self._origin = np.asarray(self.subject.radar.position)
         self._half = self.subject.half_view if self.half_view is None else self.half_view
         self._count = 0
@@ -191,14 +194,18 @@ class Samples:
         return 1j / (4 * np.pi) * total
 
     def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
+        return self.hits(t)[1:]
+
+    def hits(self, t: float) -> tuple[NDArray[np.intp], ComplexArray, FloatArray]:
+        """The pixels that hit, ascending, with what they return."""
         found = []
-        for rows in self._blocks(t):
-            weight, _, _, distance = self._kernel(*rows)
-            hit = np.isfinite(distance.numpy()) & (weight[0].numpy() != 0)
-            a = weight[0].numpy().astype(np.float64) + 1j * weight[1].numpy()
-            found.append((1j / (4 * np.pi) * a[hit], distance.numpy().astype(np.float64)[hit]))
-        gains, distances = zip(*found, strict=True)
-        return np.concatenate(gains), np.concatenate(distances)
+        for first, rows in self._blocks(t):
+            weight, _, _, distance = self._kernel(first, rows)
+            hit = np.flatnonzero(np.isfinite(distance.numpy()) & (weight[0].numpy() != 0))
+            a = weight[0].numpy()[hit].astype(np.float64) + 1j * weight[1].numpy()[hit]
+            found.append((first * self.pixels + hit, 1j / (4 * np.pi) * a, distance.numpy()[hit].astype(np.float64)))
+        pixels, gains, distances = zip(*found, strict=True)
+        return np.concatenate(pixels), np.concatenate(gains), np.concatenate(distances)
 
     def _blocks(self, t: float) -> list[tuple[int, int]]:
         """First row and number of rows of each launch at `t`."""
@@ -260,6 +267,49 @@ class Samples:
         share = dr.square(dr.dot(s, across)) / size
         total = r_s * share - r_p * (1 - share)
         return total.real, total.imag
+
+
+@dataclass
+class Lines:
+    """One sample per pixel at evenly spaced instants of a frame, and pixel by pixel straight lines between them: what
+    tracing every chirp would take is saved, and what a pixel's edge does in between is lost. A pixel that hits at one
+    instant alone returns what it does there for as long as that one is nearer."""
+
+    samples: Samples
+    instants: int
+    length: float
+    """Of the frame [s]."""
+
+    def __post_init__(self) -> None:
+        self._known: dict[int, tuple[NDArray[np.intp], ComplexArray, FloatArray]] = {}
+
+    @property
+    def subject(self) -> Subject:
+        return self.samples.subject
+
+    @property
+    def row(self) -> dict[str, Any]:
+        return self.samples.row | {"method": "one sample per pixel, lines between instants", "instants": self.instants}
+
+    def __call__(self, t: float) -> complex:
+        return summed(*self.returns(t), self.subject.frequency)
+
+    def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
+        step = self.length / (self.instants - 1)
+        first = min(int(t / step), self.instants - 2)
+        share = t / step - first
+        self._known = {
+            k: self._known[k] if k in self._known else self.samples.hits(k * step) for k in (first, first + 1)
+        }
+        before, after = self._known[first], self._known[first + 1]
+        _, one, two = np.intersect1d(before[0], after[0], assume_unique=True, return_indices=True)
+        parts = [tuple((1 - share) * a[one] + share * b[two] for a, b in zip(before[1:], after[1:], strict=True))]
+        nearer, both = (before, one) if share < 0.5 else (after, two)
+        alone = np.ones(len(nearer[0]), np.bool_)
+        alone[both] = False
+        parts.append((nearer[1][alone], nearer[2][alone]))
+        gains, distances = zip(*parts, strict=True)
+        return np.concatenate(gains), np.concatenate(distances)
 
 
 @dataclass

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.comparison import compare, compare_rays
+from tests.benchmarks.comparison import PUBLISHED_DEG, compare, compare_frames, compare_rays
 from tests.benchmarks.errors import AdcCheck, Known, spurious
 from tests.benchmarks.measuring import Peak, default_rtol, timed
-from tests.benchmarks.methods import Beams, Method, Samples, SionnaPaths, Traced, Tubes
+from tests.benchmarks.methods import Beams, Lines, Method, Samples, SionnaPaths, Traced, Tubes
 from tests.benchmarks.stored import Store
 from tests.benchmarks.subjects import SUBJECTS, Subject, sphere
 
@@ -27,6 +27,8 @@ PATIENCE = 5.0
 """For all instants of a method [s]."""
 VERY_LONG = 20.0
 """The first instant of a method, with what is compiled, after which it is asked for no other [s]."""
+LINES_PIXELS, LINES_INSTANTS = (512, 1024, 2048, 4096), (2, 5)
+"""Of frames that are traced at a few instants, with lines between them."""
 LONGEST = 6.0
 """A ladder ends with the first rung whose instant takes longer [s]."""
 
@@ -103,9 +105,49 @@ def run(
     if heavy:
         result |= {"truth_integrated": store.integrated - before, "truth_seconds": seconds}
     rays = compare_rays(rows, "rays, adaptive", "rays, uniform")
+    result["frames"] = over_frames(subject, rows, [] if quick else lines(subject, check, seed, progress))
+    result["frames_compared"] = compare_frames(result["frames"], default_rtol())
     return result | {
         "rows": rows, "left_out": left_out, "comparison": compare(rows, default_rtol()), "adaptive_rays": rays,
     }  # fmt: skip
+
+
+def lines(subject: Subject, check: AdcCheck, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """One sample per pixel at a few instants of a frame, with lines between them."""
+    if subject.name not in ("sphere", "person"):
+        return []
+    found, length = [], subject.radar.waveform.frame_length
+    for pixels in LINES_PIXELS:
+        samples = Samples(subject, pixels, False, None, seed)
+        samples(0.0)
+        seconds = min(timed(lambda samples=samples: samples(0.0))[0] for _ in range(3))
+        for instants in LINES_INSTANTS:
+            method = Lines(samples, instants, length)
+            progress(f"{subject.name}: {_words(method.row)}")
+            error = check(method)["adc_relative"]
+            found.append(method.row | {"seconds": instants * seconds, "adc_relative": error})
+    return found
+
+
+def over_frames(subject: Subject, rows: list[dict[str, Any]], between: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What a frame takes and is wrong by: ours with its synthesis, the baseline's without."""
+    chirps = len(subject.radar.waveform.chirp_times)
+    found = []
+    for row in rows:
+        kept = {key: row[key] for key in ("method", "rtol", "facets", "rays", "view_deg") if key in row}
+        if row["method"] == "tracer" and "adc_seconds" in row:
+            found.append(kept | {"way": "tracer", "seconds": row["adc_seconds"], "relative": row["adc_relative"]})
+        elif row["method"].startswith("one sample per pixel"):
+            view = "60°" if row["view_deg"] == PUBLISHED_DEG else "the subject alone"
+            error = row.get("adc_relative", row["relative"])  # of each chirp alike
+            way = f"every chirp, samples over {view}"
+            found.append(kept | {"way": way, "seconds": chirps * row["seconds"], "relative": error})
+    way = "lines between instants, samples over the subject alone"
+    return found + [
+        {key: row[key] for key in ("method", "rays", "view_deg", "instants", "seconds")}
+        | {"way": way, "relative": row["adc_relative"]}
+        for row in between
+    ]
 
 
 def _words(row: dict[str, Any]) -> str:

@@ -73,6 +73,13 @@ def markdown(result: dict[str, Any]) -> str:
             for row in scene["rows"]
         ]  # fmt: skip
         text.append(_table(heads, rows))
+        if scene.get("frames"):
+            rows = [
+                [row["way"], _setting(row), str(row.get("instants", "–")), _number(row["seconds"]),
+                 _number(row["relative"])]
+                for row in scene["frames"]
+            ]  # fmt: skip
+            text.append(_table(["frame", "setting", "instants", "s", "ADC rel."], rows))
         text += [line + "\n" for line in sentences(scene.get("comparison", {}))]
         text += [_share(row) for row in scene.get("adaptive_rays", ())]
         if scene.get("left_out"):

@@ -21,7 +21,7 @@ from rfgen_sionna.cli import benchmark as bench_command
 from tests.benchmarks import bench, claims, comparison, pareto, pictures, skips, synthesis, tables
 from tests.benchmarks.errors import AdcCheck, Known, floor_db, spurious
 from tests.benchmarks.measuring import default_rtol, exponent, timed
-from tests.benchmarks.methods import Beams, Method, Samples, Traced
+from tests.benchmarks.methods import Beams, Lines, Method, Samples, Traced
 from tests.benchmarks.subjects import SUBJECTS, Subject, sphere
 
 LIMITS = json.loads((Path(__file__).parent / "limits.json").read_text(encoding="utf-8"))
@@ -168,6 +168,47 @@ def test_methods_are_compared_at_equal_time_and_at_equal_error() -> None:
     assert "at equal time: error 1.5e+03 times smaller at the default tolerance" in text[0]
     assert "more than 128 times faster, as it does not get there with 16,777,216 rays" in text[0]
     assert "(1 dB, 10°): 32 times faster." in text[1]
+
+
+def test_frames_are_compared_at_equal_time_and_at_equal_error() -> None:
+    """By hand; each way of the baseline by itself."""
+    rows = [
+        {"way": "tracer", "rtol": 1e-3, "seconds": 0.4, "relative": 1e-3},
+        {"way": "tracer", "rtol": 1e-1, "seconds": 0.1, "relative": 0.1},
+        *({"way": "a", "rays": n**2, "seconds": 0.1 * n, "relative": 3 / n} for n in (1, 4, 16)),
+        {"way": "b", "rays": 9, "seconds": 0.2, "relative": 0.5},
+    ]
+    found = comparison.compare_frames(rows, 1e-3)
+    assert found["a"]["equal_time_ratio"] == pytest.approx(750)
+    assert found["a"]["equal_error_ratio"] == pytest.approx(0.1 * 3 / 0.22 / 0.1)
+    assert found["a"]["baseline_reaches_it"]
+    assert found["b"]["equal_error_ratio"] == pytest.approx(2.0)
+    assert not found["b"]["baseline_reaches_it"]
+    assert found["b"]["equal_time_ratio"] == pytest.approx(500)
+
+
+def test_lines_between_samples_are_samples_at_their_instants() -> None:
+    """And half way, of pixels that hit at both, the mean: what moves along the line of sight is on it."""
+    what = subject("plate")
+    samples, step = Samples(what, 64), 4e-3
+    between = Lines(samples, 3, 2 * step)
+    for t in (0.0, step, 2 * step):
+        for found, expected in zip(between.returns(t), samples.returns(t), strict=True):
+            assert np.allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-6)
+    half = between(1.5 * step)
+    assert half == pytest.approx(samples(1.5 * step), rel=0.05)
+    assert half != pytest.approx(samples(step), rel=0.05)
+    assert between.row["instants"] == 3
+
+
+def test_frames_hold_what_each_way_takes_for_all_chirps() -> None:
+    rows = [
+        {"method": "tracer", "rtol": 1e-3, "seconds": 0.1, "relative": 1e-3, "adc_seconds": 0.3, "adc_relative": 2e-3},
+        {"method": "one sample per pixel", "rays": 4, "view_deg": 60.0, "seconds": 0.01, "relative": 0.5},
+    ]
+    ours, theirs = pareto.over_frames(subject("plate"), rows, [])
+    assert (ours["seconds"], ours["relative"]) == (0.3, 2e-3)
+    assert theirs["seconds"] == pytest.approx(0.01 * len(subject("plate").radar.waveform.chirp_times))
 
 
 def test_before_its_fastest_setting_the_baseline_counts_as_that_good() -> None:
