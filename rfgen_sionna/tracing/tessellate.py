@@ -179,7 +179,8 @@ def _demand(
         # A facet counts as much as its most important corner: large ones reach into the beam.
         weight = importance(_unit(corners - viewpoint)).max(axis=1)
         weight = np.maximum(weight, importance(_unit(middles(corners) - viewpoint)))
-        allowed = np.minimum(np.sqrt(10.0 * rtol / np.maximum(weight, 1e-12)), MAX_BULGE)
+        # There are more of them out of the beam than in it, and their errors add up: the root of what they could do.
+        allowed = np.minimum(np.sqrt(10.0 * rtol / np.sqrt(np.maximum(weight, 1e-12))), MAX_BULGE)
     bulge = phase_bulge(corners, viewpoint, frequency)
     coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
     if half_band > 0:
