@@ -1,8 +1,7 @@
 """NumPy's numbers for Dr.Jit.
 
-On the CPU Dr.Jit takes over NumPy's memory as it is, and compiles one kernel per combination of aligned and unaligned
-inputs: so small arrays, which lie anywhere, are copied to where memory is aligned. Large ones never are, as they begin
-behind what the allocator keeps of them.
+On the CPU Dr.Jit takes over NumPy's memory as it is, compiles one kernel per combination of aligned and unaligned
+inputs, and reads whole packets: so each array is copied to where memory is aligned and goes on for a packet.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 _ALIGNED = 64
-_LARGE = 1 << 18
-"""[byte]"""
+_PACKET = 128
+"""[byte]: 16 numbers of double precision."""
 
 
 def upload(kind: Any, values: ArrayLike) -> Any:
@@ -23,9 +22,7 @@ def upload(kind: Any, values: ArrayLike) -> Any:
 
     dtype = np.dtype({dr.VarType.Float32: "f4", dr.VarType.Float64: "f8", dr.VarType.UInt32: "u4"}[dr.type_v(kind)])
     given = np.asarray(values)
-    if given.nbytes >= _LARGE and given.dtype == dtype and given.flags.c_contiguous:
-        return kind(given.reshape(-1))
-    memory = np.empty(given.size * dtype.itemsize + _ALIGNED, np.uint8)
+    memory = np.empty(given.size * dtype.itemsize + _ALIGNED + _PACKET, np.uint8)
     start = -memory.ctypes.data % _ALIGNED
     flat = memory[start : start + given.size * dtype.itemsize].view(dtype)
     flat.reshape(given.shape)[...] = given

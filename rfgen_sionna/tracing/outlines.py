@@ -28,6 +28,8 @@ _MANY = 32
 """Pieces of a face that are all tried for the one that a ray falls on."""
 _NEAREST = (8, 64)
 """Those of more that are tried, at first and where none of them is it."""
+_AT_ONCE = 100_000
+"""Rays that are tried together."""
 _AWAY = 4.0
 """Between the pieces of one face and those of the next in the tree of directions, where 2 is as far as any two are."""
 
@@ -119,16 +121,21 @@ class Places:
         first = np.searchsorted(self._number, hit, "left", self._order)
         count = np.searchsorted(self._number, hit, "right", self._order) - first
         few = np.flatnonzero((count > 0) & (count <= _MANY))
-        ray = np.repeat(few, count[few])
-        start = np.cumsum(count[few]) - count[few]
-        self._add(total, passing, ray, self._order[np.arange(len(ray)) + np.repeat(first[few] - start, count[few])])
+        for some in np.array_split(few, max(1, -(-len(few) // _AT_ONCE))):
+            ray = np.repeat(some, count[some])
+            start = np.cumsum(count[some]) - count[some]
+            facet = self._order[np.arange(len(ray)) + np.repeat(first[some] - start, count[some])]
+            self._add(total, passing, ray, facet)
         left = np.flatnonzero(count > _MANY)
         for nearest in _NEAREST:
             if not len(left):
                 break
-            near = self._around(passing.directions[left], hit[left], nearest)
-            found = self._add(total, passing, np.repeat(left, near.shape[1])[near.ravel() >= 0], near[near >= 0])
-            left = np.setdiff1d(left, found)
+            found = []
+            for some in np.array_split(left, -(-len(left) // _AT_ONCE)):
+                near = self._around(passing.directions[some], hit[some], nearest)
+                ray = np.repeat(some, near.shape[1])[near.ravel() >= 0]
+                found.append(self._add(total, passing, ray, near[near >= 0]))
+            left = np.setdiff1d(left, np.concatenate(found))
         return total
 
     def _add(

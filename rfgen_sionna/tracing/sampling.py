@@ -4,6 +4,9 @@ Guiding rays go to the corners of facets, one for all that share a corner, and j
 whose corners fare differently, or that such a ray falls on, have a shadow's edge on them, which is found by more rays,
 the more may be missed: a facet that lies aslant, over many wavelengths, returns little, and a few will do. Where the
 shadow of a grille is finer than the finest lattice its share is right, its pattern is not, and the estimate is too low.
+
+Of what stays, which is looked at once, edges are searched for on all other facets that matter as well: a pole leaves
+facets behind it lit at all corners, and surfaces that run through each other have no outline there.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ _HIDDEN = 4e-3
 that of what they may return when cut: in a furnished room, of small ones."""
 _SEARCHED = (2, 3)
 """Levels of lattices on which such edges are looked for."""
+_SEARCH_SHARE = 0.5
+"""Share of what may be missed that facets may which are not searched."""
 _LINES = 32.0
 """Shadows' edges that are reckoned with on one facet, at most."""
 
@@ -130,7 +135,8 @@ def sampled_fraction(
         Whether nothing but moving objects hides: shares are of what is seen without them.
     search
         Whether edges are looked for on facets, too, that neither corners nor outlines tell of any: where surfaces
-        run through each other, and behind what is narrow. It takes a few rays to each facet that would matter.
+        run through each other, and behind what is narrow. It takes a few rays to each facet that would matter. What
+        is too narrow for these, a quarter to an eighth of a facet, is neither found nor in `missed`.
     """
     count = len(corners)
     if not count:
@@ -150,12 +156,14 @@ def sampled_fraction(
     outline = np.zeros(count) if outline is None else outline
     passed = outline > 0
     edged, hidden, searched = mixed | passed, np.zeros(count), 0
+    least = np.full(count, -1, np.intp)
     if search:
-        quiet, hidden, searched = _search(
-            rays, viewpoint, corners, facet, moving, np.where(edged, 0.0, cut), width,
-            0.5 * MISSED_PER_RTOL * rtol * float(np.linalg.norm(most * (fraction > 0))),
+        level_there = float(np.linalg.norm(most * (fraction > 0)))
+        least, hidden, searched = _search(
+            rays, viewpoint, corners, facet, moving, fraction > 0, np.where(edged, 0.0, cut), width,
+            _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
         )  # fmt: skip
-        edged |= quiet
+        edged |= least >= 0
     bent = _BENT * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
@@ -166,11 +174,13 @@ def sampled_fraction(
     for each in np.zeros(1) if group is None else np.unique(group[edged]):
         mine = np.flatnonzero(edged) if group is None else np.flatnonzero(edged & (group == each))
         total = float(np.linalg.norm(returned if group is None else returned[group == each]))
-        least = float(level if np.ndim(level) == 0 else np.asarray(level)[int(each)])
-        allowed[mine] = _allowed(bent[mine], MISSED_PER_RTOL * rtol * max(total, least))
+        floor = float(level if np.ndim(level) == 0 else np.asarray(level)[int(each)])
+        share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
+        allowed[mine] = _allowed(bent[mine], share * MISSED_PER_RTOL * rtol * max(total, floor))
     wanted = np.sqrt(bent / allowed)
-    looked = edged & (wanted > np.sqrt(_BENT / _CORNERS))
-    lattice = np.searchsorted(SPACINGS[:-1], wanted)
+    # Where an edge was found by searching, no coarser lattice would find it again.
+    looked = edged & ((wanted > np.sqrt(_BENT / _CORNERS)) | (least >= 0))
+    lattice = np.maximum(np.searchsorted(SPACINGS[:-1], wanted), least)
     while points_of(lattice[looked]).sum() > _MOST and lattice[looked].any():
         lattice = np.maximum(lattice - 1, 0)
     missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, _CORNERS * cut * edged))
@@ -204,16 +214,17 @@ def _search(
     corners: FloatArray,
     facet: IntArray,
     moving: bool,
+    taken: NDArray[np.bool_],
     cut: FloatArray,
     width: FloatArray,
     allowed: float,
-) -> tuple[NDArray[np.bool_], FloatArray, int]:
-    """(facet,) which are seen in part, found by a few points on each: on those that matter most by what they may return
-    when `cut` (facet,), until the others make up no more than is `allowed`; what these may miss (facet,); and the rays
-    sent."""
+) -> tuple[NDArray[np.intp], FloatArray, int]:
+    """(facet,) level of the lattice on which each was found not to be what it is `taken` (facet,) for, seen or not, -1
+    for all others; what those that are not looked at may miss (facet,); and the rays sent. Those that matter most are
+    looked at, by what they may return when `cut` (facet,), until the others make up no more than is `allowed`."""
     order = np.argsort(cut, kind="stable")
     few = int(np.searchsorted(np.cumsum(_HIDDEN * cut[order] ** 2), allowed**2))
-    missed, found = np.zeros(len(cut)), np.zeros(len(cut), np.bool_)
+    missed, found = np.zeros(len(cut)), np.full(len(cut), -1, np.intp)
     missed[order[:few]] = np.sqrt(_HIDDEN) * cut[order[:few]]
     chosen = np.sort(order[few:])
     chosen = chosen[cut[chosen] > 0]
@@ -221,7 +232,8 @@ def _search(
     points = points_of(grid)
     for some in np.split(np.arange(len(chosen)), np.flatnonzero(np.diff(np.cumsum(points) // _BATCH)) + 1):
         own = chosen[some]
-        found[own] = crossed(rays.targets(viewpoint, corners[own], facet[own], moving), grid[some])
+        targets = rays.targets(viewpoint, corners[own], facet[own], moving)
+        found[own] = np.where(crossed(targets, grid[some], taken[own]), grid[some], -1)
     return found, missed, int(points.sum())
 
 

@@ -134,11 +134,12 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
     return Lit(np.minimum(fraction, 1.0), owner, piece, sent + more)
 
 
-def crossed(look: Look, level: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(facet,) whether some points of each one's lattice, of its `level`, are seen and others are not."""
+def crossed(look: Look, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(facet,) whether there are points on each one's lattice, of its `level`, that are not what it is `taken` (facet,)
+    for, seen or not."""
     found = np.zeros(len(level), np.bool_)
     for _, facets, lit in _points(look, level):
-        found[facets] = lit.any(axis=1) & ~lit.all(axis=1)
+        found[facets] = (lit != taken[facets, None]).any(axis=1)
     return found
 
 

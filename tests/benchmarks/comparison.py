@@ -98,6 +98,8 @@ def compare_frames(rows: Sequence[Row], rtol: float) -> dict[str, Any]:
     frame; `seconds` and `relative` of the `rows` are those of a frame and of its samples."""
     ours = [row for row in rows if row["way"] == "tracer"]
     found: dict[str, Any] = {}
+    if not ours:
+        return found
     for way in dict.fromkeys(row["way"] for row in rows if row["way"] != "tracer"):
         theirs = [row for row in rows if row["way"] == way]
         curve = front(theirs, lambda row: row["relative"])

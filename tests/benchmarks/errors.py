@@ -117,13 +117,16 @@ class AdcCheck:
         return np.conj(integrals(subject, probes, self._store, smooth))
 
     def __call__(self, method: Method) -> dict[str, float]:
-        """Relative error, and for the tracer the time of tracing and synthesising the frame [s]."""
+        """Relative error, and for the tracer the time of tracing and synthesising a frame of a run that goes on [s]."""
         wave, row = self._wave, {}
         if isinstance(method, Traced):
             radar, stop = self.subject.radar, wave.frame_length
 
+            run = method.tracer.follow()
+
             def cube() -> ComplexArray:
-                parts = [each.select(self.subject.counted(each)) for each in method.tracer.trace(0.0, stop).actors]
+                traced = method.tracer.trace(0.0, stop, run)
+                parts = [each.select(self.subject.counted(each)) for each in traced.actors]
                 return np.sum([synthesize(radar, each, 0.0, eps=0.3 * method.rtol) for each in parts], axis=0)
 
             cube()

@@ -139,9 +139,9 @@ def over_frames(subject: Subject, rows: list[dict[str, Any]], between: list[dict
             found.append(kept | {"way": "tracer", "seconds": row["adc_seconds"], "relative": row["adc_relative"]})
         elif row["method"].startswith("one sample per pixel"):
             view = "60°" if row["view_deg"] == PUBLISHED_DEG else "the subject alone"
-            error = row.get("adc_relative", row["relative"])  # of each chirp alike
-            way = f"every chirp, samples over {view}"
-            found.append(kept | {"way": way, "seconds": chirps * row["seconds"], "relative": error})
+            error = row.get("adc_relative", row["relative"])  # of slow ones that of instants, to which chirps are alike
+            kept |= {"way": f"every chirp, samples over {view}", "of_instants": "adc_relative" not in row}
+            found.append(kept | {"seconds": chirps * row["seconds"], "relative": error})
     way = "lines between instants, samples over the subject alone"
     return found + [
         {key: row[key] for key in ("method", "rays", "view_deg", "instants", "seconds")}

@@ -76,7 +76,7 @@ def markdown(result: dict[str, Any]) -> str:
         if scene.get("frames"):
             rows = [
                 [row["way"], _setting(row), str(row.get("instants", "–")), _number(row["seconds"]),
-                 _number(row["relative"])]
+                 _number(row["relative"]) + (" (instants)" if row.get("of_instants") else "")]
                 for row in scene["frames"]
             ]  # fmt: skip
             text.append(_table(["frame", "setting", "instants", "s", "ADC rel."], rows))

@@ -185,6 +185,7 @@ def test_frames_are_compared_at_equal_time_and_at_equal_error() -> None:
     assert found["b"]["equal_error_ratio"] == pytest.approx(2.0)
     assert not found["b"]["baseline_reaches_it"]
     assert found["b"]["equal_time_ratio"] == pytest.approx(500)
+    assert comparison.compare_frames(rows[2:], 1e-3) == {}
 
 
 def test_lines_between_samples_are_samples_at_their_instants() -> None:

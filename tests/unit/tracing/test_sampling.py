@@ -7,7 +7,7 @@ import trimesh
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places
-from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import Corners, returns_at_most, sampled_fraction, touching
 from rfgen_sionna.tracing.visibility import lattice
 
 VIEW = np.array([0.0, 0.0, 1.0])
@@ -124,9 +124,36 @@ def test_a_pole_s_shadow_is_found_on_facets_that_are_lit_at_all_corners():
     for each in (searched, known):
         assert np.abs(each.fraction - truth).max() < 0.02  # 576 points tell an edge to a twenty-fourth
     assert np.linalg.norm(searched.missed) < 0.5e-3 * np.linalg.norm(searched.returned)
+    # What a search finds, a coarser look does not lose again.
+    _, cut, _ = returns_at_most(corners - VIEW, WAVENUMBER)
+    for rtol in (0.03, 0.06, 0.1):
+        rough = sampled_fraction(scene, VIEW, corners, number, guided, WAVENUMBER, rtol, search=True)
+        wrong = np.linalg.norm((cut * np.abs(rough.fraction - truth))[unaware])
+        assert wrong < np.linalg.norm(rough.missed)
     # It goes to where it matters: of a coarse tolerance to fewer facets.
     loose = sampled_fraction(scene, VIEW, corners, number, guided, WAVENUMBER, 0.3, search=True)
     assert loose.rays < 0.5 * searched.rays
+
+
+def test_a_facet_that_is_hidden_though_its_corners_are_not_is_found_dark():
+    """A plate whose shadow is just one facet: guiding rays, which neighbours share, go by it."""
+    wall = trimesh.creation.box((0.01, 1.0, 1.0))
+    for _ in range(4):
+        wall = wall.subdivide()
+    wall.apply_translation((4, 0, 1))
+    front = np.flatnonzero(
+        (wall.face_normals[:, 0] < -0.9) & (np.abs(wall.triangles_center - [4, 0, 1])[:, 1:] < 0.1).all(axis=1)
+    )
+    one = wall.triangles[front[0]]
+    middle = one.mean(axis=0)
+    plate = trimesh.Trimesh(VIEW + 0.5 * (middle + 1.02 * (one - middle) - VIEW), [[0, 1, 2]], process=False)
+    scene, corners, number = facets_of(wall, plate)
+    of_wall = number < len(wall.faces)
+    corners, number = corners[of_wall], number[of_wall]
+    lit = np.ones((len(corners), 3), np.bool_)
+    found = sampled_fraction(scene, VIEW, corners, number, lit, WAVENUMBER, 1e-3, search=True)
+    assert found.fraction[number == front[0]][0] < 0.01
+    assert found.fraction.mean() > 0.99
 
 
 def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
