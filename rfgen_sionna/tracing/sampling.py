@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.shadow_lines import SPACINGS, Lit, crossed, inset, lit_parts, points_of
+from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, Lit, crossed, inset, lit_parts, points_of
 
 MISSED_PER_RTOL = 0.4
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
@@ -32,9 +32,6 @@ _MOST = 4_000_000
 """Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
 _BATCH = 500_000
 """Points that are looked at together."""
-_RIM = 0.05
-"""Guiding rays go to points so much nearer to the middle than corners are: of a face that looks away, behind the rim of
-its body, the very corner may be taken for seen."""
 _HIDDEN = 4e-3
 """Of facets that no edge is known to pass, the energy of what their returns miss for those that pass all the same, over
 that of what they may return when cut: in a furnished room, of small ones."""
@@ -263,7 +260,7 @@ class Corners:
         there = np.flatnonzero(light)
         owner, corner = np.divmod(self._one[there], 3)
         targets = rays.targets(self._viewpoint, self._corners[owner], self._facet[owner], moving)
-        light[there] = targets.seen(np.arange(len(there)), inset(np.eye(3), _RIM)[corner])
+        light[there] = targets.seen(np.arange(len(there)), inset(np.eye(3), RIM)[corner])
         return light[side], len(there)
 
 

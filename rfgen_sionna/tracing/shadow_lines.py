@@ -23,6 +23,9 @@ _HALVINGS = (4, 8)
 _STRAY = 0.05
 """Phase that the place found may be off by before it is halved again [rad, root mean square]."""
 
+RIM = 0.05
+"""Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
+the rim of its body, the very corner may be taken for seen."""
 _INSET = 5e-4
 _AIM = np.array([0.36, 0.31, 0.33])
 """Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
@@ -138,17 +141,21 @@ def crossed(look: Look, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> ND
     """(facet,) whether there are points on each one's lattice, of its `level`, that are not what it is `taken` (facet,)
     for, seen or not."""
     found = np.zeros(len(level), np.bool_)
-    for _, facets, lit in _points(look, level):
+    for _, facets, lit in _points(look, level, RIM):
         found[facets] = (lit != taken[facets, None]).any(axis=1)
     return found
 
 
-def _points(look: Look, level: NDArray[np.intp]) -> Iterator[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
-    """Level by level the facets of it, and (facet, point) which of their lattice's points are seen."""
+def _points(
+    look: Look, level: NDArray[np.intp], share: float = _INSET
+) -> Iterator[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
+    """Level by level the facets of it, and (facet, point) which of their lattice's points are seen, each by that
+    `share` nearer to the middle."""
     members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
     of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
     places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
-    seen = look.seen(np.concatenate([np.zeros(0, np.intp), *of]), inset(np.concatenate([np.zeros((0, 3)), *places])))
+    every = np.concatenate([np.zeros((0, 3)), *places])
+    seen = look.seen(np.concatenate([np.zeros(0, np.intp), *of]), inset(every, share))
     first = 0
     for each, facets in members:
         last = first + len(facets) * len(_lattice(each).points)

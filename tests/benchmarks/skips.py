@@ -95,14 +95,19 @@ def _all_rays(
     rest = np.setdiff1d(np.arange(len(corners)), found.owner)
     _, _, width = sampling.returns_at_most(corners[rest] - viewpoint, wavenumber)
     level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
-    targets = rays.targets(viewpoint, corners[rest], facet[rest], others.get("moving", False))
-    lit = shadow_lines.lit_parts(targets, level, width)
-    fraction = found.fraction.copy()
+    moving, fraction = others.get("moving", False), found.fraction.copy()
+    targets = rays.targets(viewpoint, corners[rest], facet[rest], moving)
+    more_there = shadow_lines.crossed(targets, level, fraction[rest] > 0)
+    rays_there = int(shadow_lines.points_of(level).sum())
+    rest, level, width = rest[more_there], level[more_there], width[more_there]
+    lit = shadow_lines.lit_parts(rays.targets(viewpoint, corners[rest], facet[rest], moving), level, width)
     fraction[rest] = lit.fraction
     owner = np.concatenate([found.owner, rest[lit.owner]])
     pieces = np.concatenate([found.pieces, lit.pieces])
     order = np.argsort(owner, kind="stable")
-    return found._replace(fraction=fraction, owner=owner[order], pieces=pieces[order], rays=found.rays + lit.rays)
+    return found._replace(
+        fraction=fraction, owner=owner[order], pieces=pieces[order], rays=found.rays + rays_there + lit.rays
+    )
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
