@@ -5,7 +5,9 @@ Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from threading import Lock
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,6 +18,7 @@ from rfgen_sionna.scene.transfer import upload
 
 MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
 """(vertex, 3) positions [m] and (face, 3) vertex indices."""
+_BUILDING = Lock()
 
 
 class Layer:
@@ -51,13 +54,29 @@ class Layer:
 
     def move(self, vertices: FloatArray) -> None:
         self.vertices = vertices
-        self._parameters[self._key] = self._shifted()
-        self._parameters.update()
+        with _one_thread():
+            self._parameters[self._key] = self._shifted()
+            self._parameters.update()
 
     def _shifted(self) -> Any:
         import mitsuba as mi
 
         return upload(mi.Float, self.vertices - self._origin)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Within it Dr.Jit, and Embree with it, has one thread: the tree of what moves is built by one anyway, however large
+    it is, and takes twice as long where others wait to help."""
+    import drjit as dr
+
+    with _BUILDING:
+        threads = dr.thread_count()
+        dr.set_thread_count(1)
+        try:
+            yield
+        finally:
+            dr.set_thread_count(threads)
 
 
 def _position_key(parameters: Any) -> str:
