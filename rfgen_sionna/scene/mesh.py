@@ -23,13 +23,19 @@ def face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def lengths(vectors: FloatArray) -> FloatArray:
-    """(...) lengths of vectors (..., 3); seven times faster than `numpy.linalg.norm` along so short an axis."""
-    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    """(...) lengths of vectors (..., 3); many times faster than `numpy.linalg.norm` along so short an axis."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def corners_of(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """(face, corner, 3) positions of the faces' corners; `numpy.take` is several times faster than `vertices[faces]`."""
+    return np.asarray(np.take(vertices, faces, axis=0))
 
 
 def columns(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(axis, corner, face) positions of the faces' corners, axis by axis: long rows are quick to reckon with."""
-    return np.asarray(np.ascontiguousarray(vertices.T)[:, faces.T])
+    return np.asarray(np.take(np.ascontiguousarray(vertices.T), faces.T, axis=1))
 
 
 def middles(corners: FloatArray) -> FloatArray:

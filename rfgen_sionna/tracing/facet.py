@@ -58,13 +58,21 @@ class Nodes:
 class FacetGains:
     """Gains and delays of facets at every node."""
 
-    a: ComplexArray
-    """(node, facet) complex gain without the propagation phase of the centroid, or of another point of reference."""
+    terms: ComplexArray
+    """(term, node, facet): gains, then slopes if they were asked for."""
     tau: FloatArray
-    """(node, facet) delay by way of that point [s]."""
-    slopes: ComplexArray | None = None
-    """(slope, node, facet) of the gains over the wavenumber [m], over the `axes` and, second ones, over each two of
-    them, if they were asked for."""
+    """(node, facet) delay by way of the centroid, or of another point of reference [s]."""
+
+    @property
+    def a(self) -> ComplexArray:
+        """(node, facet) complex gain without the propagation phase of that point."""
+        return self.terms[0]
+
+    @property
+    def slopes(self) -> ComplexArray:
+        """(slope, node, facet) of the gains over the wavenumber [m], over the `axes` and, second ones, over each two of
+        them."""
+        return self.terms[1:]
 
 
 def facet_gains(
@@ -126,7 +134,7 @@ def facet_gains(
     Float, UInt32, Array3, Complex = types.Float64, types.UInt32, types.Array3f64, types.Complex2f64
     shape = (len(nodes), len(corners))
     if 0 in shape:
-        return FacetGains(np.zeros(shape, np.complex128), np.zeros(shape))
+        return FacetGains(np.zeros((number_of_terms(axes), *shape), np.complex128), np.zeros(shape))
 
     def vector(values: FloatArray, index: Any) -> Any:
         flat = upload(Float, np.asarray(values, np.float64))
@@ -220,18 +228,14 @@ def facet_gains(
         total = whole(np.asarray(parts) ** 2, facet)
         terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
     length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
-    found = [*flattened(terms), length]
-    if not whole_facets:
-        place, sorted_ones = node * facet_count + facet, found
-        found = [dr.empty(Float, len(lane)) for _ in sorted_ones]
-        for values, own in zip(found, sorted_ones, strict=True):
-            dr.scatter(values, own, place, mode=dr.ReduceMode.Permute)
-    dr.eval(*found)
-    *found, length = (values.numpy().reshape(shape) for values in found)
-    a = np.empty((len(terms), *shape), dtype=np.complex128)
-    for values, re, im in zip(a, found[::2], found[1::2], strict=True):
-        values.real, values.imag = re, im
-    return FacetGains(a[0], length / SPEED_OF_LIGHT, None if axes is None else a[1:])
+    # Written as NumPy's complex numbers lie in memory, which saves copying them.
+    found, tau = dr.empty(Float, 2 * len(terms) * len(lane)), dr.empty(Float, len(lane))
+    place, size = node * facet_count + facet, dr.opaque(UInt32, len(lane))
+    for k, value in enumerate(flattened(terms)):
+        dr.scatter(found, value, 2 * (place + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
+    dr.scatter(tau, length / SPEED_OF_LIGHT, place, mode=dr.ReduceMode.Permute)
+    dr.eval(found, tau)
+    return FacetGains(found.numpy().view(np.complex128).reshape(len(terms), *shape), tau.numpy().reshape(shape))
 
 
 def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:

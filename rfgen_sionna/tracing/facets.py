@@ -54,7 +54,7 @@ class Facets:
     def take(self, index: NDArray[np.intp]) -> Facets:
         """The facets that `index` counts out."""
         return Facets(
-            self.corners[index],
+            np.take(self.corners, index, axis=0),
             self.number[index],
             self.face[index],
             self.surface[index],
@@ -93,12 +93,15 @@ class Facets:
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
-        counts out; integrated in so many parts that theirs are as small as the facets' are."""
+        counts out, on the bent surface where these are; integrated in so many parts that theirs are as small as the
+        facets' are."""
         found = self.take(owner)
         corners = weights @ found.corners
         width = _longest(corners) / np.maximum(_longest(found.corners), 1e-300)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
         bend = None if found.bend is None else found.bend.within(weights)
+        if bend is not None and bend.lifts is not None:
+            corners, bend = corners + bend.lifts, Bend(bend.rises)
         middle = np.rint(weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
         place = 31 * found.place + 2**16 * middle[:, 0] + middle[:, 1]  # wraps; pieces have phases of their own
         return replace(found, corners=corners, bend=bend, parts=np.maximum(parts, 1), place=place.astype(np.int32))

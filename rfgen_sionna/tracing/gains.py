@@ -106,11 +106,11 @@ class BandTracer:
 
     def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
-        place = centroids - self._origin
+        place = np.ascontiguousarray((centroids - self._origin).T)
         if pair is not None:
-            to_tx, to_rx = (lengths(place - each) for each in (self._tx[pair[0]], self._rx[pair[1]]))
+            to_tx, to_rx = (_ranges(each, place) for each in (self._tx[pair[0]], self._rx[pair[1]]))
             return np.asarray((to_tx + to_rx) / SPEED_OF_LIGHT)
-        to_tx, to_rx = (lengths(place - each[:, None]) for each in (self._tx, self._rx))
+        to_tx, to_rx = (np.stack([_ranges(one, place) for one in each]) for each in (self._tx, self._rx))
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
@@ -206,8 +206,7 @@ class BandTracer:
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
         found = self._integrated(facets, materials, expansion.nodes, facets.parts, expansion.axes, reference)
-        slopes = () if found.slopes is None else found.slopes
-        return np.concatenate([found.a, *slopes])
+        return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
 
     def _probes(
         self,
@@ -355,16 +354,19 @@ def by_curvature(
     """
     if curved is None or curved.all() or not curved.any():
         return gains(slice(None), curved is not None and bool(curved.any()))
-    a = np.empty((nodes, len(curved)), np.complex128)
-    tau, slopes = np.empty(a.shape), None
-    for which in (False, True):
-        index = np.flatnonzero(curved == which)
-        some = gains(index, which)
-        a[:, index], tau[:, index] = some.a, some.tau
-        if some.slopes is not None:
-            slopes = np.empty((len(some.slopes), *a.shape), np.complex128) if slopes is None else slopes
-            slopes[..., index] = some.slopes
-    return FacetGains(a, tau, slopes)
+    index = [np.flatnonzero(curved == which) for which in (False, True)]
+    found = [gains(some, which) for some, which in zip(index, (False, True), strict=True)]
+    tau = np.empty((nodes, len(curved)))
+    terms = np.empty((len(found[0].terms), *tau.shape), np.complex128)
+    for some, each in zip(index, found, strict=True):
+        terms[..., some], tau[:, some] = each.terms, each.tau
+    return FacetGains(terms, tau)
+
+
+def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:
+    """(facet,) distances of an `element` (3,) from each `place` (axis, facet) [m]."""
+    x, y, z = place - element[:, None]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

@@ -288,8 +288,7 @@ class Glances:
             looks = [known[t] for t in times.tolist()]
             own = [each.facets for each in looks]
             references = [each.centroids for each in own]
-            values = self._returns.values(own, expansion, references)
-            self._returns.shadow(looks, every, references, values, expansion)
+            _, values = self._returns.seen(looks, every, own, references, expansion)
             shares = np.stack([each.fraction for each in looks], axis=-1)
             gains = self._single(own[0], values, expansion)
             phasors = np.concatenate([self._phasors(each) for each in references], axis=1)

@@ -187,7 +187,7 @@ class LandingBand(ImageBand):
         sums = csr_array((facets.share, (owner, np.arange(len(owner)))), shape=(len(facets), len(owner)))
         tau = np.zeros((len(nodes), len(facets)))
         tau[:, owner] = found.tau
-        return FacetGains(np.ascontiguousarray((sums @ found.a.T).T), tau)
+        return FacetGains(np.ascontiguousarray((sums @ found.a.T).T)[None], tau)
 
 
 class Shower:

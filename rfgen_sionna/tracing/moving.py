@@ -138,16 +138,15 @@ class MovingParts:
             facets = [each.facets.take(kept) for each in seen]
             leader = self._patches.followed([each.facets.centroids for each in seen], kept)
             references = [each.facets.centroids[leader] for each in seen]
-            values = self._returns.values(facets, expansion, references)
+            bare, values = self._returns.seen(seen, kept, facets, references, expansion)
             if self._turn % MEASURED_EVERY:
                 break
-            gains = self._band.combined(expansion, values[middle])
+            gains = self._band.combined(expansion, bare[middle])
             self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains, references[middle])
             if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
-        self._returns.shadow(seen, kept, references, values, expansion)
         chosen = self._glances.choose(facets, references, values, shares, expansion, self._level)
         glanced, followed, between = None, kept[chosen.facets], chosen.error()
         looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [*seen, *mirrored, *chain(*bounced), *veiled]
@@ -204,7 +203,7 @@ class MovingParts:
         poses = [positions(float(t)) for t in (knots[0], knots[-1])]
         changed = not self._pieces
         for index, _ in enumerate(self._surfaces.moving):
-            distances = [np.linalg.norm(pose[index] - self._viewpoint, axis=1) for pose in poses]
+            distances = [lengths(pose[index] - self._viewpoint) for pose in poses]
             nearest = min(float(each.min()) for each in distances)
             beyond = max(float(each.max()) for each in distances) > self._max_range
             if beyond or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:

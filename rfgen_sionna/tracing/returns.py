@@ -42,29 +42,28 @@ class FacetReturns:
             found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
         return found
 
-    def shadow(
+    def seen(
         self,
         seen: Sequence[Seen],
         kept: NDArray[np.intp],
+        facets: Sequence[Facets],
         references: Sequence[FloatArray],
-        values: Sequence[ComplexArray],
         expansion: Expansion,
-    ) -> None:
-        """Take what is not seen out of the `values` (value, facet) of the facets `kept`, one array an instant: of those
-        in half shadow the pieces that are seen count, each with its own phase."""
-        for each, own in zip(seen, values, strict=True):
-            own *= each.fraction[kept]
+    ) -> tuple[list[ComplexArray], list[ComplexArray]]:
+        """(value, facet) of the `facets` kept, those that `kept` counts out of all, at each instant: as if all of them
+        were seen, and of what is `seen`. Of those in half shadow the pieces that are seen count, each with its own
+        phase."""
         cut = [number for number, each in enumerate(seen) if len(each.owner)]
-        if not cut:
-            return
         places = [np.searchsorted(kept, seen[number].owner) for number in cut]
         pieces = [seen[number].facets.cut(seen[number].owner, seen[number].pieces) for number in cut]
-        found = self.values(
-            pieces, expansion, [references[number][place] for number, place in zip(cut, places, strict=True)]
-        )
-        for number, place, of_pieces in zip(cut, places, found, strict=True):
+        theirs = [references[number][place] for number, place in zip(cut, places, strict=True)]
+        found = self.values([*facets, *pieces], expansion, [*references, *theirs])
+        whole = found[: len(facets)]
+        lit = [own * each.fraction[kept] for own, each in zip(whole, seen, strict=True)]
+        for number, place, of_pieces in zip(cut, places, found[len(facets) :], strict=True):
             where, first = np.unique(place, return_index=True)
-            values[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
+            lit[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
+        return whole, lit
 
     def coefficients(
         self,
@@ -79,7 +78,7 @@ class FacetReturns:
         the energy counts."""
         order = np.argsort(leader, kind="stable")
         led, first = np.unique(leader[order], return_index=True)
-        of_paths = np.stack([np.add.reduceat(each[:, order], first, axis=1) for each in values], axis=-1)
+        of_paths = np.stack([np.add.reduceat(np.take(each, order, axis=1), first, axis=1) for each in values], axis=-1)
         found = self._band.combined(expansion, of_paths)
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself

@@ -64,7 +64,7 @@ class Smoothing:
             weight[:, i] = 1.0 / np.maximum(square[i - 2] * square[i - 1], 1e-60)
         total = np.stack([self.gather @ (weight * axis[:, None]).reshape(-1) for axis in cross])
         total /= np.maximum(np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2), 1e-300)
-        return np.asarray(total[:, self.group[shown].T])
+        return np.asarray(np.take(total, self.group[shown].T, axis=1))
 
     def bend(self, corners: FloatArray, shown: NDArray[np.intp] | slice = slice(None)) -> Bend:
         """How the faces are bent, for their corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives them; others
@@ -154,7 +154,10 @@ class Bend:
     """(facet, 3, 3) of the corners [m]; None where there is none, as all facets are whole faces."""
 
     def take(self, index: IntArray | NDArray[np.intp] | slice) -> Bend:
-        return Bend(self.rises[index], None if self.lifts is None else self.lifts[index])
+        if isinstance(index, slice):
+            return Bend(self.rises[index], None if self.lifts is None else self.lifts[index])
+        lifts = None if self.lifts is None else np.take(self.lifts, index, axis=0)
+        return Bend(np.take(self.rises, index, axis=0), lifts)
 
     def within(self, weights: FloatArray) -> Bend:
         """Of one piece of each facet, its corners at barycentric coordinates `weights` (facet, corner, vertex)."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.mesh import columns, lengths, middles
+from rfgen_sionna.scene.mesh import columns, corners_of, lengths, middles
 from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
 _MAX_SPLITS = 64
@@ -58,6 +58,11 @@ class Tessellation:
         return np.flatnonzero((self.weights != np.eye(3)).any(axis=(1, 2)))
 
     @cached_property
+    def _middles(self) -> FloatArray:
+        """(facet, 3) barycentric coordinates of the facets' middles."""
+        return middles(self.weights)
+
+    @cached_property
     def are_the_faces(self) -> bool:
         """Whether facets and faces are the same, one by one."""
         return not len(self.pieces) and bool((self.face == np.arange(len(self.face))).all())
@@ -66,8 +71,8 @@ class Tessellation:
         """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions; those of the facets that `chosen`
         counts out."""
         if chosen is not None:
-            return np.asarray(self.weights[chosen] @ vertices[faces[self.face[chosen]]], dtype=np.float64)
-        corners = vertices[faces[self.face]]
+            return np.asarray(self.weights[chosen] @ corners_of(vertices, faces[self.face[chosen]]), dtype=np.float64)
+        corners = corners_of(vertices, faces if self.are_the_faces else faces[self.face])
         pieces = self.pieces  # few, where a mesh is fine
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
@@ -91,9 +96,8 @@ class Tessellation:
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
         """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
-        weights = middles(self.weights[chosen])
-        corners = faces[self.face[chosen]]
-        return np.asarray(sum(weights[:, [i]] * vertices[corners[:, i]] for i in range(3)), dtype=np.float64)
+        corners, weights = corners_of(vertices, np.take(faces, self.face[chosen], axis=0)), self._middles[chosen]
+        return np.asarray(sum(weights[:, [i]] * corners[:, i] for i in range(3)), dtype=np.float64)
 
 
 def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:
