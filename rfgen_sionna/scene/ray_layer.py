@@ -66,8 +66,8 @@ class Layer:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Within it Dr.Jit, and Embree with it, has one thread: the tree of what moves is built by one anyway, however large
-    it is, and takes twice as long where others wait to help."""
+    """Within it Dr.Jit, and Embree with it, has one thread: the tree of what moves is built by one anyway, however
+    large it is, and takes twice as long where others wait to help."""
     import drjit as dr
 
     with _BUILDING:

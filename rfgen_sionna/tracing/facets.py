@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import columns, lengths, middles
-from rfgen_sionna.tracing.smooth import QUARTERS, Bend
+from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
@@ -75,9 +75,12 @@ class Facets:
         parts = np.where(split[index], found.parts, 2 * found.parts)
         if self.bend is None or len(bent) == 0:
             return replace(found, parts=parts), index
-        weights = np.concatenate([np.broadcast_to(np.eye(3), (len(flat), 3, 3)), np.tile(QUARTERS, (len(bent), 1, 1))])
-        bend = None if found.bend is None else found.bend.within(weights)
-        return replace(found, corners=weights @ found.corners, bend=bend, parts=parts), index
+        corners = divided(QUARTERS, np.take(self.corners, bent, axis=0))
+        bend = self.bend.take(bent).divided(QUARTERS)
+        if len(flat):
+            corners = np.concatenate([found.corners[: len(flat)], corners])
+            bend = Bend.stack([self.bend.take(flat), bend])
+        return replace(found, corners=corners, bend=bend, parts=parts), index
 
     @staticmethod
     def joined(parts: Sequence[Facets]) -> Facets:
@@ -93,15 +96,12 @@ class Facets:
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
-        counts out, on the bent surface where these are; integrated in so many parts that theirs are as small as the
-        facets' are."""
+        counts out; integrated in so many parts that theirs are as small as the facets' are."""
         found = self.take(owner)
         corners = weights @ found.corners
         width = _longest(corners) / np.maximum(_longest(found.corners), 1e-300)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
         bend = None if found.bend is None else found.bend.within(weights)
-        if bend is not None and bend.lifts is not None:
-            corners, bend = corners + bend.lifts, Bend(bend.rises)
         middle = np.rint(weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
         place = 31 * found.place + 2**16 * middle[:, 0] + middle[:, 1]  # wraps; pieces have phases of their own
         return replace(found, corners=corners, bend=bend, parts=np.maximum(parts, 1), place=place.astype(np.int32))
@@ -111,9 +111,9 @@ class Facets:
         """(facet, 3) the points that delays go by [m]"""
         return middles(self.corners)
 
-    def directions(self, viewpoint: FloatArray) -> FloatArray:
-        """(facet, 3) unit vectors from the viewpoint to the centroids."""
-        offset = self.centroids - viewpoint
+    def directions(self, viewpoint: FloatArray, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray:
+        """(facet, 3) unit vectors from the viewpoint to the centroids, of the facets that `chosen` counts out."""
+        offset = self.centroids[chosen] - viewpoint
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
 
 

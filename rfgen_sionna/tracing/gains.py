@@ -19,7 +19,6 @@ from scipy.linalg import qr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weights
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
@@ -354,13 +353,12 @@ def by_curvature(
     """
     if curved is None or curved.all() or not curved.any():
         return gains(slice(None), curved is not None and bool(curved.any()))
-    index = [np.flatnonzero(curved == which) for which in (False, True)]
-    found = [gains(some, which) for some, which in zip(index, (False, True), strict=True)]
-    tau = np.empty((nodes, len(curved)))
-    terms = np.empty((len(found[0].terms), *tau.shape), np.complex128)
-    for some, each in zip(index, found, strict=True):
-        terms[..., some], tau[:, some] = each.terms, each.tau
-    return FacetGains(terms, tau)
+    flat, bent = np.flatnonzero(~curved), np.flatnonzero(curved)
+    apart = gains(flat, False), gains(bent, True)
+    back = np.empty(len(curved), np.intp)
+    back[np.concatenate([flat, bent])] = np.arange(len(curved))
+    terms, tau = (np.concatenate([getattr(each, name) for each in apart], axis=-1) for name in ("terms", "tau"))
+    return FacetGains(np.take(terms, back, axis=-1), np.take(tau, back, axis=-1))
 
 
 def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:

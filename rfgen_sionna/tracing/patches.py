@@ -94,9 +94,10 @@ class Patches:
     def pattern(self, facets: Facets, reference: FloatArray) -> FloatArray:
         """(facet,) the antennas' field gain towards each facet, over that towards its point of `reference` (facet, 3)
         [m], which a path has."""
-        other = (facets.centroids != reference).any(axis=1)
+        x, y, z = (facets.centroids != reference).T
+        other = np.flatnonzero(x | y | z)
         found, offset = np.ones(len(facets)), reference[other] - self._viewpoint
-        own = self._band.importance(facets.directions(self._viewpoint)[other])
+        own = self._band.importance(facets.directions(self._viewpoint, other))
         there = self._band.importance(offset / np.maximum(lengths(offset), 1e-12)[:, None])
         found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
         return found

@@ -74,7 +74,8 @@ class Sight:
         facing = np.flatnonzero(facets.facing & near)
         passing = self.passing(rays, vertices)
         outline = np.zeros(len(facets))
-        outline[facing] = Places(facets.corners[facing] - self._viewpoint, facets.number[facing]).holding(passing)
+        corners = np.take(facets.corners, facing, axis=0) - self._viewpoint
+        outline[facing] = Places(corners, facets.number[facing]).holding(passing)
         found = self._sampled(rays, facets, facing, places, outline, 0.0)
         return replace(found, rays=found.rays + len(passing.hit))
 
@@ -95,9 +96,9 @@ class Sight:
     ) -> Seen:
         """What is seen of `facets`, of those that are `facing` the radar."""
         fraction = np.zeros(len(facets))
-        corners, number = facets.corners[facing], facets.number[facing]
+        corners, number = np.take(facets.corners, facing, axis=0), facets.number[facing]
         surface, count = facets.surface[facing], len(self._surfaces.moving)
-        weight = self._importance(facets.directions(self._viewpoint)[facing])
+        weight = self._importance(facets.directions(self._viewpoint, facing))
         guided, guides = Corners(self._viewpoint, corners, number, places[facing]).seen(rays)
         found = sampled_fraction(
             rays,

@@ -161,12 +161,20 @@ class Bend:
 
     def within(self, weights: FloatArray) -> Bend:
         """Of one piece of each facet, its corners at barycentric coordinates `weights` (facet, corner, vertex)."""
-        middle = 4.0 * weights[:, :, [1, 2, 0]] * weights[:, :, [2, 0, 1]]
         along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]  # of the edge opposite each corner
-        lifts = middle @ self.rises
+        lifts = 4.0 * _products(weights) @ self.rises
         if self.lifts is not None:
             lifts += weights @ self.lifts
-        return Bend(-(along[:, :, [1, 2, 0]] * along[:, :, [2, 0, 1]]) @ self.rises, lifts)
+        return Bend(-_products(along) @ self.rises, lifts)
+
+    def divided(self, weights: FloatArray) -> Bend:
+        """Of the same pieces of every facet, one facet's after the other's: their corners are at barycentric
+        coordinates `weights` (piece, corner, vertex)."""
+        along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]
+        lifts = divided(4.0 * _products(weights), self.rises)
+        if self.lifts is not None:
+            lifts += divided(weights, self.lifts)
+        return Bend(divided(-_products(along), self.rises), lifts)
 
     @staticmethod
     def blended(parts: Sequence[Bend], weights: FloatArray) -> Bend | None:
@@ -185,6 +193,20 @@ class Bend:
         lifts = [np.zeros_like(each.rises) if each.lifts is None else each.lifts for each in parts]
         flat = all(each.lifts is None for each in parts)
         return Bend(np.concatenate([each.rises for each in parts]), None if flat else np.concatenate(lifts))
+
+
+def divided(weights: FloatArray, values: FloatArray) -> FloatArray:
+    """(facet piece, 3, 3) of the same pieces of every facet, `weights` (piece, corner, vertex) of its `values` (facet,
+    vertex, 3)."""
+    return np.asarray((weights.reshape(-1, 3) @ values).reshape(-1, 3, 3))
+
+
+def _products(weights: FloatArray) -> FloatArray:
+    """(..., 3) of each two of three weights (..., 3), those of the corners opposite each."""
+    x, y, z = weights[..., 0], weights[..., 1], weights[..., 2]
+    found = np.empty_like(weights)
+    found[..., 0], found[..., 1], found[..., 2] = y * z, z * x, x * y
+    return found
 
 
 def barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
