@@ -26,10 +26,14 @@ MISSED_PER_RTOL = 0.4
 interfering, per unit of the tolerance."""
 _BENT = 0.1
 """What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
+_STILL_BENT = 0.2
+"""The same in a furnished room, where edges of many things cross and what they miss adds up in phase on walls."""
 _CORNERS = 0.3
 """What the number of its corners that are seen misses of a facet."""
 _MOST = 4_000_000
 """Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
+_STILL_MOST = 32_000_000
+"""The same of what is looked at once."""
 _BATCH = 500_000
 """Points that are looked at together."""
 _HIDDEN = 4e-3
@@ -161,7 +165,8 @@ def sampled_fraction(
             _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
         )  # fmt: skip
         edged |= least >= 0
-    bent = _BENT * cut
+    bend, most_points = (_STILL_BENT, _STILL_MOST) if search else (_BENT, _MOST)
+    bent = bend * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
     size /= np.maximum(lengths(offset[some]).min(axis=1, initial=np.inf), 1e-9)
@@ -176,9 +181,9 @@ def sampled_fraction(
         allowed[mine] = _allowed(bent[mine], share * MISSED_PER_RTOL * rtol * max(total, floor))
     wanted = np.sqrt(bent / allowed)
     # Where an edge was found by searching, no coarser lattice would find it again.
-    looked = edged & ((wanted > np.sqrt(_BENT / _CORNERS)) | (least >= 0))
+    looked = edged & ((wanted > np.sqrt(bend / _CORNERS)) | (least >= 0))
     lattice = np.maximum(np.searchsorted(SPACINGS[:-1], wanted), least)
-    while points_of(lattice[looked]).sum() > _MOST and lattice[looked].any():
+    while points_of(lattice[looked]).sum() > most_points and lattice[looked].any():
         lattice = np.maximum(lattice - 1, 0)
     missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, _CORNERS * cut * edged))
     missed = np.maximum(missed, hidden)
@@ -197,7 +202,7 @@ def sampled_fraction(
     whole = passed & looked & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
     lattice[narrow] += 1
-    found += look(narrow[np.cumsum(points_of(lattice[narrow])) < _MOST])
+    found += look(narrow[np.cumsum(points_of(lattice[narrow])) < most_points])
     owner = np.concatenate([index[lit.owner] for index, lit in found])
     pieces = np.concatenate([lit.pieces for _, lit in found])
     order = np.argsort(owner, kind="stable")
