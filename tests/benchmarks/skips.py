@@ -177,13 +177,15 @@ class _Run:
         start = index * wave.frame_period
         return self._tracer.trace(start, start + wave.frame_length, self._moving)
 
-    def answer(self, traced: tracer.Traced, index: int) -> tuple[ComplexArray, ComplexArray]:
+    def answer(self, traced: tracer.Traced, index: int) -> tuple[ComplexArray, ComplexArray, float]:
+        """Samples of the room with the adult's shadow and of the adult, and the level of the room without it."""
         start, eps = index * self.radar.waveform.frame_period, 0.1 * self._rtol
         still = synthesize(self.radar, traced.static, 0.0, eps=eps, device="cpu")
+        level = float(np.linalg.norm(still))
         for shadow in traced.shadows:
             still = still + synthesize(self.radar, shadow.paths, start, eps=eps, device="cpu")
         parts = [synthesize(self.radar, each, start, eps=eps, device="cpu") for each in traced.actors]
-        return still, np.sum(parts, axis=0)
+        return still, np.sum(parts, axis=0), level
 
 
 def _difference(found: ComplexArray, expected: ComplexArray) -> float:
@@ -215,9 +217,13 @@ def row(skip: Skip, repeats: int = 2) -> dict[str, Any]:
             elapsed, there = timed(lambda index=index: other.frame(index, skip.anew or skip.name == ONCE))
         off.append(elapsed)
     ours, theirs = run.answer(here, index), other.answer(there, index)
+    # The tolerance is of what the room returns, of which the adult hides the greater part.
+    left = float(np.linalg.norm(ours[0] - theirs[0]))
+    room = left / theirs[2] if theirs[2] else 0.0
     return _row(
-        skip.name, min(on), min(off), (_difference(ours[0], theirs[0]), _difference(ours[1], theirs[1])),
+        skip.name, min(on), min(off), (room, _difference(ours[1], theirs[1])),
         default_rtol(), of="adult in the living room" if skip.room else "adult in free space",
+        difference_shadowed_room=_difference(ours[0], theirs[0]),
         facets_on=here.report.facets, facets_off=there.report.facets, rays_on=here.report.rays,
         rays_off=there.report.rays,
     )  # fmt: skip

@@ -113,12 +113,13 @@ def markdown(result: dict[str, Any]) -> str:
     if "skips" in result:
         text.append("## Skips\n")
         heads = ["skip", "shown with", "s with", "s without", "times faster", "room differs", "adult differs",
-                 "allowed", "holds"]  # fmt: skip
+                 "allowed", "holds", "of what the adult leaves of the room"]  # fmt: skip
         rows = [
             [
                 row["skip"], row["of"], _number(row["seconds_on"]), _number(row["seconds_off"]),
                 _number(row["times_faster"]), _number(row["difference_room"]), _number(row["difference_actor"]),
                 _number(row["allowed"]), "yes" if row["holds"] else "**no**",
+                _number(row.get("difference_shadowed_room")),
             ]
             for row in result["skips"]
         ]  # fmt: skip
