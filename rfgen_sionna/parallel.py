@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from threading import Lock
 from typing import Any
 
 
-class _Limit:
-    """NumPy's products on one thread while anybody holds it: the first to come sets it, the last to go lifts it."""
+class Limit:
+    """Something that a whole process is limited to while anybody holds it: the first to come sets it, the last to go
+    lifts it. `limit` sets it and returns what lifts it."""
 
-    def __init__(self) -> None:
-        self._lock, self._holders = Lock(), 0
-        self._set: Any = None
+    def __init__(self, limit: Callable[[], Callable[[], object]]) -> None:
+        self._lock, self._holders, self._limit = Lock(), 0, limit
+        self._lift: Callable[[], object] | None = None
 
-    def take(self) -> None:
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Within it the limit holds."""
+        self._take()
+        try:
+            yield
+        finally:
+            self._give_back()
+
+    def _take(self) -> None:
         with self._lock:
             if self._holders == 0:
-                self._set = _controller().limit(limits=1, user_api="blas")
+                self._lift = self._limit()
             self._holders += 1
 
-    def give_back(self) -> None:
+    def _give_back(self) -> None:
         with self._lock:
             self._holders -= 1
-            if self._holders == 0 and self._set is not None:
-                self._set.restore_original_limits()
-                self._set = None
-
-
-_LIMIT = _Limit()
+            if self._holders == 0 and self._lift is not None:
+                self._lift()
+                self._lift = None
 
 
 @lru_cache(maxsize=1)
@@ -38,6 +45,9 @@ def _controller() -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+_BLAS = Limit(lambda: _controller().limit(limits=1, user_api="blas").restore_original_limits)
 
 
 @contextmanager
@@ -48,8 +58,5 @@ def one_blas_thread() -> Iterator[None]:
     OpenBLAS' threads wait for each other by spinning: where the caller already works on all cores, with threads of its
     own or through Dr.Jit, products of a few rows take four times as long with them as without.
     """
-    _LIMIT.take()
-    try:
+    with _BLAS.held():
         yield
-    finally:
-        _LIMIT.give_back()

@@ -5,20 +5,18 @@ Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from threading import Lock
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from rfgen_sionna.parallel import Limit
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import BackendError
 from rfgen_sionna.scene.transfer import upload
 
 MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
 """(vertex, 3) positions [m] and (face, 3) vertex indices."""
-_BUILDING = Lock()
 
 
 class Layer:
@@ -54,7 +52,7 @@ class Layer:
 
     def move(self, vertices: FloatArray) -> None:
         self.vertices = vertices
-        with _one_thread():
+        with _ONE_THREAD.held():
             self._parameters[self._key] = self._shifted()
             self._parameters.update()
 
@@ -64,19 +62,22 @@ class Layer:
         return upload(mi.Float, self.vertices - self._origin)
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Within it Dr.Jit, and Embree with it, has one thread: the tree of what moves is built by one anyway, however
-    large it is, and takes twice as long where others wait to help."""
+def _one_thread() -> Callable[[], None]:
+    """Leave Dr.Jit on the CPU, and Embree with it, one thread, in all of the process; returns what gives the others
+    back."""
     import drjit as dr
+    import mitsuba as mi
 
-    with _BUILDING:
-        threads = dr.thread_count()
-        dr.set_thread_count(1)
-        try:
-            yield
-        finally:
-            dr.set_thread_count(threads)
+    threads = dr.thread_count()
+    if threads < 2 or dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
+        return lambda: None
+    dr.set_thread_count(1)
+    return lambda: dr.set_thread_count(threads)
+
+
+_ONE_THREAD = Limit(_one_thread)
+"""Embree builds the tree of what moves with one thread, however large it is, and takes up to twice as long (on two
+cores) where another waits to help."""
 
 
 def _position_key(parameters: Any) -> str:

@@ -52,7 +52,7 @@ class Facets:
         return len(self.number)
 
     def take(self, index: NDArray[np.intp]) -> Facets:
-        """The facets that `index` counts out."""
+        """The facets that `index` counts out; not a mask."""
         return Facets(
             np.take(self.corners, index, axis=0),
             self.number[index],

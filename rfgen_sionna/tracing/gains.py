@@ -281,7 +281,7 @@ class BandTracer:
                 reference=None if reference is None else reference[index] - self._origin,
             )
 
-        return by_curvature(facets.curved, len(nodes), of)
+        return by_curvature(facets.curved, of)
 
     def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
         tx, rx = np.divmod(pairs, len(self._rx))
@@ -345,7 +345,7 @@ class BandTracer:
 
 
 def by_curvature(
-    curved: NDArray[np.bool_] | None, nodes: int, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
+    curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
 ) -> FacetGains:
     """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index and whether these are curved.
 

@@ -107,7 +107,7 @@ class ImageBand(BandTracer):
                 **self._by(facets, nodes, index),
             )
 
-        return by_curvature(facets.curved, len(nodes), of)
+        return by_curvature(facets.curved, of)
 
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
         """What the facets `index` are seen by."""

@@ -183,7 +183,7 @@ class LandingBand(ImageBand):
                 **self._by(facets, nodes, whose),
             )
 
-        found = by_curvature(None if facets.curved is None else facets.curved[owner], len(nodes), of)
+        found = by_curvature(None if facets.curved is None else facets.curved[owner], of)
         sums = csr_array((facets.share, (owner, np.arange(len(owner)))), shape=(len(facets), len(owner)))
         tau = np.zeros((len(nodes), len(facets)))
         tau[:, owner] = found.tau

@@ -27,7 +27,8 @@ interfering, per unit of the tolerance."""
 _BENT = 0.1
 """What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
 _STILL_BENT = 0.2
-"""The same in a furnished room, where edges of many things cross and what they miss adds up in phase on walls."""
+"""The same of what stays, a furnished room, where edges of many things cross and what they miss adds up in phase on
+walls. What actors hide of it is no better for being looked at as closely."""
 _CORNERS = 0.3
 """What the number of its corners that are seen misses of a facet."""
 _MOST = 4_000_000
@@ -136,8 +137,9 @@ def sampled_fraction(
         Whether nothing but moving objects hides: shares are of what is seen without them.
     search
         Whether edges are looked for on facets, too, that neither corners nor outlines tell of any: where surfaces
-        run through each other, and behind what is narrow. It takes a few rays to each facet that would matter. What
-        is too narrow for these, a quarter to an eighth of a facet, is neither found nor in `missed`.
+        run through each other, and behind what is narrow. It takes a few rays to each facet that would matter, and
+        edges that are known are looked at more closely than where facets are looked at again and again. What is too
+        narrow for these rays, a quarter to an eighth of a facet, is neither found nor in `missed`.
     """
     count = len(corners)
     if not count:

@@ -10,7 +10,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths
-from rfgen_sionna.tracing.smooth import QUARTERS, smoothing
+from rfgen_sionna.tracing.smooth import QUARTERS, divided, smoothing
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor
@@ -145,8 +145,6 @@ def _split(vertices: FloatArray, faces: IntArray, edge: float, frequency: float)
         lifts = 0.0 if last.lifts is None else last.lifts
         # As high as the patch is on the mean: a third of what its edges rise.
         done.append(corners[~coarse] + lifts + last.rises.mean(axis=1, keepdims=True))
-        index = np.repeat(np.flatnonzero(coarse), len(QUARTERS))
-        weights = np.tile(QUARTERS, (int(np.count_nonzero(coarse)), 1, 1))
-        corners, bend = weights @ corners[index], bend.take(index).within(weights)
+        corners, bend = divided(QUARTERS, corners[coarse]), bend.take(np.flatnonzero(coarse)).divided(QUARTERS)
     found = np.concatenate(done)
     return found.reshape(-1, 3), np.arange(3 * len(found), dtype=np.int32).reshape(-1, 3)

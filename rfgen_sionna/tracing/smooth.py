@@ -154,6 +154,7 @@ class Bend:
     """(facet, 3, 3) of the corners [m]; None where there is none, as all facets are whole faces."""
 
     def take(self, index: IntArray | NDArray[np.intp] | slice) -> Bend:
+        """Of the facets that `index` counts out; not a mask."""
         if isinstance(index, slice):
             return Bend(self.rises[index], None if self.lifts is None else self.lifts[index])
         lifts = None if self.lifts is None else np.take(self.lifts, index, axis=0)

@@ -153,8 +153,6 @@ class StaticTrace:
         """Facets that may be hidden by the `actors`, each of which takes up (point, 3) places [m]."""
         if not len(self.facets):
             return np.zeros(0, np.intp)
-        if not len(self.facets):
-            return np.zeros(0, np.intp)
         return np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
 
     def visible(self, rays: RayScene, index: NDArray[np.intp], passing: Passing) -> tuple[Dimmed, int]:

@@ -62,9 +62,12 @@ class Tessellation:
         """(facet, 3) barycentric coordinates of the facets' middles."""
         return middles(self.weights)
 
+    def are_the_faces(self, count: int) -> bool:
+        """Whether facets and the `count` faces are the same, one by one."""
+        return len(self.face) == count and self._begin_the_faces
+
     @cached_property
-    def are_the_faces(self) -> bool:
-        """Whether facets and faces are the same, one by one."""
+    def _begin_the_faces(self) -> bool:
         return not len(self.pieces) and bool((self.face == np.arange(len(self.face))).all())
 
     def corners(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp] | None = None) -> FloatArray:
@@ -72,7 +75,7 @@ class Tessellation:
         counts out."""
         if chosen is not None:
             return np.asarray(self.weights[chosen] @ corners_of(vertices, faces[self.face[chosen]]), dtype=np.float64)
-        corners = corners_of(vertices, faces if self.are_the_faces else faces[self.face])
+        corners = corners_of(vertices, faces if self.are_the_faces(len(faces)) else faces[self.face])
         pieces = self.pieces  # few, where a mesh is fine
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
@@ -85,7 +88,7 @@ class Tessellation:
         if smooth is None:
             return Bend(np.zeros((len(self.face), 3, 3)))
         bend = smooth.bend(corners, shown)
-        if not self.are_the_faces:
+        if not self.are_the_faces(corners.shape[2]):
             bend = bend.take(self.face)
         pieces = self.pieces
         if len(pieces) == 0:

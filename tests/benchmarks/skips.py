@@ -188,9 +188,13 @@ class _Run:
         return still, np.sum(parts, axis=0), level
 
 
-def _difference(found: ComplexArray, expected: ComplexArray) -> float:
-    level = float(np.linalg.norm(expected))
+def _difference(found: ComplexArray, expected: ComplexArray, level: float | None = None) -> float:
+    level = float(np.linalg.norm(expected)) if level is None else level
     return float(np.linalg.norm(found - expected)) / level if level else float(np.linalg.norm(found) > 0)
+
+
+def _share(part: ComplexArray, level: float) -> float | None:
+    return float(np.linalg.norm(part)) / level if level else None
 
 
 def _row(name: str, on: float, off: float, differences: tuple[float, float], allowed: float, **more: Any) -> Any:
@@ -218,12 +222,11 @@ def row(skip: Skip, repeats: int = 2) -> dict[str, Any]:
         off.append(elapsed)
     ours, theirs = run.answer(here, index), other.answer(there, index)
     # The tolerance is of what the room returns, of which the adult hides the greater part.
-    left = float(np.linalg.norm(ours[0] - theirs[0]))
-    room = left / theirs[2] if theirs[2] else 0.0
+    differences = _difference(ours[0], theirs[0], theirs[2]), _difference(ours[1], theirs[1])
     return _row(
-        skip.name, min(on), min(off), (room, _difference(ours[1], theirs[1])),
+        skip.name, min(on), min(off), differences,
         default_rtol(), of="adult in the living room" if skip.room else "adult in free space",
-        difference_shadowed_room=_difference(ours[0], theirs[0]),
+        difference_shadowed_room=_difference(ours[0], theirs[0]), room_left=_share(ours[0], ours[2]),
         facets_on=here.report.facets, facets_off=there.report.facets, rays_on=here.report.rays,
         rays_off=there.report.rays,
     )  # fmt: skip

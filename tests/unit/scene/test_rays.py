@@ -1,5 +1,6 @@
 """Rays hit what stands in their way, in static and moving meshes alike, near the origin and far from it."""
 
+import drjit as dr
 import numpy as np
 import pytest
 import trimesh
@@ -255,3 +256,28 @@ def test_bad_arguments_are_named(call, message):
     rays = RayScene([], [arrays(BALL)])
     with pytest.raises(ValueError, match=message):
         call(rays)
+
+
+def test_threads_are_given_back_after_a_move():
+    """A tree is built with one thread, and whatever happens Dr.Jit has those of before again."""
+    scene = RayScene([], [arrays(BALL)])
+    before, seen = dr.thread_count(), []
+    update = scene._moving._parameters.update
+
+    def failing():
+        seen.append(dr.thread_count())
+        update()
+        if len(seen) == 2:
+            raise RuntimeError("no more memory")
+
+    scene._moving._parameters.update = failing
+    try:
+        dr.set_thread_count(2)
+        scene.update([arrays(BALL, (1.0, 0, 0))[0]])
+        assert dr.thread_count() == 2
+        with pytest.raises(RuntimeError, match="no more memory"):
+            scene.update([arrays(BALL)[0]])
+        assert dr.thread_count() == 2
+    finally:
+        dr.set_thread_count(before)
+    assert seen == [1, 1]
