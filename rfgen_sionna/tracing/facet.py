@@ -136,9 +136,10 @@ def facet_gains(
     if 0 in shape:
         return FacetGains(np.zeros((number_of_terms(axes), *shape), np.complex128), np.zeros(shape))
 
-    def vector(values: FloatArray, index: Any) -> Any:
+    def vectors(values: FloatArray, index: Any, count: int = 1) -> list[Any]:
         flat = upload(Float, np.asarray(values, np.float64))
-        return Array3(*(dr.gather(Float, flat, index * 3 + axis) for axis in range(3)))
+        first = 3 * count * index
+        return [Array3(*(dr.gather(Float, flat, first + 3 * k + i) for i in range(3))) for k in range(count)]
 
     def whole(values: ArrayLike, index: Any) -> Any:
         return dr.gather(UInt32, upload(UInt32, np.asarray(values, np.uint32)), index)
@@ -151,9 +152,8 @@ def facet_gains(
     if not whole_facets:
         # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
         facet = whole(np.argsort(np.asarray(parts), kind="stable"), facet)
-    flat_corners = np.ascontiguousarray(corners, dtype=np.float64).reshape(-1, 3)
-    p = [vector(flat_corners, facet * 3 + corner) for corner in range(3)]
-    t, r = vector(nodes.tx, node), vector(nodes.rx, node)
+    p = vectors(corners, facet, 3)
+    (t,), (r,) = vectors(nodes.tx, node), vectors(nodes.rx, node)
     wavenumber = dr.gather(Float, upload(Float, wavenumbers), node)
     medium = media_of_lanes(dr, types, media, node, whole(material, facet), wavenumber)
     field_of_tx, field_of_rx = (Array3(*(dr.opaque(Float, float(x)) for x in f)) for f in (tx_field, rx_field))
@@ -167,21 +167,16 @@ def facet_gains(
     elif screens is not None:
         walls = (None, None)
     middle = (p[0] + p[1] + p[2]) / 3.0
-    origin = middle if reference is None else vector(np.reshape(reference, (-1, 3)), facet)
+    origin = middle if reference is None else vectors(reference, facet)[0]
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
     away = dr.dot(cross, middle if bend is not None and via is None else middle - t) > 0
     cross = dr.select(away, -cross, cross)
     rises = None
     if bend is not None:
-
-        def corner_by_corner(values: FloatArray) -> list[Any]:
-            flat = np.ascontiguousarray(values, dtype=np.float64).reshape(-1, 3)
-            return [vector(flat, facet * 3 + corner) for corner in range(3)]
-
-        rises = corner_by_corner(bend.rises)
+        rises = vectors(bend.rises, facet, 3)
         if bend.lifts is not None:
-            p = [corner + lift for corner, lift in zip(p, corner_by_corner(bend.lifts), strict=True)]
+            p = [corner + lift for corner, lift in zip(p, vectors(bend.lifts, facet, 3), strict=True)]
     crossed = Crossed([], []), Crossed([], [])
     turn, bulk = None, 0.0
     if screens is not None and walls is not None:
