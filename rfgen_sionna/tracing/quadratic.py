@@ -42,8 +42,9 @@ class Quadratic(NamedTuple):
         something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
         them the mean over the triangle is kept.
         """
-        found = moments(dr, (wavenumber * self.lengths[0], wavenumber * self.lengths[1], wavenumber * self.lengths[2]))
         mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
+        a, b, c = (wavenumber * (length - mean_sag) for length in self.lengths)
+        found = moments(dr, (a, b, c))
         edge = found.edge
         quadratic = edge[0].scaled(4 * self.sags[0]) + edge[1].scaled(4 * self.sags[1])
         quadratic = (quadratic + edge[2].scaled(4 * self.sags[2]) - found.mean.scaled(mean_sag)).turned()
@@ -53,14 +54,12 @@ class Quadratic(NamedTuple):
         total = bent.scaled(wavenumber)
         for i in range(3):
             total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
-        sin, cos = dr.sincos(wavenumber * mean_sag)
         a, b, c = self.sags
         # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
         variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
         # What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong.
         damped = dr.exp(-dr.minimum(0.5 * wavenumber * wavenumber * variance, 2.0))
-        carrier = ComplexPair(cos * damped, sin * damped)
-        total = total.times(carrier)
+        total = total.scaled(damped)
         if ways is None:
             return [total]
         strengths = [each + swell for each in self.strengths]
@@ -77,10 +76,10 @@ class Quadratic(NamedTuple):
         means = [wavenumber * (way[0] + way[1] + way[2]) / 3.0 for way in (self.lengths, *ways)]
         moved = [corners(way) for way in (self.lengths, *ways)]
         slopes = [
-            (bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)).times(carrier)
+            (bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)).scaled(damped)
             for mean, (a, b, c) in zip(means, moved, strict=True)
         ]
-        over_wavenumber = bent.times(carrier) + (total.scaled(mean_sag) - slopes[0]).turned()
+        over_wavenumber = bent.scaled(damped) + (total.scaled(mean_sag) - slopes[0]).turned()
         over_wavenumber = over_wavenumber - total.scaled(wavenumber * variance)
         firsts = [each.turned().scaled(-wavenumber) for each in slopes[1:]]
         seconds = []
@@ -88,7 +87,7 @@ class Quadratic(NamedTuple):
             a, b, c = (each.scaled(at) for each, at in zip(moved[1 + other], ways[one], strict=True))
             second = (a + b + c).times(middle + swell).scaled(wavenumber)
             second = second + bent.scaled(means[1 + one] * means[1 + other])
-            seconds.append(second.times(carrier).scaled(-wavenumber))
+            seconds.append(second.scaled(-wavenumber * damped))
         return [total, over_wavenumber, *firsts, *seconds]
 
     def mean_in_parts(

@@ -61,15 +61,17 @@ def moments(dr: Any, p: tuple[Any, Any, Any]) -> Moments:
     high = dr.maximum(dr.maximum(p[0], p[1]), p[2])
     middle = p[0] + p[1] + p[2] - low - high
     spread = high - low
-    far = _by_differences(dr, low, middle, high)
-    near = _by_series(dr, low, middle, high)
-    small = spread < SERIES_SPREAD
 
-    def choose(one: Complex, other: Complex) -> Complex:
-        return Complex(dr.select(small, one.re, other.re), dr.select(small, one.im, other.im))
+    def by(rule: Any) -> Any:
+        def values(*phases: Any) -> tuple[Any, ...]:
+            found = rule(dr, *phases)
+            return tuple(value for each in (found.mean, *found.corner, *found.edge) for value in each)
 
-    corner = [choose(x, y) for x, y in zip(near.corner, far.corner, strict=True)]
-    edge = [choose(x, y) for x, y in zip(near.edge, far.edge, strict=True)]
+        return values
+
+    found = dr.if_stmt((low, middle, high), spread < SERIES_SPREAD, by(_by_series), by(_by_differences))
+    mean, *rest = (Complex(*found[k : k + 2]) for k in range(0, 14, 2))
+    corner, edge = rest[:3], rest[3:]
 
     # Back from sorted order: corner i is the low, the middle or the high one. Equal phases have equal moments.
     def unsorted(values: list[Complex], index: int) -> Complex:
@@ -79,7 +81,7 @@ def moments(dr: Any, p: tuple[Any, Any, Any]) -> Moments:
         return Complex(re, im)
 
     return Moments(
-        choose(near.mean, far.mean),
+        mean,
         (unsorted(corner, 0), unsorted(corner, 1), unsorted(corner, 2)),
         (unsorted(edge, 0), unsorted(edge, 1), unsorted(edge, 2)),
     )
@@ -94,31 +96,34 @@ class _Edge(NamedTuple):
     xxyy: Complex
 
 
-def _edge(dr: Any, x: Any, y: Any) -> _Edge:
-    h = 0.5 * (y - x)
+def _edge(dr: Any, h: Any, turn: Complex, middle: Complex) -> _Edge:
+    """`h` is half of y - x, `turn` is exp(-j h), `middle` exp(-j (x + y) / 2)."""
     small = h < _BESSEL_SERIES
-    safe = dr.select(small, 1.0, h)
-    sin, cos = dr.sincos(safe)
+    inverse = 1.0 / dr.select(small, 1.0, h)
     h2 = h * h
-    j0 = dr.select(small, 1 - h2 / 6 * (1 - h2 / 20 * (1 - h2 / 42 * (1 - h2 / 72))), sin / safe)
-    j1_over_h = dr.select(
-        small, (1 - h2 / 10 * (1 - h2 / 28 * (1 - h2 / 54 * (1 - h2 / 88)))) / 3, (sin / safe - cos) / (safe * safe)
-    )
-    sin, cos = dr.sincos(0.5 * (x + y))
-    half = 0.5 * h * j1_over_h
-    even = Complex(0.5 * j0 * cos, -0.5 * j0 * sin)
-    odd = Complex(-half * sin, -half * cos)  # -j j1/2 exp(-j m)
-    last = 0.5 * j1_over_h
-    return _Edge(even + even, even - odd, even + odd, Complex(last * cos, -last * sin))
+    wave = -turn.im * inverse
+    j0 = dr.select(small, 1 - h2 * (1 / 6) * (1 - h2 * (1 / 20) * (1 - h2 * (1 / 42) * (1 - h2 * (1 / 72)))), wave)
+    series = (1 - h2 * (1 / 10) * (1 - h2 * (1 / 28) * (1 - h2 * (1 / 54) * (1 - h2 * (1 / 88))))) * (1 / 3)
+    j1_over_h = dr.select(small, series, (wave - turn.re) * inverse * inverse)
+    even, last = middle.scaled(0.5 * j0), middle.scaled(0.5 * j1_over_h)
+    odd = last.turned().scaled(-h)  # -j j1/2 exp(-j m)
+    return _Edge(even + even, even - odd, even + odd, last)
 
 
 def _by_differences(dr: Any, a: Any, b: Any, c: Any) -> Moments:
     inverse = 1.0 / dr.maximum(c - a, SERIES_SPREAD)
 
+    def turn(angle: Any) -> Complex:
+        sin, cos = dr.sincos(angle)
+        return Complex(cos, -sin)
+
     def divided(upper: Complex, lower: Complex) -> Complex:
         return (upper - lower).turned().scaled(inverse)
 
-    ab, bc = _edge(dr, a, b), _edge(dr, b, c)
+    first, second = 0.5 * (b - a), 0.5 * (c - b)
+    along, on = turn(first), turn(second)
+    middle = turn(0.5 * (a + b))
+    ab, bc = _edge(dr, first, along, middle), _edge(dr, second, on, middle.times(along).times(on))
     abc = divided(bc.xy, ab.xy)
     aabc, abbc, abcc = divided(abc, ab.xxy), divided(bc.xxy, ab.xyy), divided(bc.xyy, abc)
     return Moments(
