@@ -130,10 +130,12 @@ def stack_facets(
     everywhere: bool = True,
 ) -> Facets:
     """All pieces of all surfaces, in their order, for the vertices [m] given. Not `everywhere`, those that look away
-    from the viewpoint are left flat."""
+    from the viewpoint are left flat. They are integrated in `parts_of` (facet,) each surface; None: as many as they are
+    made for."""
     curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
+    parts_of: Sequence[IntArray] | None = None,
     facing = [np.zeros(0, np.bool_)]
     bends, bent = [Bend(np.zeros((0, 3, 3)))], [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
@@ -149,7 +151,7 @@ def stack_facets(
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
-        parts.append(piece.parts)
+        parts.append(piece.parts if parts_of is None else parts_of[position])
         place.append(piece.places)
         index.append(np.full(len(c), position, dtype=np.int32))
         facing.append(towards if surface.closed else np.ones(len(c), np.bool_))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -94,6 +94,7 @@ class MovingParts:
         self._glances = Glances(band, self._sight, self._returns, viewpoint, max_range, rtol)
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
+        self._parts: list[IntArray] = []
         self._places: IntArray = np.zeros((0, 3), np.int32)
         self._patches = Patches(band, viewpoint, rtol)
         self._distance = np.zeros(len(surfaces.moving))
@@ -117,23 +118,26 @@ class MovingParts:
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
         self._follow(positions, knots)
+        self._turn_to(positions(float(instants[middle])))
         kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
             afresh = attempt == 0 or kept_on
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
             seen: list[Seen] = []
+            whole: list[Facets] = []
             mirrored: list[MirroredView] = []
             bounced: list[list[Bounced]] = [[] for _ in bounces]
             veiled: list[Veiled] = []
             for t in instants.tolist():
                 seen.append(self._see(t, positions, rays))
+                whole.append(self._from_all_sides(seen[-1].facets))
+                shown_to = rays(t), whole[-1], seen[-1].fraction
                 if ghosts is not None:  # now, as the ray scene stands at this time
-                    mirrored.append(ghosts.see(rays(t), seen[-1].facets, seen[-1].fraction))
+                    mirrored.append(ghosts.see(*shown_to))
                 for plates, shown in zip(bounces, bounced, strict=True):
-                    shown.append(plates.see(t, rays(t), seen[-1].facets, seen[-1].fraction))
+                    shown.append(plates.see(t, *shown_to))
                 if self._veils is not None:
-                    every = self._everything(t, positions)
-                    veiled.append(self._veils.see(rays(t), every, seen[-1].facets, seen[-1].fraction))
+                    veiled.append(self._veils.see(shown_to[0], self._everything(t, positions), *shown_to[1:]))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             facets = [each.facets.take(kept) for each in seen]
             leader = self._patches.followed([each.facets.centroids for each in seen], kept)
@@ -176,7 +180,6 @@ class MovingParts:
             return self._centroids(positions(t), chosen)
 
         more: list[RadarPaths] = []
-        whole = [each.facets for each in seen]
         if self._veils is not None:
             through, missed, _ = self._veils.trace(knots, instants, whole, veiled, centroids, self._level)
             more, error = [] if through is None else [through], error + missed
@@ -254,11 +257,28 @@ class MovingParts:
                 vertices, self._surfaces.moving, self._fineness, images, strict=True
             )
         ]
+        self._turn_to(vertices)
         placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
         self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
+
+    def _turn_to(self, vertices: Sequence[FloatArray]) -> None:
+        """In how many parts facets are integrated, all through a stretch of time in which they are turned as there."""
+        placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
+        self._parts = [piece.parts_seen(points, own.faces, self._viewpoint) for piece, points, own in placed]
+
+    def _from_all_sides(self, facets: Facets) -> Facets:
+        """All facets as mirrors and slabs show them, aslant or not."""
+        return (
+            replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces])) if self._beside else facets
+        )
+
+    @property
+    def _beside(self) -> bool:
+        """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
+        return self._ghosts is not None or bool(self._bounces) or self._veils is not None
 
     def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
@@ -319,9 +339,8 @@ class MovingParts:
 
     def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
         vertices = positions(t)
-        # Mirrors show what looks away from the radar, and so do slabs: the back of a hollow body.
-        beside = self._ghosts is not None or bool(self._bounces) or self._veils is not None
-        facets = stack_facets(self._surfaces.moving, self._pieces, vertices, self._viewpoint, everywhere=beside)
+        known = self._surfaces.moving, self._pieces, vertices, self._viewpoint
+        facets = stack_facets(*known, everywhere=self._beside, parts_of=self._parts)
         return self._sight(rays(t), facets, self._places, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:

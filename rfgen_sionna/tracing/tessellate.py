@@ -45,6 +45,25 @@ class Tessellation:
     """(facet, 3, 3) barycentric coordinates in that face of the facet's three corners (corner, vertex)."""
     parts: IntArray
     """(facet,) number of parts that the integral divides each edge into."""
+    flat_parts: IntArray | None = None
+    """(facet,) those that would do if it were flat; None: `parts`."""
+    bent_parts: FloatArray | None = None
+    """(facet,) those that the surface's height over it asks for where it is seen straight on, not rounded."""
+
+    def parts_seen(self, vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> IntArray:
+        """(facet,) `parts` that will do for what is seen from the viewpoint: aslant, a surface's height makes less of a
+        difference to the path."""
+        if self.flat_parts is None or self.bent_parts is None or not self.bent_parts.any():
+            return self.parts
+        a, b, c = np.moveaxis(columns(vertices, faces) - viewpoint[:, None, None], 1, 0)
+        one, other = b - a, c - a
+        cross = [one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)]
+        volume, size, distance = (
+            sum(x * y for x, y in zip(*each, strict=True)) for each in ((a, cross), (cross, cross), (a, a))
+        )
+        root = np.sqrt(np.abs(volume) / np.maximum(np.sqrt(size * distance), 1e-300))  # of the incidence's cosine
+        found = np.ceil(self.bent_parts * np.minimum(root, 1.0)[self.face])
+        return np.maximum(self.flat_parts, found.astype(np.int32))
 
     @cached_property
     def places(self) -> IntArray:
@@ -176,8 +195,9 @@ def _demand(
     importance: Callable[[FloatArray], FloatArray] | None,
     half_band: float,
     bend: _Patches | None = None,
-) -> tuple[NDArray[np.bool_], IntArray]:
-    """(facet,) whether each is too large, and the number of parts that its edges are to be divided into.
+) -> tuple[NDArray[np.bool_], IntArray, FloatArray]:
+    """(facet,) whether each is too large, the number of parts that its edges are to be divided into if it is flat, and
+    the number, not rounded, for how high the surface is over it.
 
     `bend` is how they bend, where they are of a smooth surface.
     """
@@ -193,9 +213,10 @@ def _demand(
     if half_band > 0:
         depth = np.ptp(lengths(corners - viewpoint), axis=1)  # half the spread of the paths
         coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
+    height = np.zeros(len(corners))
     if bend is not None:
-        bulge = np.maximum(bulge, 4 * np.pi * frequency / SPEED_OF_LIGHT * bend.height / CURVED)
-        coarse |= bulge > MAX_PARTS**2 * allowed
+        height = 4 * np.pi * frequency / SPEED_OF_LIGHT * bend.height / CURVED
+        coarse |= np.maximum(bulge, height) > MAX_PARTS**2 * allowed
         # The path length over a curved facet is taken for quadratic; u v^2 / R^2 and h u / R are what comes next.
         size = lengths(corners[:, [1, 2, 0]] - corners).max(axis=1)
         share = size / np.maximum(lengths(middles(corners) - viewpoint), 1e-3)
@@ -203,7 +224,7 @@ def _demand(
         coarse |= cubic > 0.1 * allowed
         turns = 6.0 * bend.height > TURN * allowed * size  # a circle's arc turns by 8 sagittas over its chord
         coarse[turns] |= bend.ends(turns, corners[turns], viewpoint)
-    return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32)
+    return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32), np.sqrt(height / allowed)
 
 
 def tessellate(
@@ -263,6 +284,7 @@ def tessellate(
     done_face: list[IntArray] = []
     done_weights: list[FloatArray] = []
     done_parts: list[IntArray] = []
+    done_heights: list[FloatArray] = []
     count = 0
     for _ in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
@@ -275,15 +297,16 @@ def tessellate(
         bend = None
         if rises is not None:
             bend = _Patches(height[face] * np.abs(np.linalg.det(weights)), weights, rises[face])
-        coarse, parts = _demand(corners, viewpoint, frequency, rtol, importance, half_band, bend)
+        coarse, parts, high = _demand(corners, viewpoint, frequency, rtol, importance, half_band, bend)
         for mirrored, tolerance in images:
             seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
             shown = None if bend is None else replace(bend, rises=None)
             more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown)
-            coarse, parts = coarse | more[0], np.maximum(parts, more[1])
+            coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
         done_parts.append(parts[~coarse])
+        done_heights.append(high[~coarse])
         count += int(np.count_nonzero(~coarse))
         face, weights, corners = face[coarse], weights[coarse], corners[coarse]
         if len(face) == 0:
@@ -303,7 +326,13 @@ def tessellate(
         done_face.append(face)
         done_weights.append(weights)
         done_parts.append(np.full(len(face), MAX_PARTS, dtype=np.int32))
+        done_heights.append(np.zeros(len(face)))
     order = np.argsort(np.concatenate(done_face), kind="stable")
+    flat, high = np.concatenate(done_parts)[order], np.concatenate(done_heights)[order]
     return Tessellation(
-        np.concatenate(done_face)[order], np.concatenate(done_weights)[order], np.concatenate(done_parts)[order]
+        np.concatenate(done_face)[order],
+        np.concatenate(done_weights)[order],
+        np.maximum(flat, np.ceil(high).astype(np.int32)),
+        flat,
+        high,
     )

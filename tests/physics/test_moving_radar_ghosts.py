@@ -59,7 +59,8 @@ def legs(paths):
 
 
 def test_at_each_instant_ghosts_are_those_of_a_radar_that_stands_there():
-    """Wall and floor, once and twice: gains, delays and directions, to the accuracy of coordinates."""
+    """Wall and floor, once and twice: gains, delays and directions, to a fifth of the tolerance, as the facets of a
+    world that moves are chosen anew."""
     radar, scene, actors = moving(), room(), [ball(detail=3)]
     t = 0.08
     goes, stands = (Simulator(scene, each, actors, rtol=1e-2, max_bounces=3).paths(t) for each in (radar, radar.at(t)))
@@ -68,7 +69,7 @@ def test_at_each_instant_ghosts_are_those_of_a_radar_that_stands_there():
     for count in (1, 2, 3):
         a, b = (each.select(each.bounces == count) for each in (here, there))
         assert set(a.kind) == {PathKind.FACET if count == 1 else PathKind.MULTI_BOUNCE}
-        assert abs(channel(a) - channel(b)).max() < 1e-4 * abs(channel(b)).max()
+        assert abs(channel(a) - channel(b)).max() < 2e-3 * abs(channel(b)).max()
         mean = [np.einsum("p,pki->ki", abs(each.a[0, 0, :, 0]) ** 2, legs(each)) for each in (a, b)]
         np.testing.assert_allclose(mean[0], mean[1], rtol=0, atol=1e-3 * np.linalg.norm(mean[1], axis=1).max())
 

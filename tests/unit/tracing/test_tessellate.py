@@ -47,3 +47,31 @@ def test_what_is_out_of_range_does_not_touch_what_is_within(mesh, far_first):
     assert alone.num_paths > 0
     assert np.array_equal(both.a, alone.a)
     assert np.array_equal(both.tau, alone.tau)
+
+
+def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
+    """A ball's height over a facet lengthens the path by twice that times the cosine of incidence; whatever the facets
+    are of, and what turns towards the viewpoint takes more again."""
+    vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
+    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=smoothing(vertices, faces))
+    seen = pieces.parts_seen(vertices, faces, np.zeros(3))
+    centres = vertices[faces].mean(axis=1)
+    normals = centres - [3.0, 0, 0]
+    cos = np.abs(np.einsum("fi,fi->f", normals, centres))
+    cos = (cos / np.linalg.norm(normals, axis=1) / np.linalg.norm(centres, axis=1))[pieces.face]
+    assert (pieces.parts >= 3).all()
+    assert (seen <= pieces.parts).all()
+    assert (seen >= pieces.flat_parts).all()
+    # sqrt(cos) of the parts, rounded up, up to what the flat faces' cosines differ by from the ball's.
+    assert np.all(np.abs(seen - np.maximum(pieces.bent_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
+    assert np.array_equal(seen[cos > 0.99], pieces.parts[cos > 0.99])
+    assert (seen[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
+    beside = pieces.parts_seen(vertices, faces, np.array([3.0, 10.0, 0.0]))
+    assert not np.array_equal(beside, seen)
+
+
+def test_flat_surfaces_take_the_same_parts_from_all_sides():
+    box = trimesh.creation.box((0.3, 0.3, 0.3))
+    vertices, faces = np.asarray(box.vertices) + np.array([1.0, 0, 0]), np.asarray(box.faces, np.int32)
+    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3)
+    assert pieces.parts_seen(vertices, faces, np.zeros(3)) is pieces.parts
