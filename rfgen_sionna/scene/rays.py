@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays
 from rfgen_sionna.scene.targets import CHUNK, NO_PRIMITIVE, SELF_GAP, Targets
@@ -224,17 +225,28 @@ class RayScene:
         index[index == NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
-    def _nearest(self, ray: Any, count: int, moving: bool = False) -> tuple[Any, Any, list[Any]]:
-        """Facet, distance and barycentric u and v of the first hits of `count` rays, as Dr.Jit arrays; `moving`, of
-        those on objects that move."""
+    def looks(self, viewpoint: FloatArray, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Looks:
+        """What hides facets with `corners` (time, facet, 3, 3) [m] from the viewpoint at several times, at which the
+        moving objects have their `vertices`: for every time those of :meth:`update`."""
+
+        def static(ray: Any, count: int) -> tuple[Any, Any]:
+            return self._nearest(ray, count, moving=False)[:2]
+
+        faces = np.zeros((0, 3), np.uint32) if self._moving is None else self._moving.faces
+        placed = [np.concatenate([np.zeros((0, 3)), *each]) for each in vertices]
+        return Looks(static, self.origin, faces, self._num_static, viewpoint, placed, corners)
+
+    def _nearest(self, ray: Any, count: int, static: bool = True, moving: bool = True) -> tuple[Any, Any, list[Any]]:
+        """Facet, distance and barycentric u and v of the first hits of `count` rays on objects that stay and on such
+        that move, as Dr.Jit arrays."""
         import drjit as dr
         import mitsuba as mi
 
         facet = dr.full(mi.UInt32, NO_PRIMITIVE, count)
         distance = dr.full(mi.Float, dr.inf, count)
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
-        for layer, first in zip((self._static, self._moving), self._first, strict=True):
-            if layer is None or (moving and layer is self._static):
+        for layer, first, wanted in zip((self._static, self._moving), self._first, (static, moving), strict=True):
+            if layer is None or not wanted:
                 continue
             found = layer.scene.ray_intersect_preliminary(ray, coherent=False)
             nearer = found.is_valid() & (found.t < distance)
@@ -253,8 +265,8 @@ class RayScene:
             moving: whether nothing but moving objects hides.
         """
 
-        def nearest(ray: Any, count: int) -> tuple[Any, Any]:
-            return self._nearest(ray, count, moving)[:2]
+        def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
+            return self._nearest(ray, len(own), static=not moving)[:2]
 
         return Targets(nearest, self.origin, viewpoint, corners, facets)
 

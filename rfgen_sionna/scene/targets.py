@@ -22,8 +22,9 @@ NO_PRIMITIVE = 0xFFFFFFFF
 CHUNK = 1 << 21
 """Rays per launch: 2 million of them take about 200 MB."""
 
-Nearest = Callable[[Any, int], tuple[Any, Any]]
-"""A ray and its width to the face that it hits first, `NO_PRIMITIVE` for none, and the distance, on the device."""
+Nearest = Callable[[Any, Any], tuple[Any, Any]]
+"""Rays and the faces that they go to, to the face that each hits first, `NO_PRIMITIVE` for none, and the distance, all
+on the device."""
 
 
 class Targets:
@@ -35,10 +36,17 @@ class Targets:
         viewpoint: (3,) [m].
         corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
         facets: (piece,) the facet that each is a piece of, which does not hide it.
+        extent: largest coordinate [m] of rays and of what they hit, if it is more than those of points and viewpoint.
     """
 
     def __init__(
-        self, nearest: Nearest, origin: FloatArray, viewpoint: FloatArray, corners: FloatArray, facets: IntArray
+        self,
+        nearest: Nearest,
+        origin: FloatArray,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facets: IntArray | NDArray[np.int64],
+        extent: float = 0.0,
     ) -> None:
         import drjit as dr
         import mitsuba as mi
@@ -49,7 +57,7 @@ class Targets:
         self._own = upload(mi.UInt32, facets)
         # One array for all numbers that may change: each of its own would be one more launch.
         shift = viewpoint - origin
-        given = upload(self._double, [*shift, np.abs(shift).max()])
+        given = upload(self._double, [*shift, max(float(np.abs(shift).max()), extent)])
         gather: Any = dr.gather
         numbers = [gather(self._double, given, mi.UInt32(i)) for i in range(4)]
         self._origin, self._largest = numbers[:3], numbers[3]
@@ -123,12 +131,12 @@ class Targets:
         direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
         ray: Any = mi.Ray3f(mi.Point3f(*(mi.Float(each) for each in self._origin)), direction)
         ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
-        facet, distance = self._nearest(ray, dr.width(piece))
+        own = dr.gather(mi.UInt32, self._own, piece)
+        facet, distance = self._nearest(ray, own)
         size = self._largest
         for there, here in zip(offset, self._origin, strict=True):
             size = dr.maximum(size, dr.abs(there + here))
         limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
-        own = dr.gather(mi.UInt32, self._own, piece)
         return ~((facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own))
 
 

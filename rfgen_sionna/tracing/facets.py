@@ -94,6 +94,12 @@ class Facets:
             curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if bends else None,
         )
 
+    def at(self, corners: FloatArray, bend: Bend | None) -> Facets:
+        """The same facets at several times, one time's after the other's, with their `corners` (time, facet, 3, 3) [m]
+        and `bend` there."""
+        index = np.tile(np.arange(len(self)), len(corners))
+        return replace(self.take(index), corners=corners.reshape(-1, 3, 3), bend=bend)
+
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
         counts out; integrated in so many parts that theirs are as small as the facets' are."""
@@ -128,6 +134,7 @@ def stack_facets(
     vertices: Sequence[FloatArray],
     viewpoint: FloatArray,
     everywhere: bool = True,
+    parts_of: Sequence[IntArray] | None = None,
 ) -> Facets:
     """All pieces of all surfaces, in their order, for the vertices [m] given. Not `everywhere`, those that look away
     from the viewpoint are left flat. They are integrated in `parts_of` (facet,) each surface; None: as many as they are
@@ -135,7 +142,6 @@ def stack_facets(
     curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
-    parts_of: Sequence[IntArray] | None = None,
     facing = [np.zeros(0, np.bool_)]
     bends, bent = [Bend(np.zeros((0, 3, 3)))], [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):

@@ -264,43 +264,50 @@ class Glances:
         instants: FloatArray,
         seen: Sequence[Seen],
         expansion: Expansion,
+        positions: Callable[[float], Sequence[FloatArray]],
         corners: Callable[[float], FloatArray],
-        rays: Callable[[float], RayScene],
+        rays: RayScene,
     ) -> Followed:
         """Look at the `chosen` facets, those that `followed` counts out of all that are `seen` at the `instants` [s],
         until splines miss no more than the tolerance, or as often as may be.
 
-        `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.sampling.touching`; `corners` and `rays` give
-        theirs (facet, 3, 3) [m] and the ray scene at a time [s].
+        `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.sampling.touching`; `positions` and `corners` give
+        those (vertex, 3) of all moving surfaces and theirs (facet, 3, 3) [m] at a time [s], and `rays` is the ray scene
+        at one of the instants.
         """
         at_instants = [each.of(followed) for each in seen]
-        known = dict(zip(instants.tolist(), at_instants, strict=True))
+        first, count = at_instants[0].facets, len(followed)
+        known, looked = instants, replace(Seen.joined(at_instants), looked_at=0, rays=0)
         outline = np.max([each.outline for each in at_instants], axis=0)
         level = np.min([each.level for each in seen], axis=0)
         bends = [each.facets.bend for each in at_instants if each.facets.bend is not None]
-        every, rounds = np.arange(len(followed)), chosen.rounds
+        rounds = chosen.rounds
         while True:
             times = fine_times(instants, rounds)
-            for t, weights in zip(times.tolist(), knot_weights(instants, times), strict=True):
-                if t not in known:
-                    facets = replace(at_instants[0].facets, corners=corners(t), bend=Bend.blended(bends, weights))
-                    known[t] = self._sight.glance(rays(t), facets, places, outline, level)
-            looks = [known[t] for t in times.tolist()]
-            own = [each.facets for each in looks]
-            references = [each.centroids for each in own]
-            _, values = self._returns.seen(looks, every, own, references, expansion)
-            shares = np.stack([each.fraction for each in looks], axis=-1)
-            gains = self._single(own[0], values, expansion)
-            phasors = np.concatenate([self._phasors(each) for each in references], axis=1)
-            missed = missed_of(gains, phasors, shares, chosen.width, own[0].surface, len(chosen.level))
+            fresh = np.setdiff1d(times, known)
+            if len(fresh):
+                there = np.stack([corners(t) for t in fresh.tolist()])
+                facets = first.at(there, Bend.blended(bends, knot_weights(instants, fresh)))
+                looks = rays.looks(self._viewpoint, [positions(t) for t in fresh.tolist()], there)
+                found = self._sight.glance(looks, facets, places, outline, level)
+                known, looked = np.concatenate([known, fresh]), Seen.joined([looked, found])
+            # All that is known is at these times, though not in their order.
+            order = np.argsort(known)
+            own, references = looked.facets, looked.facets.centroids
+            every = np.arange(len(own))
+            _, (values,) = self._returns.seen([looked], every, [own], [references], expansion)
+            by_time = [values[:, count * k : count * (k + 1)] for k in order]
+            shares = looked.fraction.reshape(-1, count)[order].T
+            phasors = self._phasors(references).reshape(-1, count)[order].T
+            gains = self._single(first, by_time, expansion)
+            missed = missed_of(gains, phasors, shares, chosen.width, first.surface, len(chosen.level))
             error = chosen.error(missed)
             if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > MOST:
                 break
             rounds *= 2
-        coefficients, _ = self._returns.coefficients(own, shares, values, expansion, every)
-        between = [each for t, each in known.items() if t not in instants]
-        looked_at, rays_sent = (sum(getattr(each, name) for each in between) for name in ("looked_at", "rays"))
-        return Followed(times, own[0], coefficients, looked_at, rays_sent, error)
+        parts = [own.take(every[count * k : count * (k + 1)]) for k in order]
+        coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count))
+        return Followed(times, first, coefficients, looked.looked_at, looked.rays, error)
 
     def _phasors(self, reference: FloatArray) -> ComplexArray:
         """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""

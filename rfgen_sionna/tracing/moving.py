@@ -110,10 +110,10 @@ class MovingParts:
         instants: FloatArray,
         positions: Positions,
         rays: Callable[[float], RayScene],
-        rays_between: Callable[[float], RayScene],
+        ray_scene: RayScene,
     ) -> MovingTrace:
-        """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the ray scene at an instant,
-        `rays_between` at any other time."""
+        """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the `ray_scene` as it is at an
+        instant."""
         middle = len(instants) // 2
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
@@ -156,8 +156,8 @@ class MovingParts:
         looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [*seen, *mirrored, *chain(*bounced), *veiled]
         if len(followed):
             found = self._glances.follow(
-                chosen, followed, self._places[followed], instants, seen, expansion,
-                lambda t: self._corners(positions(t), followed), rays_between,
+                chosen, followed, self._places[followed], instants, seen, expansion, positions,
+                lambda t: self._corners(positions(t), followed), ray_scene,
             )  # fmt: skip
             # As many knots as delays ask for, the times among them.
             often = fine_times(found.times, -(-(len(knots) - 1) // (len(found.times) - 1)))

@@ -11,14 +11,14 @@ facets behind it lit at all corners, and surfaces that run through each other ha
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.scene.targets import Targets
 from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, Lit, crossed, inset, lit_parts, points_of
 
 MISSED_PER_RTOL = 0.4
@@ -46,6 +46,13 @@ _SEARCH_SHARE = 0.5
 """Share of what may be missed that facets may which are not searched."""
 _LINES = 32.0
 """Shadows' edges that are reckoned with on one facet, at most."""
+
+
+class Hiding(Protocol):
+    """What hides facets: a :class:`~rfgen_sionna.scene.rays.RayScene`, or :class:`~rfgen_sionna.scene.looks.Looks`."""
+
+    def targets(self, viewpoint: FloatArray, corners: FloatArray, facets: Any, moving: bool = False) -> Targets:
+        """Points on pieces of `facets` that are to be looked at."""
 
 
 class Sampled(NamedTuple):
@@ -85,10 +92,10 @@ def touching(corners: FloatArray, surface: NDArray[np.integer[Any]] | None = Non
 
 
 def sampled_fraction(
-    rays: RayScene,
+    rays: Hiding,
     viewpoint: FloatArray,
     corners: FloatArray,
-    facet: IntArray,
+    facet: IntArray | NDArray[np.int64],
     seen: NDArray[np.bool_],
     wavenumber: float,
     rtol: float,
@@ -99,6 +106,7 @@ def sampled_fraction(
     level: FloatArray | float = 0.0,
     moving: bool = False,
     search: bool = False,
+    times: int = 1,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -140,6 +148,8 @@ def sampled_fraction(
         run through each other, and behind what is narrow. It takes a few rays to each facet that would matter, and
         edges that are known are looked at more closely than where facets are looked at again and again. What is too
         narrow for these rays, a quarter to an eighth of a facet, is neither found nor in `missed`.
+    times
+        Number of times that the facets are looked at together: so many more points may be looked at.
     """
     count = len(corners)
     if not count:
@@ -167,7 +177,7 @@ def sampled_fraction(
             _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
         )  # fmt: skip
         edged |= least >= 0
-    bend, most_points = (_STILL_BENT, _STILL_MOST) if search else (_BENT, _MOST)
+    bend, most_points = (_STILL_BENT, _STILL_MOST) if search else (_BENT, times * _MOST)
     bent = bend * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
@@ -213,10 +223,10 @@ def sampled_fraction(
 
 
 def _search(
-    rays: RayScene,
+    rays: Hiding,
     viewpoint: FloatArray,
     corners: FloatArray,
-    facet: IntArray,
+    facet: IntArray | NDArray[np.int64],
     moving: bool,
     taken: NDArray[np.bool_],
     cut: FloatArray,
@@ -249,7 +259,9 @@ class Corners:
     :func:`touching`.
     """
 
-    def __init__(self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, places: IntArray) -> None:
+    def __init__(
+        self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray | NDArray[np.int64], places: IntArray
+    ) -> None:
         self._viewpoint, self._corners, self._facet = viewpoint, corners, facet
         self._side = 2 * places + (_volume(np.ascontiguousarray((corners - viewpoint).T)) < 0)[:, None]
         # The corner that stands for all that meet in a place; the last one of them.
@@ -257,7 +269,7 @@ class Corners:
         self._one[self._side.ravel()] = np.arange(self._side.size)
 
     def seen(
-        self, rays: RayScene, some: NDArray[np.intp] | None = None, moving: bool = False
+        self, rays: Hiding, some: NDArray[np.intp] | None = None, moving: bool = False
     ) -> tuple[NDArray[np.bool_], int]:
         """(facet, 3) whether corners are seen, those of `some` facets, and the number of rays; `moving`, where nothing
         but moving objects hides."""

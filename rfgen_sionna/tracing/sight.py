@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
@@ -54,6 +55,25 @@ class Seen:
             outline=self.outline[chosen],
         )
 
+    @staticmethod
+    def joined(parts: Sequence[Seen]) -> Seen:
+        """One after the other; of `level` and `missed` the least and the largest."""
+        first = np.cumsum([0, *(len(each.fraction) for each in parts)])
+        fraction, pieces, outline = (
+            np.concatenate([getattr(each, name) for each in parts]) for name in ("fraction", "pieces", "outline")
+        )
+        return Seen(
+            Facets.joined([each.facets for each in parts]),
+            fraction,
+            np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)]),
+            pieces,
+            outline,
+            np.min([each.level for each in parts], axis=0),
+            np.max([each.missed for each in parts], axis=0),
+            sum(each.looked_at for each in parts),
+            sum(each.rays for each in parts),
+        )
+
 
 class Sight:
     """Looks at moving surfaces from one place, as far as the range window."""
@@ -76,28 +96,38 @@ class Sight:
         outline = np.zeros(len(facets))
         corners = np.take(facets.corners, facing, axis=0) - self._viewpoint
         outline[facing] = Places(corners, facets.number[facing]).holding(passing)
-        found = self._sampled(rays, facets, facing, places, outline, 0.0)
+        found = self._sampled(rays, facets, facets.number, facing, places, outline, 0.0)
         return replace(found, rays=found.rays + len(passing.hit))
 
-    def glance(self, rays: RayScene, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
-        """What is seen of some `facets`, all of which face the radar: `outline` (facet,) [rad] falls on them, and
-        `level` (surface,) is that of all facets."""
+    def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
+        """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
+        `outline` (facet,) [rad] falls on each, and `level` (surface,) is that of all facets. `facets` are those of one
+        time after the other, and so is what is seen; of its `level` and `missed` the least and the largest count."""
         near = np.flatnonzero(lengths(facets.centroids - self._viewpoint) < self._max_range)
-        return self._sampled(rays, facets, near, places, outline, level)
+        times, surfaces = len(facets) // len(outline), len(self._surfaces.moving)
+        time = np.arange(times, dtype=np.int32)[:, None]
+        every = (places.ravel() + (int(places.max(initial=-1)) + 1) * time).reshape(-1, 3)
+        apart = replace(facets, surface=facets.surface + surfaces * np.repeat(time, len(outline)))
+        number = looks.numbered(facets.number[: len(outline)], times)
+        found = self._sampled(looks, apart, number, near, every, np.tile(outline, times), np.tile(level, times))
+        low, high = (each.reshape(times, surfaces) for each in (found.level, found.missed))
+        return replace(found, facets=facets, level=low.min(axis=0), missed=high.max(axis=0))
 
     def _sampled(
         self,
-        rays: RayScene,
+        rays: RayScene | Looks,
         facets: Facets,
+        numbers: IntArray | NDArray[np.int64],
         facing: NDArray[np.intp],
         places: IntArray,
         outline: FloatArray,
         least: FloatArray | float,
     ) -> Seen:
-        """What is seen of `facets`, of those that are `facing` the radar."""
+        """What is seen of `facets`, of those that are `facing` the radar and that `rays` know by their `numbers`."""
         fraction = np.zeros(len(facets))
-        corners, number = np.take(facets.corners, facing, axis=0), facets.number[facing]
-        surface, count = facets.surface[facing], len(self._surfaces.moving)
+        corners, number = np.take(facets.corners, facing, axis=0), numbers[facing]
+        surface = facets.surface[facing]
+        count = len(self._surfaces.moving) if np.ndim(least) == 0 else len(np.asarray(least))
         weight = self._importance(facets.directions(self._viewpoint, facing))
         guided, guides = Corners(self._viewpoint, corners, number, places[facing]).seen(rays)
         found = sampled_fraction(
@@ -112,6 +142,7 @@ class Sight:
             weight,
             surface,
             level=least,
+            times=max(1, count // max(1, len(self._surfaces.moving))),
         )
         fraction[facing] = found.fraction
         error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))

@@ -179,13 +179,14 @@ class Bend:
 
     @staticmethod
     def blended(parts: Sequence[Bend], weights: FloatArray) -> Bend | None:
-        """Of the same facets at other times, the sum of the `parts` with their `weights` (part,); None of none."""
+        """Of the same facets at other times, one time's after the other's: sums of the `parts` with `weights` (time,
+        part); None of none."""
         if not parts:
             return None
         lifts = [each.lifts for each in parts if each.lifts is not None]
         return Bend(
-            np.tensordot(weights, [each.rises for each in parts], 1),
-            np.tensordot(weights, lifts, 1) if lifts else None,
+            np.tensordot(weights, [each.rises for each in parts], 1).reshape(-1, 3, 3),
+            np.tensordot(weights, lifts, 1).reshape(-1, 3, 3) if lifts else None,
         )
 
     @staticmethod

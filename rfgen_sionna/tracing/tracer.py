@@ -343,7 +343,7 @@ class Tracer:
                     watch(t, rays)
             return rays
 
-        moving = parts.trace(knots, instants, self._vertices, look, self.rays_at)
+        moving = parts.trace(knots, instants, self._vertices, look, self._rays)
         for t in instants.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)
