@@ -227,19 +227,20 @@ class Glances:
         references: Sequence[FloatArray],
         values: Sequence[ComplexArray],
         shares: FloatArray,
+        weight: FloatArray,
         expansion: Expansion,
         level: FloatArray,
     ) -> Chosen:
         """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
-        `references` (facet, 3) [m], are those of what is seen of them, `shares` (facet, instant); `level` (surface,) is
-        what each surface's return usually is."""
+        `references` (facet, 3) [m], are those of what is seen of them, `shares` (facet, instant), with the antennas'
+        `weight` (facet,) half way; `level` (surface,) is what each surface's return usually is."""
         some = np.flatnonzero(edged(shares))
         if len(facets) < FEWEST or not len(some):
             return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
         half = len(facets) // 2
-        whole = self._single(facets[half], values[half : half + 1], expansion) * self._phasors(references[half])
+        gains = expansion.weights[0, 0, 0] @ values[half] * weight * self._phasors(references[half])[:, 0]
         surface = facets[half].surface
-        now = [np.bincount(surface, part, len(level)) for part in (whole[:, 0].real, whole[:, 0].imag)]
+        now = [np.bincount(surface, part, len(level)) for part in (gains.real, gains.imag)]
         own = [each.take(some) for each in facets]
         ends = lengths(own[half].corners - self._viewpoint)
         # Who comes into the range window is not coming out of a shadow.

@@ -146,12 +146,14 @@ class MovingParts:
             if self._turn % MEASURED_EVERY:
                 break
             gains = self._band.combined(expansion, bare[middle])
-            self._last = self._measure(facets[middle], seen[middle].fraction[kept], gains, references[middle])
+            weight = seen[middle].fraction[kept] * seen[middle].weight[kept]
+            self._last = self._measure(facets[middle], weight, gains, references[middle])
             if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
-        chosen = self._glances.choose(facets, references, values, shares, expansion, self._level)
+        weight = seen[middle].weight[kept]
+        chosen = self._glances.choose(facets, references, values, shares, weight, expansion, self._level)
         glanced, followed, between = None, kept[chosen.facets], chosen.error()
         looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [*seen, *mirrored, *chain(*bounced), *veiled]
         if len(followed):
@@ -165,11 +167,10 @@ class MovingParts:
             between = found.error
             looked.append(found)
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
-            leader, shares = leader[rest], shares[rest]
-            facets, references = [each.take(rest) for each in facets], [each[rest] for each in references]
+            kept, leader, shares = kept[rest], leader[rest], shares[rest]
+            facets = [each.take(rest) for each in facets]
             values = [each[:, rest] for each in values]
-        patterns = [self._patches.pattern(*each) for each in zip(facets, references, strict=True)]
-        values = [each * pattern for each, pattern in zip(values, patterns, strict=True)]
+        values = [v * self._patches.pattern(each, kept, leader) for v, each in zip(values, seen, strict=True)]
         coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader)
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
         self._turn += 1
@@ -351,13 +352,12 @@ class MovingParts:
         return np.asarray(fraction * self._band.importance(facets.directions(self._viewpoint)))
 
     def _measure(
-        self, facets: Facets, fraction: FloatArray, gains: NDArray[np.complex128], reference: FloatArray
+        self, facets: Facets, weight: FloatArray, gains: NDArray[np.complex128], reference: FloatArray
     ) -> float:
         """Error of the worst surface at one place of the band for one pair, other ones from turn to turn."""
         turn = self._turn // MEASURED_EVERY
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
         probe = PROBES[[turn % len(PROBES)]]
-        weight = self._weight(facets, fraction)
         known = self._band, facets, self._materials, weight
         found = measure(*known, gains[:, *pair], pair, probe, self._level, reference)
         return float(found.error.max(initial=0.0))

@@ -17,9 +17,9 @@ from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import face_normals, lengths, middles
-from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import most_swing
+from rfgen_sionna.tracing.sight import Seen
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
@@ -91,14 +91,14 @@ class Patches:
         most = most_swing(PATCHED_PER_RTOL * self._rtol) / (4 * np.pi * self._band.highest / SPEED_OF_LIGHT)
         return np.where(swing <= most, leader, kept)
 
-    def pattern(self, facets: Facets, reference: FloatArray) -> FloatArray:
-        """(facet,) the antennas' field gain towards each facet, over that towards its point of `reference` (facet, 3)
-        [m], which a path has."""
-        x, y, z = (facets.centroids != reference).T
-        other = np.flatnonzero(x | y | z)
-        found, offset = np.ones(len(facets)), reference[other] - self._viewpoint
-        own = self._band.importance(facets.directions(self._viewpoint, other))
-        there = self._band.importance(offset / np.maximum(lengths(offset), 1e-12)[:, None])
+    def pattern(self, seen: Seen, kept: NDArray[np.intp], leader: NDArray[np.intp]) -> FloatArray:
+        """(kept,) the antennas' field gain towards each facet of those `kept`, over that towards its `leader` (kept,),
+        which a path has."""
+        found, other = np.ones(len(kept)), np.flatnonzero(leader != kept)
+        led = leader[other]
+        own, there = seen.weight[kept[other]], seen.weight[led]
+        unknown = np.flatnonzero(there == 0)  # leaders that look away
+        there[unknown] = self._band.importance(seen.facets.directions(self._viewpoint, led[unknown]))
         found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
         return found
 

@@ -27,6 +27,9 @@ class Seen:
     facets: Facets
     fraction: FloatArray
     """(facet,) share of the area."""
+    weight: FloatArray
+    """(facet,) the antennas' two-way field gain towards each, over the largest; 0 for those that were not looked at, as
+    they look away or are too far."""
     owner: NDArray[np.intp]
     """(piece,) facet that a piece is of: what is seen of those hidden in part."""
     pieces: FloatArray
@@ -50,6 +53,7 @@ class Seen:
             self,
             facets=self.facets.take(chosen),
             fraction=self.fraction[chosen],
+            weight=self.weight[chosen],
             owner=place[mine],
             pieces=self.pieces[mine],
             outline=self.outline[chosen],
@@ -59,12 +63,14 @@ class Seen:
     def joined(parts: Sequence[Seen]) -> Seen:
         """One after the other; of `level` and `missed` the least and the largest."""
         first = np.cumsum([0, *(len(each.fraction) for each in parts)])
-        fraction, pieces, outline = (
-            np.concatenate([getattr(each, name) for each in parts]) for name in ("fraction", "pieces", "outline")
+        fraction, weight, pieces, outline = (
+            np.concatenate([getattr(each, name) for each in parts])
+            for name in ("fraction", "weight", "pieces", "outline")
         )
         return Seen(
             Facets.joined([each.facets for each in parts]),
             fraction,
+            weight,
             np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)]),
             pieces,
             outline,
@@ -124,7 +130,7 @@ class Sight:
         least: FloatArray | float,
     ) -> Seen:
         """What is seen of `facets`, of those that are `facing` the radar and that `rays` know by their `numbers`."""
-        fraction = np.zeros(len(facets))
+        fraction, weights = np.zeros((2, len(facets)))
         corners, number = np.take(facets.corners, facing, axis=0), numbers[facing]
         surface = facets.surface[facing]
         count = len(self._surfaces.moving) if np.ndim(least) == 0 else len(np.asarray(least))
@@ -144,11 +150,11 @@ class Sight:
             level=least,
             times=max(1, count // max(1, len(self._surfaces.moving))),
         )
-        fraction[facing] = found.fraction
+        fraction[facing], weights[facing] = found.fraction, weight
         error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))
         missed = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
         owner, sent = facing[found.owner], guides + found.rays
-        return Seen(facets, fraction, owner, found.pieces, outline, level, missed, len(facing), sent)
+        return Seen(facets, fraction, weights, owner, found.pieces, outline, level, missed, len(facing), sent)
 
     def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
         """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there and in `rays`, and
