@@ -10,7 +10,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ ENOUGH = 20_000
 """Facets that tell which expansion will do."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
+_RUNS = 1000
+"""Runs of neighbouring facets, all flat or all curved, that are copied one by one at most."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -353,12 +356,20 @@ def by_curvature(
     """
     if curved is None or curved.all() or not curved.any():
         return gains(slice(None), curved is not None and bool(curved.any()))
-    flat, bent = np.flatnonzero(~curved), np.flatnonzero(curved)
-    apart = gains(flat, False), gains(bent, True)
-    back = np.empty(len(curved), np.intp)
-    back[np.concatenate([flat, bent])] = np.arange(len(curved))
-    terms, tau = (np.concatenate([getattr(each, name) for each in apart], axis=-1) for name in ("terms", "tau"))
-    return FacetGains(np.take(terms, back, axis=-1), np.take(tau, back, axis=-1))
+    apart = gains(np.flatnonzero(~curved), False), gains(np.flatnonzero(curved), True)
+    found = [np.empty((*each.shape[:-1], len(curved)), each.dtype) for each in (apart[0].terms, apart[0].tau)]
+    ends = np.flatnonzero(np.diff(curved, prepend=not curved[0], append=not curved[-1]))
+    runs = [slice(*each) for each in pairwise(ends.tolist())] if len(ends) < _RUNS else []
+    for kind, each in enumerate(apart):
+        # Facets of a surface are alike: whole runs are copied, several times faster than one by one.
+        places: list[Any] = [run for run in runs if curved[run.start] == kind] or [np.flatnonzero(curved == kind)]
+        first = 0
+        for place in places:
+            last = first + (place.stop - place.start if isinstance(place, slice) else len(place))
+            for whole, part in zip(found, (each.terms, each.tau), strict=True):
+                whole[..., place] = part[..., first:last]
+            first = last
+    return FacetGains(*found)
 
 
 def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:
