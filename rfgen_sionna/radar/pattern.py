@@ -55,6 +55,26 @@ class ElementPattern:
             PchipInterpolator(self.elevation_deg, self.elevation_db),
         )
 
+    @cached_property
+    def _slopes(self) -> tuple[Any, Any]:
+        return self._cuts[0].derivative(), self._cuts[1].derivative()
+
+    def slope_db(self, direction: FloatArray) -> FloatArray:
+        """(..., 3) by how much the gain [dB] rises per radian by which unit vectors `direction` (..., 3) turn, device
+        frame: across them, the way it rises most. Towards the poles it is left small."""
+        x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
+        level = np.sqrt(np.maximum(x * x + y * y, 1e-6))
+        angles = np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(np.clip(z, -1.0, 1.0)))
+        tables = self.azimuth_deg, self.elevation_deg
+        around, up = (
+            np.degrees(slope(np.clip(angle, table[0], table[-1]))) * ((angle > table[0]) & (angle < table[-1]))
+            for slope, angle, table in zip(self._slopes, angles, tables, strict=True)
+        )
+        return (
+            np.stack([-around * y / level - up * z * x, around * x / level - up * z * y, up * level**2], -1)
+            / level[..., None]
+        )
+
     def gain_db(self, direction: FloatArray) -> FloatArray:
         """Gain [dBi] towards unit vectors `direction` (..., 3) in the device frame, shape (...)."""
         azimuth = np.degrees(np.arctan2(direction[..., 1], direction[..., 0]))
@@ -85,6 +105,10 @@ class NamedPattern:
         raise self._unknown()
 
     def gain_db(self, direction: FloatArray) -> FloatArray:
+        """Not known before the pattern has been looked up: ValueError."""
+        raise self._unknown()
+
+    def slope_db(self, direction: FloatArray) -> FloatArray:
         """Not known before the pattern has been looked up: ValueError."""
         raise self._unknown()
 

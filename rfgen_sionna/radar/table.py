@@ -13,6 +13,8 @@ from rfgen_sionna.records import FloatArray
 
 _FLOOR = -200.0
 """Level of a null [dB]."""
+_STEP = np.radians(0.5)
+"""Angle [rad] over which slopes are taken."""
 _COLUMNS = ("azimuth_deg", "elevation_deg", "gain_dbi")
 
 
@@ -84,6 +86,19 @@ class TablePattern:
         low, high = table.grid[1][0], table.grid[1][-1]
         points = np.stack([np.clip(azimuth, first, last), np.clip(elevation, low, high)], axis=-1)
         return np.asarray(table(points), dtype=np.float64)
+
+    def slope_db(self, direction: FloatArray) -> FloatArray:
+        """(..., 3) by how much the gain [dB] rises per radian by which unit vectors `direction` (..., 3) turn, device
+        frame: across them, the way it rises most, over `_STEP` to both sides."""
+        d = np.asarray(direction, np.float64)
+        spare = np.where(np.abs(d[..., 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+        one = np.cross(spare, d)
+        one /= np.linalg.norm(one, axis=-1, keepdims=True)
+        found = np.zeros_like(d)
+        for across in (one, np.cross(d, one)):
+            ahead, back = (np.cos(_STEP) * d + np.sin(step) * across for step in (_STEP, -_STEP))
+            found += ((self.gain_db(ahead) - self.gain_db(back)) / (2.0 * _STEP))[..., None] * across
+        return found
 
     def amplitude(self, direction: FloatArray) -> FloatArray:
         """Field gain, the square root of the power gain; shape of `gain_db`."""

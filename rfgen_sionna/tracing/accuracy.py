@@ -110,9 +110,14 @@ def measure(
         return Accuracy(*np.zeros((4, count)))
     frequency = band.frequency(probes)
     finer_ones, index = facets.finer()
+    counted = weight[index]
+    if facets.pull is not None:  # what the antennas make of each of the finer ones
+        finer_ones = band.pulled(finer_ones)
+        usual_gain = np.maximum(band.importance(facets.directions(band.viewpoint)), 1e-12)
+        counted = counted * band.importance(finer_ones.directions(band.viewpoint)) / usual_gain[index]
     fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
     turns = np.mod(frequency[:, None] * fine.tau, 1.0)
-    truth = fine.a * np.exp(-2j * np.pi * turns) * weight[index]
+    truth = fine.a * np.exp(-2j * np.pi * turns) * counted
     tau = band.ways(facets, pair) if reference is None else band.delays(reference, pair)
     gains = np.vander(probes, len(coefficients), increasing=True) @ coefficients
     coarse = gains * np.exp(-2j * np.pi * np.mod(frequency[:, None] * tau, 1.0)) * weight

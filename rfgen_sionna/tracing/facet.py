@@ -38,6 +38,9 @@ from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed, Screens, bulk_length, screens_of_lanes
 from rfgen_sionna.tracing.smooth import Bend
 
+MOST_PULL = 1.0
+"""Logarithm of the ratio by which the antennas' gain may change over a facet: patterns are not as steep for long."""
+
 
 @dataclass(frozen=True)
 class Nodes:
@@ -89,6 +92,8 @@ def facet_gains(
     bend: Bend | None = None,
     screens: tuple[Screens, Screens] | None = None,
     axes: FloatArray | None = None,
+    pull: FloatArray | None = None,
+    aim: FloatArray | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -124,6 +129,9 @@ def facet_gains(
     axes
         (axis, 3) displacements [m] of Tx and Rx together, their sum, over which slopes of the gains are asked for.
         Neither with mirrors nor with slabs.
+    pull
+        (facet, 3) by how much what the antennas make of a facet's points rises per metre, relative to what they make of
+        the point `aim` (facet, 3) [m], the centroid if it is None. None is that it does not. Not with mirrors.
 
     Notes
     -----
@@ -194,7 +202,10 @@ def facet_gains(
         sin, cos = dr.sincos(wavenumber * bulk)
         turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
-    surface = _Surface(cross, away, medium, *ends, monostatic, walls, crossed, turn)
+    pulled = None
+    if pull is not None:
+        pulled = vectors(pull, facet)[0], middle if aim is None else vectors(aim, facet)[0]
+    surface = _Surface(cross, away, medium, *ends, monostatic, walls, crossed, turn, pulled)
 
     moved = None if axes is None else [Array3(*(dr.opaque(Float, float(x)) for x in axis)) for axis in axes]
 
@@ -261,6 +272,8 @@ class _Surface(NamedTuple):
     """Through what they do."""
     turn: ComplexPair | None
     """What takes the phase of the slabs' bulk away, as delays hold it."""
+    pulled: tuple[Any, Any] | None
+    """How the antennas' gain rises from a point on [1/m], and that point."""
 
 
 def _triangle(
@@ -324,7 +337,11 @@ def _triangle(
 
     def at(point: Any, normal: Any) -> ComplexPair:
         fields = surface.tx_field, surface.rx_field
-        return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
+        found = backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
+        if surface.pulled is None:
+            return found
+        rise = dr.dot(surface.pulled[0], point - surface.pulled[1])
+        return found.scaled(dr.exp(dr.clip(rise, -MOST_PULL, MOST_PULL)))
 
     def everywhere(strength: Callable[[Any, Any], ComplexPair]) -> list[ComplexPair]:
         found = [(strength(point, normal), stretch) for point, normal, stretch in places]

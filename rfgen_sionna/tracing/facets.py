@@ -47,6 +47,11 @@ class Facets:
     """How the facets are bent; None where all are flat."""
     curved: NDArray[np.bool_] | None = field(default=None, kw_only=True)
     """(facet,) which facets are bent; None where none is."""
+    pull: FloatArray | None = field(default=None, kw_only=True)
+    """(facet, 3) by how much the antennas' two-way gain rises per metre, relative to that towards the point that a path
+    goes by; None where it is the same all over each facet, or taken for it."""
+    aim: FloatArray | None = field(default=None, kw_only=True)
+    """(facet, 3) that point [m]; None: the centroids."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -63,15 +68,23 @@ class Facets:
             self.place[index],
             bend=None if self.bend is None else self.bend.take(index),
             curved=None if self.curved is None else self.curved[index],
+            pull=None if self.pull is None else np.take(self.pull, index, axis=0),
+            aim=None if self.aim is None else np.take(self.aim, index, axis=0),
         )
+
+    def pulled(self, pull: FloatArray | None) -> Facets:
+        """The same facets with this :attr:`pull`, by way of their centroids."""
+        found = replace(self, pull=pull, aim=None)
+        found.__dict__["centroids"] = self.centroids  # which are known
+        return found
 
     def finer(self) -> tuple[Facets, NDArray[np.intp]]:
         """The same surface in facets half as wide where it is bent, and in twice as many parts where it is flat; and
-        which facet each of them is of."""
+        which facet each of them is of. They are not :meth:`pulled`."""
         split = np.zeros(len(self), np.bool_) if self.curved is None else self.curved
         flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
         index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
-        found = self.take(index)
+        found = replace(self.take(index), pull=None, aim=None)
         parts = np.where(split[index], found.parts, 2 * found.parts)
         if self.bend is None or len(bent) == 0:
             return replace(found, parts=parts), index
@@ -92,6 +105,8 @@ class Facets:
             *(np.concatenate([getattr(each, name) for each in parts]) for name in _COLUMNS),
             bend=Bend.stack(bends) if bends else None,
             curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if bends else None,
+            pull=_filled(parts, "pull", lambda each: np.zeros((len(each), 3))),
+            aim=_filled(parts, "aim", lambda each: each.centroids),
         )
 
     def at(self, corners: FloatArray, bend: Bend | None) -> Facets:
@@ -102,7 +117,8 @@ class Facets:
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
-        counts out; integrated in so many parts that theirs are as small as the facets' are."""
+        counts out; integrated in so many parts that theirs are as small as the facets' are. Their paths go by the
+        facets' points."""
         found = self.take(owner)
         corners = weights @ found.corners
         width = _longest(corners) / np.maximum(_longest(found.corners), 1e-300)
@@ -110,7 +126,11 @@ class Facets:
         bend = None if found.bend is None else found.bend.within(weights)
         middle = np.rint(weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
         place = 31 * found.place + 2**16 * middle[:, 0] + middle[:, 1]  # wraps; pieces have phases of their own
-        return replace(found, corners=corners, bend=bend, parts=np.maximum(parts, 1), place=place.astype(np.int32))
+        aim = None
+        if self.pull is not None:
+            aim = np.take(self.centroids, owner, axis=0) if found.aim is None else found.aim
+        parts, place = np.maximum(parts, 1), place.astype(np.int32)
+        return replace(found, corners=corners, bend=bend, parts=parts, place=place, aim=aim)
 
     @cached_property
     def centroids(self) -> FloatArray:
@@ -121,6 +141,14 @@ class Facets:
         """(facet, 3) unit vectors from the viewpoint to the centroids, of the facets that `chosen` counts out."""
         offset = self.centroids[chosen] - viewpoint
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
+
+
+def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], FloatArray]) -> FloatArray | None:
+    """One after the other, `otherwise` where there is none of this name; None where there is none at all."""
+    own = [getattr(each, name) for each in parts]
+    if all(each is None for each in own):
+        return None
+    return np.concatenate([otherwise(part) if each is None else each for part, each in zip(parts, own, strict=True)])
 
 
 def _longest(corners: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from scipy.linalg import qr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weights
 from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
@@ -97,10 +98,27 @@ class BandTracer:
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         self._powers = 2 if np.allclose(*self._fields) else 1
 
+    @property
+    def viewpoint(self) -> FloatArray:
+        """(3,) phase centre of the radar [m]."""
+        return self._origin
+
     def importance(self, direction: FloatArray) -> FloatArray:
         """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
         level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
         return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
+
+    def pulled(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> Facets:
+        """The facets with what changes of :meth:`importance` over those that `chosen` counts out
+        (:attr:`~rfgen_sionna.tracing.facets.Facets.pull`)."""
+        offset = facets.centroids[chosen] - self._origin
+        distance = np.maximum(lengths(offset), 1e-9)[:, None]
+        slope = self._pattern.slope_db((offset / distance) @ self._rotation) @ self._rotation.T
+        if not slope.any():
+            return facets
+        pull = np.zeros((len(facets), 3))
+        pull[chosen] = 0.1 * np.log(10.0) * slope / distance
+        return facets.pulled(pull)
 
     def frequency(self, u: FloatArray) -> FloatArray:
         """Frequencies [Hz] at places -1 … 1 of the band."""
@@ -282,6 +300,8 @@ class BandTracer:
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,
                 axes=axes,
                 reference=None if reference is None else reference[index] - self._origin,
+                pull=None if facets.pull is None else facets.pull[index],
+                aim=None if facets.aim is None else facets.aim[index] - self._origin,
             )
 
         return by_curvature(facets.curved, of)

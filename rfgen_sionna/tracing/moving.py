@@ -342,6 +342,7 @@ class MovingParts:
         vertices = positions(t)
         known = self._surfaces.moving, self._pieces, vertices, self._viewpoint
         facets = stack_facets(*known, everywhere=self._beside, parts_of=self._parts)
+        facets = self._band.pulled(facets, np.flatnonzero(facets.facing))
         return self._sight(rays(t), facets, self._places, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:

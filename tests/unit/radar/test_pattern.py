@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rfgen_sionna.radar import ElementPattern, Radar
+from rfgen_sionna.radar import ElementPattern, Radar, TablePattern
 from rfgen_sionna.records import FloatArray
 
 
@@ -74,3 +74,36 @@ def test_impossible_patterns_are_named(fields: dict[str, object], said: str) -> 
     arguments: dict[str, object] = {"peak_gain_dbi": 7.0} | fields
     with pytest.raises(ValueError, match=rf"^pattern\..*{said}"):
         ElementPattern(**arguments)  # type: ignore[arg-type]
+
+
+def across(direction: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Random unit vectors across unit vectors."""
+    found = np.cross(direction, rng.normal(size=direction.shape))
+    return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+
+
+@pytest.mark.parametrize("kind", ["cuts", "table"])
+@pytest.mark.parametrize("name", ["awr1843", "mmwcas", "position2go"])
+def test_slopes_are_what_a_small_turn_makes_of_the_gain(name: str, kind: str) -> None:
+    """Whichever way it goes, in front; along the direction itself nothing changes."""
+    pattern, step = Radar.load(name).pattern, 1e-4
+    if kind == "table":
+        azimuth, elevation = np.linspace(-90, 90, 361), np.linspace(-90, 90, 361)
+        grid = np.moveaxis(np.array([[towards(a, e) for e in elevation] for a in azimuth]), -1, 0)
+        pattern, step = TablePattern.of(azimuth, elevation, pattern.gain_db(np.moveaxis(grid, 0, -1))), np.radians(0.5)
+    rng = np.random.default_rng(0)
+    direction = np.stack([towards(*each) for each in rng.uniform(-60, 60, (500, 2))])
+    aside = across(direction, rng)
+    ahead, back = (pattern.gain_db(np.cos(step) * direction + np.sin(each) * aside) for each in (step, -step))
+    slope = pattern.slope_db(direction)
+    # Slopes bend at the cuts' own angles, and a table is flat between its own.
+    off = np.abs(np.einsum("di,di->d", slope, aside) - (ahead - back) / (2 * step))
+    assert np.median(off) < (1e-3 if kind == "cuts" else 0.5)
+    assert off.max() < (0.05 if kind == "cuts" else 0.1) * np.abs(slope).max()
+    assert np.abs(np.einsum("di,di->d", slope, direction)).max() < 1e-9 * np.abs(slope).max()
+
+
+def test_what_is_the_same_all_around_has_no_slope() -> None:
+    assert (
+        not ElementPattern(3.0).slope_db(np.stack([towards(a, e) for a in (-170, 0, 90) for e in (-90, 0, 80)])).any()
+    )
