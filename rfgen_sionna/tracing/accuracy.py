@@ -112,7 +112,7 @@ def measure(
     finer_ones, index = facets.finer()
     counted = weight[index]
     if facets.pull is not None:  # what the antennas make of each of the finer ones
-        finer_ones = band.pulled(finer_ones)
+        finer_ones = finer_ones.pulled(band.pull(finer_ones))
         usual_gain = np.maximum(band.importance(facets.directions(band.viewpoint)), 1e-12)
         counted = counted * band.importance(finer_ones.directions(band.viewpoint)) / usual_gain[index]
     fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)

@@ -108,17 +108,17 @@ class BandTracer:
         level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
         return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
 
-    def pulled(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> Facets:
-        """The facets with what changes of :meth:`importance` over those that `chosen` counts out
-        (:attr:`~rfgen_sionna.tracing.facets.Facets.pull`)."""
+    def pull(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray | None:
+        """How :meth:`importance` changes over the facets that `chosen` counts out, as
+        :attr:`rfgen_sionna.tracing.facets.Facets.pull`."""
         offset = facets.centroids[chosen] - self._origin
         distance = np.maximum(lengths(offset), 1e-9)[:, None]
         slope = self._pattern.slope_db((offset / distance) @ self._rotation) @ self._rotation.T
         if not slope.any():
-            return facets
+            return None
         pull = np.zeros((len(facets), 3))
         pull[chosen] = 0.1 * np.log(10.0) * slope / distance
-        return facets.pulled(pull)
+        return pull
 
     def frequency(self, u: FloatArray) -> FloatArray:
         """Frequencies [Hz] at places -1 … 1 of the band."""

@@ -95,6 +95,7 @@ class MovingParts:
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._parts: list[IntArray] = []
+        self._pull: list[FloatArray | None] = []  # empty until a stretch's first instant tells it
         self._places: IntArray = np.zeros((0, 3), np.int32)
         self._patches = Patches(band, viewpoint, rtol)
         self._distance = np.zeros(len(surfaces.moving))
@@ -269,12 +270,13 @@ class MovingParts:
         """In how many parts facets are integrated, all through a stretch of time in which they are turned as there."""
         placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
         self._parts = [piece.parts_seen(points, own.faces, self._viewpoint) for piece, points, own in placed]
+        self._pull.clear()
 
     def _from_all_sides(self, facets: Facets) -> Facets:
-        """All facets as mirrors and slabs show them, aslant or not."""
-        return (
-            replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces])) if self._beside else facets
-        )
+        """All facets as mirrors and slabs show them, aslant or not, from other directions."""
+        if not self._beside:
+            return facets
+        return replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces]), pull=None)
 
     @property
     def _beside(self) -> bool:
@@ -342,8 +344,9 @@ class MovingParts:
         vertices = positions(t)
         known = self._surfaces.moving, self._pieces, vertices, self._viewpoint
         facets = stack_facets(*known, everywhere=self._beside, parts_of=self._parts)
-        facets = self._band.pulled(facets, np.flatnonzero(facets.facing))
-        return self._sight(rays(t), facets, self._places, vertices)
+        if not self._pull:
+            self._pull.append(self._band.pull(facets, np.flatnonzero(facets.facing)))
+        return self._sight(rays(t), facets.pulled(self._pull[0]), self._places, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""

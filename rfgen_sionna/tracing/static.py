@@ -345,7 +345,8 @@ def _seen_facets(
     ]
     facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
     near = lengths(facets.centroids - viewpoint) < max_range
-    facets = band.pulled(facets.take(np.flatnonzero(facets.facing & near)))
+    facets = facets.take(np.flatnonzero(facets.facing & near))
+    facets = facets.pulled(band.pull(facets))
     if rays is None:
         nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
         guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners))
@@ -360,7 +361,8 @@ def _seen_facets(
     cut = np.zeros(len(facets), np.bool_)
     cut[found.owner] = True
     whole = np.flatnonzero((found.fraction > 0) & ~cut)
-    seen = band.pulled(Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)]).pulled(None))
+    seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
+    seen = seen.pulled(band.pull(seen))
     # Corners of pieces lie on shadows' edges: whether they are seen is looked up, as it will be with actors.
     guides = Corners(viewpoint, seen.corners, seen.number, touching(seen.corners, seen.surface))
     lit, second = guides.seen(rays)
