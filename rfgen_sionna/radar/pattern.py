@@ -62,7 +62,7 @@ class ElementPattern:
     def slope_db(self, direction: FloatArray) -> FloatArray:
         """(..., 3) by how much the gain [dB] rises per radian by which unit vectors `direction` (..., 3) turn, device
         frame: across them, the way it rises most. Towards the poles it is left small."""
-        x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
+        x, y, z = np.ascontiguousarray(np.moveaxis(direction, -1, 0), np.float64)
         level = np.sqrt(np.maximum(x * x + y * y, 1e-6))
         angles = np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(np.clip(z, -1.0, 1.0)))
         tables = self.azimuth_deg, self.elevation_deg
@@ -70,10 +70,8 @@ class ElementPattern:
             np.degrees(slope(np.clip(angle, table[0], table[-1]))) * ((angle > table[0]) & (angle < table[-1]))
             for slope, angle, table in zip(self._slopes, angles, tables, strict=True)
         )
-        return (
-            np.stack([-around * y / level - up * z * x, around * x / level - up * z * y, up * level**2], -1)
-            / level[..., None]
-        )
+        around, up = around / level**2, up / level
+        return np.stack([-around * y - up * z * x, around * x - up * z * y, up * level * level], axis=-1)
 
     def gain_db(self, direction: FloatArray) -> FloatArray:
         """Gain [dBi] towards unit vectors `direction` (..., 3) in the device frame, shape (...)."""

@@ -61,8 +61,10 @@ class Looks:
         points = np.concatenate([np.zeros((1, 3)), placed.reshape(-1, 3), (corners - viewpoint).reshape(-1, 3)])
         width = np.ptp(points, axis=0)
         axis = int(np.argmin(width))
+        step = _APART * max(float(width[axis]), 1e-3)
+        unit = 2.0 ** np.floor(np.log2(step) - 6)  # single precision holds its multiples exactly
         self._step = np.zeros(3)
-        self._step[axis] = _APART * max(float(width[axis]), 1e-3)
+        self._step[axis] = unit * np.ceil(step / unit)
         placed += np.arange(len(vertices))[:, None, None] * self._step
         every = local.reshape(-1, 3) + len(used) * np.arange(len(vertices))[:, None, None]
         mesh = placed.reshape(-1, 3), every.reshape(-1, 3)

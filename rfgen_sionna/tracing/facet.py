@@ -131,7 +131,8 @@ def facet_gains(
         Neither with mirrors nor with slabs.
     pull
         (facet, 3) by how much what the antennas make of a facet's points rises per metre, relative to what they make of
-        the point `aim` (facet, 3) [m], the centroid if it is None. None is that it does not. Not with mirrors.
+        the point `aim` (facet, 3) [m], the centroid if it is None. None is that it does not. Neither with mirrors nor
+        with slabs.
 
     Notes
     -----
@@ -337,11 +338,7 @@ def _triangle(
 
     def at(point: Any, normal: Any) -> ComplexPair:
         fields = surface.tx_field, surface.rx_field
-        found = backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
-        if surface.pulled is None:
-            return found
-        rise = dr.dot(surface.pulled[0], point - surface.pulled[1])
-        return found.scaled(dr.exp(dr.clip(rise, -MOST_PULL, MOST_PULL)))
+        return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
 
     def everywhere(strength: Callable[[Any, Any], ComplexPair]) -> list[ComplexPair]:
         found = [(strength(point, normal), stretch) for point, normal, stretch in places]
@@ -358,6 +355,7 @@ def _triangle(
         if surface.monostatic:
             ratio = dr.square(dr.norm(middle - element)) / spread
             strengths, swells = ([each.scaled(ratio) for each in some] for some in (strengths, swells))
+            half_way = None if half_way is None else half_way.scaled(ratio)
         elif half_way is not None:
             e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
             there = Way(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
@@ -370,6 +368,12 @@ def _triangle(
                 each + (more if stretch is None else more.scaled(stretch))
                 for each, (_, _, stretch) in zip(strengths, places, strict=False)
             ]
+            half_way = half_way + more
+        if surface.pulled is not None:
+            (slope, aim), points = surface.pulled, [middle, *(point for point, _, _ in places)]
+            raised = [dr.exp(dr.clip(dr.dot(slope, each - aim), -MOST_PULL, MOST_PULL)) for each in points]
+            strengths = [each.scaled(rise) for each, rise in zip(strengths, raised[1:], strict=True)]
+            swells = _swells(strengths, None if half_way is None or rises is not None else half_way.scaled(raised[0]))
     quadratic = Quadratic(lengths, sags, strengths[:3], swells)
     ways = None
     if axes is not None:

@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import RIM_ERROR
-from rfgen_sionna.tracing.returns import FacetReturns
+from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
 
@@ -37,6 +37,8 @@ MOST = 8
 """Times from one instant to the next, at most."""
 _EACH = 0.7
 """Share of that which facets that are looked at in between may err by, and the others."""
+_FACES_AT_ONCE = 4_000_000
+"""Faces that are placed side by side, at most, to look at facets at several times together."""
 FEWEST = 4
 """Instants that tell anything."""
 
@@ -286,17 +288,19 @@ class Glances:
         while True:
             times = fine_times(instants, rounds)
             fresh = np.setdiff1d(times, known)
-            if len(fresh):
-                there = np.stack([corners(t) for t in fresh.tolist()])
-                facets = first.at(there, Bend.blended(bends, knot_weights(instants, fresh)))
-                looks = rays.looks(self._viewpoint, [positions(t) for t in fresh.tolist()], there)
+            step = max(1, _FACES_AT_ONCE // rays.num_facets)
+            for begin in range(0, len(fresh), step):
+                some = fresh[begin : begin + step]
+                there = np.stack([corners(t) for t in some.tolist()])
+                facets = first.at(there, Bend.blended(bends, knot_weights(instants, some)))
+                looks = rays.looks(self._viewpoint, [positions(t) for t in some.tolist()], there)
                 found = self._sight.glance(looks, facets, places, outline, level)
-                known, looked = np.concatenate([known, fresh]), Seen.joined([looked, found])
+                known, looked = np.concatenate([known, some]), Seen.joined([looked, found])
             # All that is known is at these times, though not in their order.
             order = np.argsort(known)
             own, references = looked.facets, looked.facets.centroids
             every = np.arange(len(own))
-            _, (values,) = self._returns.seen([looked], every, [own], [references], expansion)
+            values = self._values(looked, max(count, AT_ONCE // count * count), expansion)
             by_time = [values[:, count * k : count * (k + 1)] for k in order]
             shares = looked.fraction.reshape(-1, count)[order].T
             phasors = self._phasors(references).reshape(-1, count)[order].T
@@ -309,6 +313,15 @@ class Glances:
         parts = [own.take(every[count * k : count * (k + 1)]) for k in order]
         coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count))
         return Followed(times, first, coefficients, looked.looked_at, looked.rays, error)
+
+    def _values(self, looked: Seen, most: int, expansion: Expansion) -> ComplexArray:
+        """(value, facet) of what is seen of facets, each by way of its centroid, so many at most at once."""
+        found = []
+        for first in range(0, len(looked.facets), most):
+            some = looked.of(np.arange(first, min(first + most, len(looked.facets))))
+            own = some.facets
+            found += self._returns.seen([some], np.arange(len(own)), [own], [own.centroids], expansion)[1]
+        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
 
     def _phasors(self, reference: FloatArray) -> ComplexArray:
         """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""

@@ -32,7 +32,7 @@ class MirroredFacets(Facets):
     @classmethod
     def of(cls, facets: Facets, index: NDArray[np.intp], first: IntArray, last: IntArray) -> MirroredFacets:
         """The facets that `index` counts out, each by its mirrors."""
-        chosen = facets.take(index)
+        chosen = facets.take(index).pulled(None)
         return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, first=first, last=last)
 
     def between(self, after: MirroredFacets, share: float) -> MirroredFacets:

@@ -98,7 +98,7 @@ class LandedFacets(MirroredFacets):
         `swapped` are seen the other way round: first the last plate. `place` is where in `keys` each entry is, if that
         is known.
         """
-        chosen = facets.take(keys[:, 0])
+        chosen = facets.take(keys[:, 0]).pulled(None)
         base = {each.name: getattr(chosen, each.name) for each in fields(Facets)}
         first, last = (keys[:, column].astype(np.int32) for column in ((2, 1) if swapped else (1, 2)))
         at = (_rows(keys, landing.keys) if place is None else place)[landing.owner]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -119,11 +119,12 @@ class MovingParts:
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
         self._follow(positions, knots)
-        self._turn_to(positions(float(instants[middle])))
+        self._turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
         kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
             afresh = attempt == 0 or kept_on
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
+            self._pull.clear()
             seen: list[Seen] = []
             whole: list[Facets] = []
             mirrored: list[MirroredView] = []
@@ -164,7 +165,7 @@ class MovingParts:
             )  # fmt: skip
             # As many knots as delays ask for, the times among them.
             often = fine_times(found.times, -(-(len(knots) - 1) // (len(found.times) - 1)))
-            glanced = self._paths(often, found.times, positions, found.facets, found.coefficients, followed)
+            glanced = self._paths(often, found.times, positions, found.facets, found.coefficients, followed, {})
             between = found.error
             looked.append(found)
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
@@ -173,7 +174,8 @@ class MovingParts:
             values = [each[:, rest] for each in values]
         values = [v * self._patches.pattern(each, kept, leader) for v, each in zip(values, seen, strict=True)]
         coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader)
-        paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led)
+        known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
+        paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led, known)
         self._turn += 1
         shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
@@ -259,17 +261,21 @@ class MovingParts:
                 vertices, self._surfaces.moving, self._fineness, images, strict=True
             )
         ]
-        self._turn_to(vertices)
+        self._turn_to([vertices])
         placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
         self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
 
-    def _turn_to(self, vertices: Sequence[FloatArray]) -> None:
-        """In how many parts facets are integrated, all through a stretch of time in which they are turned as there."""
-        placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
-        self._parts = [piece.parts_seen(points, own.faces, self._viewpoint) for piece, points, own in placed]
+    def _turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:
+        """In how many parts facets are integrated, all through a stretch of time in which they are turned as in one of
+        the `poses`, (vertex, 3) positions [m] of each surface."""
+        placed = zip(self._pieces, self._surfaces.moving, zip(*poses, strict=True), strict=True)
+        self._parts = [
+            np.max([piece.parts_seen(points, own.faces, self._viewpoint) for points in turned], axis=0)
+            for piece, own, turned in placed
+        ]
         self._pull.clear()
 
     def _from_all_sides(self, facets: Facets) -> Facets:
@@ -374,13 +380,15 @@ class MovingParts:
         facets: Facets,
         gains: NDArray[np.complex128],
         led: NDArray[np.intp],
+        known: Mapping[float, FloatArray],
     ) -> RadarPaths:
-        """Paths by way of `facets`, which `led` counts out of all, with `gains` (order, tx, rx, facet, instant)."""
+        """Paths by way of `facets`, which `led` counts out of all, with `gains` (order, tx, rx, facet, instant); the
+        centroids (facet, 3) [m] of all facets are `known` at some times."""
         direction = np.empty((len(led), len(knots), 3))
         column = {float(t): k for k, t in enumerate(knots)}
 
         def delays(t: float) -> FloatArray:
-            centroids = self._centroids(positions(t), led)
+            centroids = np.take(known[t], led, axis=0) if t in known else self._centroids(positions(t), led)
             if t in column:
                 offset = centroids - self._viewpoint
                 direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]

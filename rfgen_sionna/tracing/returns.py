@@ -14,7 +14,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.sight import Seen
 
-_AT_ONCE = 200_000
+AT_ONCE = 200_000
 """Facets that are integrated at once."""
 
 
@@ -33,7 +33,7 @@ class FacetReturns:
     ) -> list[ComplexArray]:
         """(value, facet) of each of `parts`, as if all were seen. They are integrated together, as far as memory
         allows: to set a kernel up takes as long as it takes ten thousand facets."""
-        step = max(1, _AT_ONCE // max(1, *(len(each) for each in parts)))
+        step = max(1, AT_ONCE // max(1, *(len(each) for each in parts)))
         found = []
         for first in range(0, len(parts), step):
             some = parts[first : first + step]
@@ -78,7 +78,11 @@ class FacetReturns:
         the energy counts."""
         order = np.argsort(leader, kind="stable")
         led, first = np.unique(leader[order], return_index=True)
-        of_paths = np.stack([np.add.reduceat(np.take(each, order, axis=1), first, axis=1) for each in values], axis=-1)
+        if np.array_equal(led, leader):  # each has a path of its own, in their order
+            of_paths = np.stack(values, axis=-1)
+        else:
+            ordered = (np.take(each, order, axis=1) for each in values)
+            of_paths = np.stack([np.add.reduceat(each, first, axis=1) for each in ordered], axis=-1)
         found = self._band.combined(expansion, of_paths)
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself

@@ -112,7 +112,8 @@ class Sight:
         near = np.flatnonzero(lengths(facets.centroids - self._viewpoint) < self._max_range)
         times, surfaces = len(facets) // len(outline), len(self._surfaces.moving)
         time = np.arange(times, dtype=np.int32)[:, None]
-        every = (places.ravel() + (int(places.max(initial=-1)) + 1) * time).reshape(-1, 3)
+        own, local = np.unique(places, return_inverse=True)
+        every = (local.ravel().astype(np.int32) + np.int32(len(own)) * time).reshape(-1, 3)
         apart = replace(facets, surface=facets.surface + surfaces * np.repeat(time, len(outline)))
         number = looks.numbered(facets.number[: len(outline)], times)
         found = self._sampled(looks, apart, number, near, every, np.tile(outline, times), np.tile(level, times))

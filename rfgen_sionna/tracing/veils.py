@@ -56,7 +56,7 @@ class VeiledFacets(MirroredFacets):
     @classmethod
     def veiled(cls, facets: Facets, keys: NDArray[np.int64], normals: FloatArray) -> VeiledFacets:
         """Facets by `keys` (entry, 1 + depth)."""
-        chosen = facets.take(keys[:, 0].astype(np.intp))
+        chosen = facets.take(keys[:, 0].astype(np.intp)).pulled(None)
         none = np.zeros(len(keys), np.int32)
         return cls(
             **{each.name: getattr(chosen, each.name) for each in fields(Facets)},

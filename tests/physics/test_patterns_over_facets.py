@@ -1,5 +1,7 @@
 """What the antennas make of a facet's points changes over it: each of them counts by its own direction."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -8,7 +10,9 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.mesh import columns
+from rfgen_sionna.tracing.facets import stack_facets
 from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.tessellate import tessellate
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import patches, triangle_points
 
@@ -50,3 +54,42 @@ def test_each_point_of_a_ball_counts_by_its_own_direction(place, rtol):
     found = weighted(Tracer(None, radar, [ball], rtol).instant(0.0), radar)
     truth = dense(ball.vertices(0.0), ball.faces, radar, 60)
     assert abs(found - truth) < max(0.6 * rtol, 3e-3) * abs(truth)
+
+
+@pytest.mark.parametrize(("name", "rtol"), [("awr1843", 1e-2), ("awr1843", 1e-3), ("mmwcas", 1e-2)])
+@pytest.mark.parametrize("aside", [0.35, -0.35])
+def test_each_point_of_a_box_counts_by_its_own_direction(name, rtol, aside):
+    """Flat faces near the array, where Tx and Rx see them from different directions. By the directions of its facets'
+    middles alone it errs by up to 1.3 %."""
+    radar = Radar.load(name, position=(0, 0, 0), look_at=(3, 0, 0))
+    mesh = trimesh.creation.box((0.02, 0.2, 0.2))
+    box = Actor.from_mesh(mesh, material="pec", position=(0.7, aside, 0.1), orientation=(np.arctan(aside / 0.7), 0, 0))
+    found = weighted(Tracer(None, radar, [box], rtol).instant(0.0), radar)
+    truth = dense(box.vertices(0.0), box.faces, radar, 250)
+    assert abs(found - truth) < max(0.7 * rtol, 1.5e-3) * abs(truth)
+
+
+@pytest.mark.parametrize("name", ["awr1843", "mmwcas"])
+def test_halves_of_facets_add_up_to_them(name):
+    """What is seen of a facet goes by the facet's path and counts by directions of its own; seen from one place
+    (AWR1843) and by Tx and Rx apart."""
+    radar = Radar.load(name, position=(0, 0, 0), look_at=(3, 0, 0))
+    mesh = trimesh.creation.icosphere(2, 0.05)
+    mesh = trimesh.util.concatenate([mesh, trimesh.creation.box((0.02, 0.05, 0.05)).apply_translation([0, 0.1, 0])])
+    thing = Actor.from_mesh(mesh, material="pec", position=(1.0, 0.6, 0.2), name="thing")
+    tracer = Tracer(None, radar, [thing], 1e-2)
+    band, (surface,), origin, vertices = tracer._band, tracer.surfaces.moving, np.zeros(3), thing.vertices(0.0)
+    pieces = tessellate(vertices, surface.faces, origin, band.highest, 1e-2, smooth=surface.smooth)
+    facets = stack_facets([surface], [pieces], [vertices], origin)
+    facets = facets.take(np.flatnonzero(facets.facing))
+    facets = replace(facets, parts=np.full(len(facets), 8, np.int32)).pulled(band.pull(facets))
+    owner = np.repeat(np.arange(len(facets)), 2)
+    halves = np.array([[[1, 0, 0], [0, 1, 0], [0, 0.5, 0.5]], [[1, 0, 0], [0, 0.5, 0.5], [0, 0, 1]]])
+    cut, expansion = facets.cut(owner, np.tile(halves, (len(facets), 1, 1))), band.tangent(3, 2)
+    whole = band.values(facets, (surface.material,), expansion, facets.centroids)[0]
+    both = band.values(cut, (surface.material,), expansion, facets.centroids[owner])[0]
+    off = both.reshape(-1, 2).sum(axis=1) - whole
+    by_middles = band.values(cut.pulled(None), (surface.material,), expansion, facets.centroids[owner])[0]
+    missed = by_middles.reshape(-1, 2).sum(axis=1) - whole
+    assert np.linalg.norm(off) < 2e-3 * np.linalg.norm(whole)
+    assert np.linalg.norm(missed) > 5.0 * np.linalg.norm(off)
