@@ -17,6 +17,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
+from rfgen_sionna.scene.transfer import upload
 
 FirstHits = Callable[[Any, int], tuple[Any, Any]]
 """So many rays to the face that each hits first, `NO_PRIMITIVE` for none, and the distance, on the device."""
@@ -94,7 +95,7 @@ class Looks:
         step: list[Any] = [dr.opaque(mi.Float, float(each)) for each in self._step]
         first = dr.opaque(mi.UInt32, self._first)
         if layer is not None:
-            chosen, size = mi.UInt32(self._chosen.astype(np.uint32)), dr.opaque(mi.UInt32, len(self._chosen))
+            chosen, size = upload(mi.UInt32, self._chosen), dr.opaque(mi.UInt32, len(self._chosen))
 
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
             look = own // count

@@ -111,9 +111,8 @@ def measure(
     frequency = band.frequency(probes)
     finer_ones, index = facets.finer()
     counted = weight[index]
-    if (
-        facets.pull is not None
-    ):  # what the antennas make of each of the finer ones; flat ones are the same, in more parts
+    if facets.pull is not None:
+        # Each of the finer ones counts by its own direction; flat ones are the same, in more parts.
         finer_ones = finer_ones.pulled(band.pull(finer_ones))
         usual_gain = np.maximum(band.importance(facets.directions(band.viewpoint)), 1e-12)
         counted = counted * band.importance(finer_ones.directions(band.viewpoint)) / usual_gain[index]
