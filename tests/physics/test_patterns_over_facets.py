@@ -36,7 +36,9 @@ def dense(vertices, faces, radar, points):
         to_tx, to_rx = (np.linalg.norm(point - each, axis=1) for each in (tx, rx))
         offset = point - radar.position
         direction = offset / np.linalg.norm(offset, axis=1)[:, None]
-        facing = np.maximum(-np.einsum("qi,qi->q", direction, cross), 0.0)
+        half_way = point - 0.5 * (tx + rx)
+        half_way /= np.linalg.norm(half_way, axis=1)[:, None]
+        facing = np.maximum(-np.einsum("qi,qi->q", half_way, cross), 0.0)
         gain = radar.pattern.gain_db(direction @ radar.rotation) - radar.pattern.peak_gain_dbi
         wave = np.exp(-1j * k * (to_tx + to_rx)) / (to_tx * to_rx)
         total += (10 ** (gain / 10) * facing * weight * wave).sum() / (8j * np.pi)
@@ -46,14 +48,14 @@ def dense(vertices, faces, radar, points):
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3])
 @pytest.mark.parametrize("place", [(0.9, 0.5, 0.3), (1.2, -0.9, 0.0), (0.7, 0.0, 0.35)])
 def test_each_point_of_a_ball_counts_by_its_own_direction(place, rtol):
-    """A coarse ball beside and above the beam, where the pattern falls steeply over it: to the tolerance, or to the
-    0.3 % that the reference's sums along the ball's rim are good for. By the directions of its facets' middles
-    alone it errs by 0.4 to 8 %."""
+    """A coarse ball beside and above the beam, where the pattern falls steeply over it: to the tolerance, but for up to
+    0.16 % that was found at 0.001, part of it at the ball's rim with isotropic elements, too. By the directions of its
+    facets' middles alone it errs by 0.4 to 8 %."""
     radar = Radar.load("awr1843", position=(0, 0, 0), look_at=(3, 0, 0))
     ball = Actor.from_mesh(trimesh.creation.icosphere(2, 0.2), material="pec", position=place, name="ball")
     found = weighted(Tracer(None, radar, [ball], rtol).instant(0.0), radar)
     truth = dense(ball.vertices(0.0), ball.faces, radar, 60)
-    assert abs(found - truth) < max(0.6 * rtol, 3e-3) * abs(truth)
+    assert abs(found - truth) < max(0.6 * rtol, 2e-3) * abs(truth)
 
 
 @pytest.mark.parametrize(("name", "rtol"), [("awr1843", 1e-2), ("awr1843", 1e-3), ("mmwcas", 1e-2)])
