@@ -25,7 +25,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.knots import RIM_ERROR
+from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, spline_error
 from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
@@ -34,12 +34,12 @@ BETWEEN_PER_RTOL = 3.0
 """What a return may err by between instants for shadows that move on, relative to itself [root mean square over time],
 per unit of the tolerance: as much as for gains that turn with the body."""
 MOST = 8
-"""Times from one instant to the next, at most."""
+"""Times from one instant to the next, at most; twice as many from the first of three to the second."""
 _EACH = 0.7
 """Share of that which facets that are looked at in between may err by, and the others."""
 _FACES_AT_ONCE = 4_000_000
 """Faces that are placed side by side, at most, to look at facets at several times together."""
-FEWEST = 4
+FEWEST = 3
 """Instants that tell anything."""
 
 
@@ -71,8 +71,8 @@ def edged(shares: FloatArray) -> NDArray[np.bool_]:
 
 def left_out(gains: ComplexArray) -> ComplexArray:
     """(facet, inner time) by how much `gains` (facet, time) at evenly spaced times differ from the polynomials through
-    their four neighbours; through three, of four times. Where an edge passes, errors go with the gap, so that this is
-    twice what splines through all miss."""
+    their four neighbours; through all others, of four or three times. Where an edge passes, errors go with the gap, so
+    that this is twice what splines through all miss."""
     count = gains.shape[1]
     weights = np.zeros((max(count - 2, 0), count))
     for k, row in enumerate(weights, 1):
@@ -89,9 +89,10 @@ def _largest(missed: ComplexArray) -> FloatArray:
     return np.asarray((missed.real**2 + missed.imag**2).max(axis=1, initial=0.0))
 
 
-def lost(swing: FloatArray) -> FloatArray:
-    """(facet,) share of the energy of phasors that swing by so much [rad] from time to time that splines miss."""
-    return np.asarray(np.minimum(RIM_ERROR * swing**4, 1.0) ** 2)
+def lost(swing: FloatArray, gaps: int = RIM_GAPS) -> FloatArray:
+    """(facet,) share of the energy of phasors that swing by so much [rad] from time to time that splines with so many
+    `gaps` miss."""
+    return np.asarray(np.minimum(spline_error(swing, gaps), 1.0) ** 2)
 
 
 def rms(parts: ComplexArray) -> FloatArray:
@@ -141,7 +142,8 @@ def choose(
     # An edge that moves on by a wavelength from one instant to the next may seem to rest.
     swing = width * np.abs(np.diff(shares)).max(axis=1)
     seen = np.where(edged(shares), _largest(gains), 0.0)
-    energy, missed = np.maximum(_largest(missed), seen * lost(swing)), missed * phasors[:, 1:-1]
+    energy = np.maximum(_largest(missed), seen * lost(swing, gains.shape[1] - 1))
+    missed = missed * phasors[:, 1:-1]
     for number in range(len(level)):
         mine = np.flatnonzero(surface == number)
         allowed = BETWEEN_PER_RTOL * rtol * level[number]
@@ -183,6 +185,11 @@ def missed_of(
     missed = missed * phasors[:, 1:-1]
     together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])
     return np.asarray(np.maximum(apart, rms(together) ** 2))
+
+
+def most_rounds(instants: int, most: int = MOST) -> int:
+    """Times from one to the next of so many instants, at most: `most`, twice as many of those further apart."""
+    return most if instants - 1 > QUIET_GAPS else 2 * most
 
 
 def fine_times(instants: FloatArray, rounds: int) -> FloatArray:
@@ -256,6 +263,7 @@ class Glances:
             surface[some],
             np.maximum(level, np.hypot(*now)),
             self._rtol,
+            most_rounds(len(facets)),
         )
         return found._replace(facets=some[found.facets])
 
@@ -307,7 +315,7 @@ class Glances:
             gains = self._single(first, by_time, expansion)
             missed = missed_of(gains, phasors, shares, chosen.width, first.surface, len(chosen.level))
             error = chosen.error(missed)
-            if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > MOST:
+            if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > most_rounds(len(instants)):
                 break
             rounds *= 2
         parts = [own.take(every[count * k : count * (k + 1)]) for k in order]

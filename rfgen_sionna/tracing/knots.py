@@ -21,6 +21,12 @@ RIM_ERROR, INNER_ERROR = 0.02, 0.005
 knots: of the cubic through four knots, and through more of them. They grow with the swing's fourth power."""
 RIM_GAPS = 5
 """Gaps up to which a spline errs as at its rim."""
+QUIET_GAPS, QUIET_ERROR = 2, 0.046
+"""The fewest gaps over which gains are looked at, and what the parabola through three instants errs by for a swing of
+1 rad between them [root mean square over time]; it grows with the swing's third power."""
+QUIET_SPACING, QUIET_TURN = 14e-3, 4e-3
+"""Longest such gap [s], and how far at most any vertex goes across the view in it [rad]: three instants tell little of
+shadows that are faster."""
 LOOKS = 6
 """Stretches between knots over which gains are looked at; delays may have many more."""
 ENOUGH = 8000
@@ -113,7 +119,8 @@ def gain_knots(
     """Evenly spaced instants, as many as a spline through them needs to follow the gains.
 
     The gain of a facet follows the phases of its corners against their mean. Where they swing by x rad between two
-    instants, a spline errs by about `INNER_ERROR` x^4. The error is held to `tolerance` in the root mean square over
+    instants, a spline errs by about `INNER_ERROR` x^4, and over a short stretch in which they hardly do three instants
+    are enough: the parabola errs by `QUIET_ERROR` x^3. The error is held to `tolerance` in the root mean square over
     each mesh, faces weighted with the energy that they may return: the square of their solid angle's mean phasor, which
     falls with the spread of the corners' phases. Of very many faces the widest tell it.
 
@@ -128,7 +135,7 @@ def gain_knots(
     tolerance
         Allowed error relative to the gains.
     max_spacing
-        Longest gap [s].
+        Longest gap [s], but of :data:`QUIET_SPACING` where three instants do.
     """
     if len(knots) == 1:
         return knots
@@ -142,13 +149,35 @@ def gain_knots(
     ]
     least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
     most = max(least, int(length / MIN_SPACING))
-    gaps = least
+    gaps = QUIET_GAPS if length <= QUIET_GAPS * QUIET_SPACING else least
     while gaps < most:
-        error = max((each.error((len(times) - 1) / gaps, gaps) for each in swings), default=0.0)
-        if error <= tolerance:
+        scale = (len(times) - 1) / gaps
+        error = max((each.error(scale, gaps) for each in swings), default=0.0)
+        if error <= tolerance and (gaps >= least or _most_turn(places, viewpoint) * scale <= QUIET_TURN):
             break
-        gaps = min(max(gaps + 1, int(0.7 * gaps * (error / tolerance) ** 0.25)), most)
+        gaps = min(max(gaps + 1, least, int(0.7 * gaps * (error / tolerance) ** 0.25)), most)
     return np.linspace(knots[0], knots[-1], gaps + 1)
+
+
+def _most_turn(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:
+    """Largest angle [rad] that any vertex goes across the view from one of the `places` to the next."""
+    found = 0.0
+    for before, after in pairwise(places):
+        for old, new in zip(before, after, strict=True):
+            offset, step = old - viewpoint, new - old
+            square = np.maximum(np.einsum("vi,vi->v", offset, offset), 1e-12)
+            along = np.einsum("vi,vi->v", offset, step) / square
+            across = np.einsum("vi,vi->v", step, step) / square - along**2
+            found = max(found, float(across.max(initial=0.0)))
+    return float(np.sqrt(found))
+
+
+def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
+    """What splines with so many gaps err by between instants, at phasors that swing by so much [rad] over a gap: root
+    mean square over time."""
+    if gaps <= QUIET_GAPS:
+        return np.asarray(QUIET_ERROR * swing**3)
+    return np.asarray((RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR) * swing**4)
 
 
 def most_swing(tolerance: float) -> float:
@@ -178,8 +207,7 @@ class _Swings:
 
     def error(self, scale: float, gaps: int) -> float:
         """Of a spline with so many `gaps`, each `scale` times as long as the steps."""
-        share = RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR
-        missed = np.minimum(share * (scale * self.swing) ** 4, 1.0)
+        missed = np.minimum(spline_error(scale * self.swing, gaps), 1.0)
         total = self.weight.sum(axis=1)
         found = (self.weight * missed**2).sum(axis=1) / np.where(total > 0, total, 1.0)
         return float(np.sqrt(found.max(initial=0.0)))

@@ -16,13 +16,23 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, FEWEST, choose, fine_times, left_out, lost, missed_of, rms
+from rfgen_sionna.tracing.glances import (
+    BETWEEN_PER_RTOL,
+    FEWEST,
+    choose,
+    fine_times,
+    left_out,
+    lost,
+    missed_of,
+    most_rounds,
+    rms,
+)
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace
 
 MOST = 32
-"""Times from one instant to the next, at most: flat facets of rooms are wider than those of bodies."""
+"""The same as :data:`rfgen_sionna.tracing.glances.MOST`: flat facets of rooms are wider than those of bodies."""
 LIKELY = 0.35
 """What splines through all instants mostly miss, of what they miss without one of them: only where that is above the
 tolerance facets are looked at again. The error that is stated is all of it, as much as is missed where edges pass by
@@ -92,7 +102,7 @@ def follow_hidden(
     rows = np.sort(order[sure:])
     some, width, mine = some[rows], width[rows], np.zeros(len(left), np.bool_)
     mine[some] = True
-    told = static.integrated([each.only(mine) for each in dimmed])
+    told, most = static.integrated([each.only(mine) for each in dimmed]), most_rounds(len(instants), MOST)
     found = choose(
         LIKELY * _single(static, some, left[some], told),
         np.broadcast_to(_phasors(static.paths, some), (len(some), len(instants))),
@@ -102,7 +112,7 @@ def follow_hidden(
         np.zeros(len(some), np.intp),
         np.array([static.level]),
         rtol,
-        MOST,
+        most,
         aside,
     )
     found = found._replace(rest=np.hypot(found.rest, beside) / LIKELY)
@@ -133,9 +143,9 @@ def follow_hidden(
         shares = np.stack([each.left for each in looks], axis=1)
         gains, over_time = _single(static, chosen, shares, looks), np.broadcast_to(phasors, shares.shape)
         missed = missed_of(gains, over_time, shares, found.width, every, 1)
-        if np.sqrt(missed[0]) <= BETWEEN_PER_RTOL * rtol * static.level or rounds == MOST:
+        if np.sqrt(missed[0]) <= BETWEEN_PER_RTOL * rtol * static.level or rounds == most:
             break
-        rounds = min(2 * rounds, MOST)
+        rounds = min(2 * rounds, most)
     rest = [each.only(~mine) for each in dimmed]
     asked = len(chosen) * (len(known) - len(instants))
     unknown = max(each.missed for each in known.values())
@@ -167,7 +177,7 @@ def _at_most(
     jumps = np.abs(left_out(left.astype(np.complex128))).max(axis=1, initial=0.0)
     # A metal facet's gain is its area over 4 pi R^2, and twice its solid angle is what `cut` begins with.
     swing = width * np.abs(np.diff(left)).max(axis=1)
-    return np.asarray(np.maximum(whole * jumps, weight * cut / (8 * np.pi) * np.sqrt(lost(swing))))
+    return np.asarray(np.maximum(whole * jumps, weight * cut / (8 * np.pi) * np.sqrt(lost(swing, left.shape[1] - 1))))
 
 
 def _single(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, dimmed: Sequence[Dimmed]) -> ComplexArray:

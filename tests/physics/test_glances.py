@@ -8,7 +8,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import glances
+from rfgen_sionna.tracing import glances, knots
 from rfgen_sionna.tracing.glances import choose, fine_times, left_out
 from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
 
@@ -74,6 +74,8 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     assert len(traced.glanced.times) > len(traced.moving.times)
     error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
     assert error < traced.report.between
+    # With four instants: three tell of a plate that edges pass by many wavelengths that it is one, and not how much.
+    monkeypatch.setattr(knots, "QUIET_SPACING", 0.0)
     monkeypatch.setattr(glances, "BETWEEN_PER_RTOL", np.inf)
     plain = tracer.trace(0.0, length)
     assert plain.glanced is None
@@ -144,9 +146,23 @@ def test_who_leaves_the_range_window_is_not_in_a_shadow(radar):
     assert Tracer(None, radar, [ball], rtol=1e-2).trace(0.0, radar.waveform.frame_length).glanced is None
 
 
-@pytest.mark.parametrize("start", [1.8, 1.9])
+@pytest.mark.parametrize("speed", [0.1, 0.2, 0.3])
+def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
+    """A plate and a screen that hardly turn have three instants, and the edge that passes is followed all the same."""
+    tracer = screened(radar, 20.0, speed)
+    length = radar.waveform.frame_length
+    times = np.linspace(0.0, length, 20)
+    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    traced = tracer.trace(0.0, length)
+    assert traced.report.instants == 3
+    error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
+    assert error < min(traced.report.between + traced.report.error, 0.03)
+
+
+@pytest.mark.parametrize("start", [0.6, 1.8, 1.9])
 def test_a_walking_person_between_instants(radar, start):
-    """Where an arm swings before the body: right to the error stated, against four times as many instants."""
+    """Where an arm swings before the body, and where all are so slow that three instants do: right to the error stated,
+    against four times as many instants."""
     pytest.importorskip("anny")
     from rfgen_sionna.generative.actor import Actor as Person
 
@@ -154,6 +170,7 @@ def test_a_walking_person_between_instants(radar, start):
     tracer = Tracer(None, radar, [person], rtol=1e-2)
     length = radar.waveform.frame_length
     traced = tracer.trace(start, start + length)
+    assert (traced.report.instants == 3) == (start == 0.6)
     times = np.linspace(start, start + length, 25)[1::2]
     truth = traced_there(tracer, times)
     error = rms(channel(traced.actors, times) - truth) / rms(truth)
