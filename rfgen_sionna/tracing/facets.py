@@ -179,7 +179,7 @@ def stack_facets(
         towards = np.asarray(volume < 0)
         if curved:
             flat = surface.closed and not everywhere
-            bends.append(piece.bend(p, surface.smooth, np.flatnonzero(towards) if flat else slice(None)))
+            bends.append(piece.bend(points, surface.faces, surface.smooth, np.flatnonzero(towards) if flat else None))
             bent.append(np.full(len(c), surface.smooth is not None))
         towards = towards[piece.face]
         corners.append(c)

@@ -9,7 +9,7 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.load import RadarScene
-from rfgen_sionna.scene.mesh import columns, face_normals, lengths
+from rfgen_sionna.scene.mesh import face_normals, lengths
 from rfgen_sionna.tracing.smooth import QUARTERS, divided, smoothing
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _split(vertices: FloatArray, faces: IntArray, edge: float, frequency: float)
 
         vertices, faces = trimesh.remesh.subdivide_to_size(vertices, faces, edge, max_iter=40)
         return np.asarray(vertices, np.float64), np.asarray(faces, np.int32)
-    corners, bend, done = vertices[faces], smooth.bend(columns(vertices, faces)), []
+    corners, bend, done = vertices[faces], smooth.bend(vertices, faces), []
     while len(corners):
         rise = lengths(bend.rises).max(axis=1) * 4 * np.pi * frequency / SPEED_OF_LIGHT
         coarse = (rise > PIECE_RISE) | (lengths(corners[:, [1, 2, 0]] - corners).max(axis=1) > edge)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.arrays import drjit_types
 
 _FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
@@ -51,11 +54,7 @@ class Smoothing:
         A face counts by sin / (|a| |b|) of its edges a, b at the corner, which is exact on a sphere (N. Max, Weights
         for computing vertex normals from facet normals, Journal of Graphics Tools 4(2), 1999).
         """
-        return np.ascontiguousarray(self._columns(columns(vertices, faces)).transpose(2, 1, 0))
-
-    def _columns(self, p: FloatArray, shown: NDArray[np.intp] | slice = slice(None)) -> FloatArray:
-        """Normals of the faces `shown` as (axis, corner, face), for positions [m] of that shape, of all faces: rows are
-        long, which is several times faster."""
+        p = columns(vertices, faces)  # rows are long, which is several times faster
         one, other, third = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1]
         cross = np.stack([one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)])
         square = [e[0] * e[0] + e[1] * e[1] + e[2] * e[2] for e in (third, other, one)]  # opposite corner
@@ -64,17 +63,55 @@ class Smoothing:
             weight[:, i] = 1.0 / np.maximum(square[i - 2] * square[i - 1], 1e-60)
         total = np.stack([self.gather @ (weight * axis[:, None]).reshape(-1) for axis in cross])
         total /= np.maximum(np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2), 1e-300)
-        return np.asarray(np.take(total, self.group[shown].T, axis=1))
+        return np.ascontiguousarray(np.take(total, self.group.T, axis=1).transpose(2, 1, 0))
 
-    def bend(self, corners: FloatArray, shown: NDArray[np.intp] | slice = slice(None)) -> Bend:
-        """How the faces are bent, for their corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives them; others
-        than `shown` are left flat."""
-        found = _rises(corners[..., shown], self._columns(corners, shown))
-        if isinstance(shown, slice):
-            return Bend(found)
-        rises = np.zeros((corners.shape[2], 3, 3))
-        rises[shown] = found
-        return Bend(rises)
+    def bend(self, vertices: FloatArray, faces: IntArray, shown: NDArray[np.intp] | None = None) -> Bend:
+        """How the faces are bent, for vertices (vertex, 3) [m]; others than those that `shown` counts out are left
+        flat.
+
+        These are the :func:`edge_rises` of :meth:`normals`, by Dr.Jit: of what is reckoned anew at every instant they
+        would take the longest.
+        """
+        dr, types = drjit_types()
+        Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
+        places, ends = upload(Float, vertices), upload(UInt32, faces)
+        members, starts = upload(UInt32, self.gather.indices), upload(UInt32, self.gather.indptr)
+
+        def vector(flat: Any, index: Any) -> Any:
+            return Array3(*(dr.gather(Float, flat, 3 * index + axis) for axis in range(3)))
+
+        def vertex(face: Any, corner: Any) -> Any:
+            return vector(places, dr.gather(UInt32, ends, 3 * face + corner))
+
+        def add(each: Any, total: Any) -> tuple[Any, Any]:
+            corner = dr.gather(UInt32, members, each)
+            face, begin = corner // 3, corner % 3
+            here = vertex(face, begin)
+            one, other = vertex(face, (begin + 1) % 3) - here, vertex(face, (begin + 2) % 3) - here
+            weight = 1.0 / dr.maximum(dr.squared_norm(one) * dr.squared_norm(other), 1e-60)
+            return each + 1, total + weight * dr.cross(one, other)
+
+        normal = dr.arange(UInt32, self.gather.shape[0])
+        last = dr.gather(UInt32, starts, normal + 1)
+        begun = dr.gather(UInt32, starts, normal), dr.zeros(Array3, self.gather.shape[0])
+        total = dr.while_loop(begun, lambda each, _: each < last, add)[1]
+        total /= dr.maximum(dr.norm(total), 1e-300)
+        normals = dr.ravel(total)
+        count = len(faces) if shown is None else len(shown)
+        face = dr.arange(UInt32, count) if shown is None else upload(UInt32, shown)
+        group, rises = upload(UInt32, self.group), dr.zeros(Float, 9 * len(faces))
+        dr.eval(normals, rises)
+        for edge in range(3):
+            (here, first), (there, second) = (
+                (vertex(face, end), vector(normals, dr.gather(UInt32, group, 3 * face + end)))
+                for end in ((edge + 1) % 3, (edge + 2) % 3)
+            )
+            mean = first + second
+            length = dr.maximum(dr.norm(mean), 1e-9)
+            rise = mean * (dr.dot(second - first, there - here) / (2.0 * length * (2.0 + length)))
+            for axis in range(3):
+                dr.scatter(rises, rise[axis], 9 * face + 3 * edge + axis, mode=dr.ReduceMode.Permute)
+        return Bend(rises.numpy().reshape(-1, 3, 3))
 
 
 def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:
@@ -125,20 +162,15 @@ def _next(corner: NDArray[np.int64]) -> NDArray[np.int64]:
 def edge_rises(corners: FloatArray, normals: FloatArray) -> FloatArray:
     """(face, 3, 3) by how much the middle of the edge opposite each corner lies off its chord [m], for corners and unit
     normals (face, 3, 3)."""
-    return _rises(*(np.ascontiguousarray(each.transpose(2, 1, 0)) for each in (corners, normals)))
-
-
-def _rises(p: FloatArray, normals: FloatArray) -> FloatArray:
-    """The same of columns (axis, corner, face)."""
-    rises = np.empty((p.shape[2], 3, 3))
+    rises = np.empty_like(corners)
     for edge in range(3):
         first, last = (edge + 1) % 3, (edge + 2) % 3
-        chord, turn = p[:, last] - p[:, first], normals[:, last] - normals[:, first]
+        chord, turn = corners[:, last] - corners[:, first], normals[:, last] - normals[:, first]
         mean = normals[:, last] + normals[:, first]
-        length = np.maximum(np.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2), 1e-9)
+        length = np.maximum(lengths(mean), 1e-9)
         # A circle's sagitta, exactly: turn . chord / 8 over cos^2 of a quarter of the angle between the normals.
-        bow = turn[0] * chord[0] + turn[1] * chord[1] + turn[2] * chord[2]
-        rises[:, edge] = (bow / (2.0 * length * (2.0 + length)) * mean).T
+        bow = np.einsum("fi,fi->f", turn, chord) / (2.0 * length * (2.0 + length))
+        rises[:, edge] = bow[:, None] * mean
     return rises
 
 

@@ -100,14 +100,14 @@ class Tessellation:
         return np.asarray(corners, dtype=np.float64)
 
     def bend(
-        self, corners: FloatArray, smooth: Smoothing | None, shown: NDArray[np.intp] | slice = slice(None)
+        self, vertices: FloatArray, faces: IntArray, smooth: Smoothing | None, shown: NDArray[np.intp] | None = None
     ) -> Bend:
-        """How the facets are bent, for the faces' corners [m] as :func:`~rfgen_sionna.scene.mesh.columns` gives them;
-        those of other faces than `shown` are left flat."""
+        """How the facets are bent, for the mesh's (vertex, 3) positions [m]; those of other faces than `shown` counts
+        out are left flat."""
         if smooth is None:
             return Bend(np.zeros((len(self.face), 3, 3)))
-        bend = smooth.bend(corners, shown)
-        if not self.are_the_faces(corners.shape[2]):
+        bend = smooth.bend(vertices, faces, shown)
+        if not self.are_the_faces(len(faces)):
             bend = bend.take(self.face)
         pieces = self.pieces
         if len(pieces) == 0:
@@ -278,7 +278,7 @@ def tessellate(
     height, rises = np.zeros(len(faces)), None
     if smooth is not None:
         # In the middle of a face 4/9 of what its edges rise.
-        rises = smooth.bend(columns(vertices, faces)).rises
+        rises = smooth.bend(vertices, faces).rises
         height = lengths(rises).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done_face: list[IntArray] = []

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.smooth import smoothing
 from tests.reference.physical_optics import po_gain
@@ -109,7 +108,7 @@ def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     actor = Actor.from_mesh(egg, material=["pec", "skin", "wood"][seed % 3], position=place, orientation=orientation)
     corners, seen = facing(actor)
     vertices = actor.vertices(0.0)
-    rises = smoothing(vertices, actor.faces).bend(columns(vertices, actor.faces)).rises[seen]
+    rises = smoothing(vertices, actor.faces).bend(vertices, actor.faces).rises[seen]
     points = 24 if rtol > 1e-3 else 48
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=points, rises=rises))
     assert error < report.error <= 3 * rtol

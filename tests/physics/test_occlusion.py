@@ -8,7 +8,6 @@ from scipy.special import fresnel
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor, load_scene
-from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing import sampling
@@ -95,7 +94,7 @@ def test_a_plate_s_edge_before_a_sphere_is_a_half_plane(edge):
     found = channel(of(Simulator(None, radar, [ball, plate]).paths(), "ball"))
     vertices = ball.vertices(0.0)
     corners = vertices[ball.faces]
-    point, cross = patches(corners, smoothing(vertices, ball.faces).bend(columns(vertices, ball.faces)).rises, 20)
+    point, cross = patches(corners, smoothing(vertices, ball.faces).bend(vertices, ball.faces).rises, 20)
     _, weight = triangle_points(corners[:1], 20)
     distance = np.linalg.norm(point, axis=2)
     facing = np.maximum(-np.einsum("fqi,fqi->fq", point, cross), 0.0)

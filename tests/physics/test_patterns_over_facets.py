@@ -9,7 +9,6 @@ import trimesh
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.tracing.facets import stack_facets
 from rfgen_sionna.tracing.smooth import smoothing
 from rfgen_sionna.tracing.tessellate import tessellate
@@ -29,7 +28,7 @@ def dense(vertices, faces, radar, points):
     tx, rx = radar.tx_world[0], radar.rx_world[0]
     k = 2 * np.pi * radar.center_frequency / SPEED_OF_LIGHT
     smooth, total = smoothing(vertices, faces), 0.0
-    rises = np.zeros((len(faces), 3, 3)) if smooth is None else smooth.bend(columns(vertices, faces)).rises
+    rises = np.zeros((len(faces), 3, 3)) if smooth is None else smooth.bend(vertices, faces).rises
     for corner, rise in zip(vertices[faces], rises, strict=True):
         point, cross = (each[0] for each in patches(corner[None], rise[None], points))
         _, weight = triangle_points(corner[None], points)
