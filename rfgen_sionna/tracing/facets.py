@@ -212,11 +212,13 @@ def over_time(
     instants: FloatArray,
     gains: ComplexArray,
     delays: Callable[[float], FloatArray],
+    rates: Callable[[float], FloatArray] | None = None,
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Gain coefficients (order, tx, rx, facet, time), delays and their rates (tx, rx, facet, time) at the knots.
 
     `gains` (order, tx, rx, facet, instant) are those at the `instants` [s], `delays` gives them (tx, rx, facet) at a
-    time; it is called for every knot.
+    time; it is called for every knot. `rates` gives those of a single knot, if they are known: else delays just before
+    and after it tell.
     """
     coefficients = gains
     if len(knots) > len(instants):
@@ -224,6 +226,8 @@ def over_time(
     tau = np.stack([delays(float(t)) for t in knots], axis=-1)
     if len(knots) > 1:
         return coefficients, tau, tau @ knot_weights(knots, knots, 1).T
+    if rates is not None:
+        return coefficients, tau, rates(float(knots[0]))[..., None]
     before, after = (delays(float(knots[0]) + step) for step in (-RATE_STEP, RATE_STEP))
     return coefficients, tau, ((after - before) / (2 * RATE_STEP))[..., None]
 

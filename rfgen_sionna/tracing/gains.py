@@ -133,6 +133,13 @@ class BandTracer:
         to_tx, to_rx = (np.stack([_ranges(one, place) for one in each]) for each in (self._tx, self._rx))
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
+    def rates(self, centroids: FloatArray, velocities: FloatArray) -> FloatArray:
+        """(tx, rx, facet) rates [s/s] of :meth:`delays` by way of points that move with `velocities` (facet, 3)
+        [m/s]."""
+        place, speed = (np.ascontiguousarray(each.T) for each in (centroids - self._origin, velocities))
+        to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (self._tx, self._rx))
+        return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
+
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
         """(facet,) delays [s] that the gains of one pair go by."""
         return self.delays(facets.centroids, pair)
@@ -396,6 +403,13 @@ def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:
     """(facet,) distances of an `element` (3,) from each `place` (axis, facet) [m]."""
     x, y, z = place - element[:, None]
     return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> FloatArray:
+    """(facet,) rates [m/s] of these distances, of places that move at a `speed` (axis, facet) [m/s]."""
+    x, y, z = place - element[:, None]
+    along = x * speed[0] + y * speed[1] + z * speed[2]
+    return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

@@ -15,7 +15,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
-from rfgen_sionna.tracing.facets import Facets, facet_paths, over_time, stack_facets
+from rfgen_sionna.tracing.facets import RATE_STEP, Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.glances import Followed, Glances, fine_times
@@ -95,7 +95,6 @@ class MovingParts:
         self._fineness = np.ones(len(surfaces.moving))
         self._pieces: list[Tessellation] = []
         self._parts: list[IntArray] = []
-        self._pull: list[FloatArray | None] = []  # empty until a stretch's first instant tells it
         self._places: IntArray = np.zeros((0, 3), np.int32)
         self._patches = Patches(band, viewpoint, rtol)
         self._distance = np.zeros(len(surfaces.moving))
@@ -124,7 +123,6 @@ class MovingParts:
         for attempt in range(2):
             afresh = attempt == 0 or kept_on
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
-            self._pull.clear()
             seen: list[Seen] = []
             whole: list[Facets] = []
             mirrored: list[MirroredView] = []
@@ -141,6 +139,8 @@ class MovingParts:
                 if self._veils is not None:
                     veiled.append(self._veils.see(shown_to[0], self._everything(t, positions), *shown_to[1:]))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
+            pull = self._band.pull(seen[0].facets, kept)
+            seen = [replace(each, facets=each.facets.pulled(pull)) for each in seen]
             facets = [each.facets.take(kept) for each in seen]
             leader = self._patches.followed([each.facets.centroids for each in seen], kept)
             references = [each.facets.centroids[leader] for each in seen]
@@ -207,7 +207,7 @@ class MovingParts:
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
         """New facets where an actor has come nearer by a fifth or gone twice as far, or where its range decides what is
         made of it."""
-        poses = [positions(float(t)) for t in (knots[0], knots[-1])]
+        poses = [positions(t) for t in sorted({float(knots[0]), float(knots[-1])})]
         changed = not self._pieces
         for index, _ in enumerate(self._surfaces.moving):
             distances = [lengths(pose[index] - self._viewpoint) for pose in poses]
@@ -276,13 +276,12 @@ class MovingParts:
             np.max([piece.parts_seen(points, own.faces, self._viewpoint) for points in turned], axis=0)
             for piece, own, turned in placed
         ]
-        self._pull.clear()
 
     def _from_all_sides(self, facets: Facets) -> Facets:
         """All facets as mirrors and slabs show them, aslant or not, from other directions."""
         if not self._beside:
             return facets
-        return replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces]), pull=None)
+        return replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces]))
 
     @property
     def _beside(self) -> bool:
@@ -329,7 +328,7 @@ class MovingParts:
             veiled = self._veils.see(rays(t), self._everything(t, positions), seen.facets, share)
             share = share + self._veils.weights(veiled, len(share))
         kept = np.flatnonzero(share > 0)
-        facets, fraction = seen.facets.take(kept), share[kept]
+        facets, fraction = seen.facets.pulled(self._band.pull(seen.facets, kept)).take(kept), share[kept]
         weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._patches.leader[kept]]
         expansion = self._band.expansion_for(facets, self._materials, weight, reference=reference)
         self._expansion = expansion
@@ -350,9 +349,7 @@ class MovingParts:
         vertices = positions(t)
         known = self._surfaces.moving, self._pieces, vertices, self._viewpoint
         facets = stack_facets(*known, everywhere=self._beside, parts_of=self._parts)
-        if not self._pull:
-            self._pull.append(self._band.pull(facets, np.flatnonzero(facets.facing)))
-        return self._sight(rays(t), facets.pulled(self._pull[0]), self._places, vertices)
+        return self._sight(rays(t), facets, self._places, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
@@ -387,14 +384,22 @@ class MovingParts:
         direction = np.empty((len(led), len(knots), 3))
         column = {float(t): k for k, t in enumerate(knots)}
 
-        def delays(t: float) -> FloatArray:
-            centroids = np.take(known[t], led, axis=0) if t in known else self._centroids(positions(t), led)
-            if t in column:
-                offset = centroids - self._viewpoint
-                direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
-            return self._band.delays(centroids)
+        def centroids(t: float) -> FloatArray:
+            return np.take(known[t], led, axis=0) if t in known else self._centroids(positions(t), led)
 
-        curves = over_time(knots, instants, gains, delays)
+        def delays(t: float) -> FloatArray:
+            there = centroids(t)
+            if t in column:
+                offset = there - self._viewpoint
+                direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
+            return self._band.delays(there)
+
+        def rates(t: float) -> FloatArray:
+            before, after = positions(t - RATE_STEP), positions(t + RATE_STEP)
+            velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
+            return self._band.rates(centroids(t), self._centroids(velocities, led))
+
+        curves = over_time(knots, instants, gains, delays, rates)
         return facet_paths(
             self._surfaces.moving,
             facets,

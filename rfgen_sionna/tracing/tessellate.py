@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import columns, corners_of, lengths, middles
@@ -118,8 +119,10 @@ class Tessellation:
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
         """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
-        corners, weights = corners_of(vertices, np.take(faces, self.face[chosen], axis=0)), self._middles[chosen]
-        return np.asarray(sum(weights[:, [i]] * corners[:, i] for i in range(3)), dtype=np.float64)
+        ends, weights = np.take(faces, self.face[chosen], axis=0), np.take(self._middles, chosen, axis=0)
+        shape = len(chosen), len(vertices)
+        rows = csr_array((weights.ravel(), ends.ravel(), np.arange(0, 3 * len(chosen) + 1, 3)), shape=shape)
+        return np.asarray(rows @ np.asarray(vertices, np.float64))
 
 
 def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:
