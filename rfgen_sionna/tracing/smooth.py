@@ -72,6 +72,9 @@ class Smoothing:
         These are the :func:`edge_rises` of :meth:`normals`, by Dr.Jit: of what is reckoned anew at every instant they
         would take the longest.
         """
+        count = len(faces) if shown is None else len(shown)
+        if not count:
+            return Bend(np.zeros((len(faces), 3, 3)))
         dr, types = drjit_types()
         Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
         places, ends = upload(Float, vertices), upload(UInt32, faces)
@@ -97,7 +100,6 @@ class Smoothing:
         total = dr.while_loop(begun, lambda each, _: each < last, add)[1]
         total /= dr.maximum(dr.norm(total), 1e-300)
         normals = dr.ravel(total)
-        count = len(faces) if shown is None else len(shown)
         face = dr.arange(UInt32, count) if shown is None else upload(UInt32, shown)
         group, rises = upload(UInt32, self.group), dr.zeros(Float, 9 * len(faces))
         dr.eval(normals, rises)

@@ -194,3 +194,21 @@ def test_neighbours_rise_alike_on_a_shared_edge():
     pairs = rises.reshape(-1, 3)[order].reshape(-1, 2, 3)
     np.testing.assert_allclose(pairs[:, 0], pairs[:, 1], atol=1e-15)
     assert np.abs(pairs).max() > 1e-5
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.int64])
+def test_faces_bend_as_their_normals_say(kind):
+    """By Dr.Jit as by NumPy, all faces or some, of a deformed ball with a cylinder, whose caps are flat, beside it."""
+    ball, cylinder = trimesh.creation.icosphere(subdivisions=3, radius=0.1), trimesh.creation.cylinder(0.1, 0.3)
+    round_ones = np.asarray(ball.vertices) * (1 + 0.2 * np.sin(30 * np.asarray(ball.vertices)))
+    vertices = np.concatenate([round_ones, np.asarray(cylinder.vertices) + np.array([1.0, 0, 0])])
+    faces = np.concatenate([np.asarray(ball.faces), np.asarray(cylinder.faces) + len(round_ones)]).astype(kind)
+    smooth = smoothing(vertices, faces)
+    expected = edge_rises(vertices[faces], smooth.normals(vertices, faces))
+    found = smooth.bend(vertices, faces).rises
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-16)
+    assert np.abs(expected).max() > 1e-4
+    for shown in (np.arange(1, len(faces), 3), np.zeros(0, np.intp)):
+        some = smooth.bend(vertices, faces, shown).rises
+        assert np.array_equal(some[shown], found[shown])
+        assert not np.delete(some, shown, axis=0).any()
