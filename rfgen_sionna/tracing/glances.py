@@ -91,8 +91,8 @@ def _largest(missed: ComplexArray) -> FloatArray:
 
 def lost(swing: FloatArray, gaps: int = RIM_GAPS) -> FloatArray:
     """(facet,) share of the energy of phasors that swing by so much [rad] from time to time that splines with so many
-    `gaps` miss."""
-    return np.asarray(np.minimum(spline_error(swing, gaps), 1.0) ** 2)
+    `gaps` miss, with many of them as much as at their rim: an edge is not on a facet for long."""
+    return np.asarray(np.minimum(spline_error(swing, min(gaps, RIM_GAPS)), 1.0) ** 2)
 
 
 def rms(parts: ComplexArray) -> FloatArray:
