@@ -142,7 +142,8 @@ def choose(
     # An edge that moves on by a wavelength from one instant to the next may seem to rest.
     swing = width * np.abs(np.diff(shares)).max(axis=1)
     seen = np.where(edged(shares), _largest(gains), 0.0)
-    energy = np.maximum(_largest(missed), seen * lost(swing, gains.shape[1] - 1))
+    gaps = gains.shape[1] - 1
+    energy = np.maximum(_largest(missed), seen * lost(swing, gaps))
     missed = missed * phasors[:, 1:-1]
     for number in range(len(level)):
         mine = np.flatnonzero(surface == number)
@@ -161,7 +162,9 @@ def choose(
             enough = np.maximum.accumulate(others[::-1])[::-1] <= _EACH * allowed
             count = int(enough.argmax()) if enough.any() else len(able)
             chosen.append(followed := able[:count])
-            while rounds < most and (seen * lost(swing / rounds))[followed].sum() > (_EACH * allowed) ** 2:
+            while (
+                rounds < most and (seen * lost(swing / rounds, gaps * rounds))[followed].sum() > (_EACH * allowed) ** 2
+            ):
                 rounds += 1
         rest[number] = others[count]
     found = np.sort(np.concatenate(chosen))
@@ -180,7 +183,9 @@ def missed_of(
     what is left out, or what an edge swings by, or what is left out of all of them as they add up. The other arguments
     are those of :func:`choose`, at evenly spaced times."""
     energy, missed = gains.real**2 + gains.imag**2, left_out(gains)
-    swung = np.maximum(energy[:, 1:], energy[:, :-1]) * lost(width[:, None] * np.abs(np.diff(shares, axis=1)))
+    swung = np.maximum(energy[:, 1:], energy[:, :-1]) * lost(
+        width[:, None] * np.abs(np.diff(shares, axis=1)), gains.shape[1] - 1
+    )
     apart = np.bincount(surface, np.maximum(rms(missed) ** 2, swung.mean(axis=1)), count)
     missed = missed * phasors[:, 1:-1]
     together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])

@@ -115,6 +115,7 @@ def gain_knots(
     frequency: float,
     tolerance: float,
     max_spacing: float,
+    quiet: bool = True,
 ) -> FloatArray:
     """Evenly spaced instants, as many as a spline through them needs to follow the gains.
 
@@ -136,6 +137,9 @@ def gain_knots(
         Allowed error relative to the gains.
     max_spacing
         Longest gap [s], but of :data:`QUIET_SPACING` where three instants do.
+    quiet
+        Whether three instants may do. Mirrors and slabs show what is quiet from the viewpoint from elsewhere, and what
+        they show is not looked at between instants.
     """
     if len(knots) == 1:
         return knots
@@ -149,7 +153,7 @@ def gain_knots(
     ]
     least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
     most = max(least, int(length / MIN_SPACING))
-    gaps = QUIET_GAPS if length <= QUIET_GAPS * QUIET_SPACING else least
+    gaps = QUIET_GAPS if quiet and length <= QUIET_GAPS * QUIET_SPACING else least
     while gaps < most:
         scale = (len(times) - 1) / gaps
         error = max((each.error(scale, gaps) for each in swings), default=0.0)
@@ -180,8 +184,11 @@ def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
     return np.asarray((RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR) * swing**4)
 
 
-def most_swing(tolerance: float) -> float:
-    """Phase [rad] by which a phasor may swing from instant to instant for a spline to err by `tolerance` at most."""
+def most_swing(tolerance: float, gaps: int) -> float:
+    """Phase [rad] by which a phasor may swing from instant to instant for a spline with so many gaps to err by
+    `tolerance` at most."""
+    if gaps <= QUIET_GAPS:
+        return float((tolerance / QUIET_ERROR) ** (1 / 3))
     return float((tolerance / RIM_ERROR) ** 0.25)
 
 

@@ -279,12 +279,12 @@ class MovingParts:
 
     def _from_all_sides(self, facets: Facets) -> Facets:
         """All facets as mirrors and slabs show them, aslant or not, from other directions."""
-        if not self._beside:
+        if not self.beside:
             return facets
         return replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces]))
 
     @property
-    def _beside(self) -> bool:
+    def beside(self) -> bool:
         """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
         return self._ghosts is not None or bool(self._bounces) or self._veils is not None
 
@@ -348,7 +348,7 @@ class MovingParts:
     def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
         vertices = positions(t)
         known = self._surfaces.moving, self._pieces, vertices, self._viewpoint
-        facets = stack_facets(*known, everywhere=self._beside, parts_of=self._parts)
+        facets = stack_facets(*known, everywhere=self.beside, parts_of=self._parts)
         return self._sight(rays(t), facets, self._places, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:

@@ -88,7 +88,9 @@ class Patches:
         swing = np.zeros(len(kept))
         for before, after in pairwise([each[kept] - each[leader] for each in ranges]):
             np.maximum(swing, np.abs(after - before), out=swing)
-        most = most_swing(PATCHED_PER_RTOL * self._rtol) / (4 * np.pi * self._band.highest / SPEED_OF_LIGHT)
+        most = most_swing(PATCHED_PER_RTOL * self._rtol, len(centroids) - 1) / (
+            4 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        )
         return np.where(swing <= most, leader, kept)
 
     def pattern(self, seen: Seen, kept: NDArray[np.intp], leader: NDArray[np.intp]) -> FloatArray:

@@ -32,7 +32,8 @@ from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace
 
 MOST = 32
-"""The same as :data:`rfgen_sionna.tracing.glances.MOST`: flat facets of rooms are wider than those of bodies."""
+"""What :data:`rfgen_sionna.tracing.glances.MOST` is, of what stays: flat facets of rooms are wider than those of
+bodies."""
 LIKELY = 0.35
 """What splines through all instants mostly miss, of what they miss without one of them: only where that is above the
 tolerance facets are looked at again. The error that is stated is all of it, as much as is missed where edges pass by

@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import Actor, load_scene, tabulated
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import Wall, fresnel, po_gain
 from tests.sionna.rectangles import scene_of
 
@@ -280,3 +281,11 @@ def test_max_bounces_says_what_it_cannot_do(radar, ball):
         with pytest.raises(ValueError, match="max_bounces"):
             Simulator(None, radar, [ball], max_bounces=wrong)
     assert Simulator(None, radar, [ball], max_bounces=None).max_bounces == 3
+
+
+def test_what_mirrors_show_of_quiet_bodies_has_four_instants(radar):
+    """Three are for direct paths, whose shadows are looked at between instants."""
+    slow = Actor.from_mesh(sphere(2), material="pec", position=(2, 0, 1), velocity=(0.1, 0, 0), name="ball")
+    scene = side_wall("metal", thickness=0.012)
+    tracers = [Tracer(scene, tabulated(radar), [slow], 1e-2, max_bounces=bounces) for bounces in (1, 2)]
+    assert [each.trace(0.0, 0.02).report.instants for each in tracers] == [3, 4]

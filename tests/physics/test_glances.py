@@ -9,7 +9,7 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing import glances, knots
-from rfgen_sionna.tracing.glances import choose, fine_times, left_out
+from rfgen_sionna.tracing.glances import choose, fine_times, left_out, missed_of
 from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
 
 
@@ -190,6 +190,20 @@ def test_the_left_out_instant_of_a_cubic():
         assert missed[2, count // 2 - 1] == pytest.approx(0.5j)
         assert np.abs(np.delete(missed, 2, axis=0)).max() < 1e-12
     assert left_out(np.ones((3, 1), complex)).shape == (3, 0)
+
+
+@pytest.mark.parametrize("swing", [0.9, 1.0, 1.5, 2.5])
+def test_three_instants_are_not_taken_for_enough_of_what_they_were_found_to_miss(swing):
+    """Of a facet that an edge passes evenly only the swing tells; where it is chosen, it is looked at in between, and
+    what is stated of the three instants alone is no less than what it was chosen for."""
+    shares = np.array([[0.0, 0.5, 1.0]])
+    width, one, zero = np.array([2 * swing]), np.ones(1, bool), np.zeros(1, int)
+    found = choose(shares.astype(complex), np.ones((1, 3)), shares, width, one, zero, np.ones(1), 1e-2)
+    assert list(found.facets) == [0]
+    assert found.rounds > 1
+    plain = choose(shares.astype(complex), np.ones((1, 3)), shares, width, ~one, zero, np.ones(1), 1e-2)
+    told = missed_of(shares.astype(complex), np.ones((1, 3)), shares, width, zero, 1)
+    assert np.sqrt(told[0]) > 0.5 * plain.error()
 
 
 def test_fine_times_hold_the_instants():
