@@ -41,8 +41,7 @@ PHASE_PER_RTOL = 0.5
 GAIN_PER_RTOL = 3.0
 """Relative error of the gains between instants [root mean square over the facets] per unit of `rtol`."""
 VISIBILITY_SPACING = 10e-3
-"""Longest gap between instants at which gains and visibility are traced [s], but of three; delays may have more
-knots."""
+"""Longest gap [s] between instants at which gains and visibility are traced, but of three; delays may have more."""
 
 MOST_BOUNCES = 3
 """Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
@@ -273,9 +272,8 @@ class Tracer:
             phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
             followed = moving.consider(self._vertices, (start, stop))
             knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
-            instants = gain_knots(
-                self._vertices, faces, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING, not moving.beside
-            )
+            given = self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
+            instants = gain_knots(self._vertices, faces, *given, quiet=not moving.beside)
         return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, watch)
 
     @one_blas_thread()
