@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -68,68 +68,93 @@ def finer(error: FloatArray, rtol: float) -> FloatArray:
     return np.asarray(0.5 ** np.clip(0.5 * np.ceil(2.0 * np.log2(excess)), 1.0, 5.0))
 
 
-def measure(
-    band: BandTracer,
-    facets: Facets,
-    materials: tuple[Material, ...],
-    weight: FloatArray,
-    coefficients: ComplexArray,
-    pair: tuple[int, int],
-    probes: FloatArray = PROBES,
-    usual: FloatArray | None = None,
-    reference: FloatArray | None = None,
-) -> Accuracy:
-    """Compare coherent returns with those of finer facets, at the probes themselves.
+@dataclass(frozen=True)
+class Finer:
+    """Returns of finer facets, of one element pair at some places of the band: what others are compared with.
 
     Flat facets are integrated in four times as many parts, bent ones split into four. The integral's error is of second
     order in the phase bulge of a part and so goes down sixteen times with it: what is left in the finer returns is
-    below a tenth of the difference. The error of the expansion over band and array is in it as well, and so are those
-    of Fresnel coefficients and slopes over a facet; that of visibility, which
-    :mod:`rfgen_sionna.tracing.sampling` estimates, is not.
-
-    Parameters
-    ----------
-    band, facets, materials
-        What was integrated.
-    weight
-        (facet,) share of each facet that counts: visibility times the antenna's field gain.
-    coefficients
-        (order, facet) gain of one element pair as a polynomial over the band, without `weight`.
-    pair
-        Which (tx, rx).
-    probes
-        Places in the band, -1 … 1.
-    usual
-        (surface,) level that a return has at other times and places, if it is known: the error is relative to it where
-        the return at hand is weaker, by interference.
-    reference
-        (facet, 3) points [m] that the coefficients' delays go by; None is the facets' centroids.
+    below a tenth of the difference.
     """
-    count = len(materials)
-    if len(facets) == 0:
-        return Accuracy(*np.zeros((4, count)))
-    frequency = band.frequency(probes)
-    finer_ones, index = facets.finer()
-    counted = weight[index]
-    if facets.pull is not None:
-        # Each of the finer ones counts by its own direction; flat ones are the same, in more parts.
-        finer_ones = finer_ones.pulled(band.pull(finer_ones))
-        usual_gain = np.maximum(band.importance(facets.directions(band.viewpoint)), 1e-12)
-        counted = counted * band.importance(finer_ones.directions(band.viewpoint)) / usual_gain[index]
-    fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
-    turns = np.mod(frequency[:, None] * fine.tau, 1.0)
-    truth = fine.a * np.exp(-2j * np.pi * turns) * counted
-    tau = band.ways(facets, pair) if reference is None else band.delays(reference, pair)
-    gains = np.vander(probes, len(coefficients), increasing=True) @ coefficients
-    coarse = gains * np.exp(-2j * np.pi * np.mod(frequency[:, None] * tau, 1.0)) * weight
-    returned = sums(truth, finer_ones.surface, count)
-    error = sums(coarse, facets.surface, count) - returned
-    single = np.abs(coarse)
-    least = np.zeros(count) if usual is None else usual.copy()
-    np.maximum.at(least, facets.surface, CANCELLED * single.max(axis=0))
-    level = np.sqrt((np.abs(returned) ** 2).mean(axis=0))
-    energy = np.bincount(facets.surface, (single**2).mean(axis=0), count)
-    return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
+
+    band: BandTracer
+    facets: Facets
+    """Those that finer ones are compared with."""
+    materials: tuple[Material, ...]
+    weight: FloatArray
+    """(facet,) share of each facet that counts: visibility times the antenna's field gain."""
+    pair: tuple[int, int]
+    probes: FloatArray
+    """(probe,) places in the band, -1 … 1."""
+    reference: FloatArray | None
+    """(facet, 3) points [m] that the coefficients' delays go by; None is the facets' centroids."""
+    returned: ComplexArray
+    """(probe, surface)"""
+
+    @staticmethod
+    def of(
+        band: BandTracer,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        weight: FloatArray,
+        pair: tuple[int, int] = (0, 0),
+        probes: FloatArray = PROBES,
+        reference: FloatArray | None = None,
+    ) -> Finer:
+        """Integrate them; the arguments are the fields."""
+        if not len(facets):
+            nothing = np.zeros((len(probes), len(materials)), np.complex128)
+            return Finer(band, facets, materials, weight, pair, probes, reference, nothing)
+        finer_ones, index = facets.finer()
+        counted = weight[index]
+        if facets.pull is not None:
+            # Each of the finer ones counts by its own direction; flat ones are the same, in more parts.
+            finer_ones = finer_ones.pulled(band.pull(finer_ones))
+            usual_gain = np.maximum(band.importance(facets.directions(band.viewpoint)), 1e-12)
+            counted = counted * band.importance(finer_ones.directions(band.viewpoint)) / usual_gain[index]
+        fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
+        turns = np.mod(band.frequency(probes)[:, None] * fine.tau, 1.0)
+        returned = sums(fine.a * np.exp(-2j * np.pi * turns) * counted, finer_ones.surface, len(materials))
+        return Finer(band, facets, materials, weight, pair, probes, reference, returned)
+
+    def of_facets(self, usual: FloatArray | None = None, places: slice = slice(None)) -> Accuracy:
+        """Of the facets themselves, integrated at those `places` of the probes: what an expansion cannot mend. The
+        other argument is that of :meth:`of`."""
+        chosen = replace(self, probes=self.probes[places], returned=self.returned[places])
+        exact = self.band.at_probes(
+            self.facets, self.materials, chosen.probes, self.pair, self.facets.parts, self.reference
+        )
+        return chosen._compared(exact.a, exact.tau, usual)
+
+    def of_expansion(self, coefficients: ComplexArray, usual: FloatArray | None = None) -> Accuracy:
+        """Of gains that are polynomials over the band: the error of the expansion over band and array is in it as
+        well as the integrals', and so are those of Fresnel coefficients and slopes over a facet; that of visibility,
+        which :mod:`rfgen_sionna.tracing.sampling` estimates, is not.
+
+        Parameters
+        ----------
+        coefficients
+            (order, facet) of the pair, without `weight`.
+        usual
+            (surface,) level that a return has at other times and places, if it is known: the error is relative to it
+            where the return at hand is weaker, by interference.
+        """
+        pair, reference = self.pair, self.reference
+        tau = self.band.ways(self.facets, pair) if reference is None else self.band.delays(reference, pair)
+        return self._compared(np.vander(self.probes, len(coefficients), increasing=True) @ coefficients, tau, usual)
+
+    def _compared(self, gains: ComplexArray, tau: FloatArray, usual: FloatArray | None) -> Accuracy:
+        """Of `gains` (probe, facet) without the propagation phase of delays `tau` [s]."""
+        count, surface = len(self.materials), self.facets.surface
+        turns = np.mod(self.band.frequency(self.probes)[:, None] * tau, 1.0)
+        coarse = gains * np.exp(-2j * np.pi * turns) * self.weight
+        error = sums(coarse, surface, count) - self.returned
+        single = np.abs(coarse)
+        least = np.zeros(count) if usual is None else usual.copy()
+        np.maximum.at(least, surface, CANCELLED * single.max(axis=0))
+        level = np.sqrt((np.abs(self.returned) ** 2).mean(axis=0))
+        energy = np.bincount(surface, (single**2).mean(axis=0), count)
+        return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
 
 
 def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import columns, lengths, middles
-from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided
+from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided, pieces
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 
@@ -119,12 +119,10 @@ class Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
         counts out; integrated in so many parts that theirs are as small as the facets' are. Their paths go by the
         facets' points."""
-        found = self.take(owner)
-        corners = weights @ found.corners
-        width = _longest(corners) / np.maximum(_longest(found.corners), 1e-300)
+        corners, bend, width = pieces(self.corners, self.bend, owner, weights)
+        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None).take(owner)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
-        bend = None if found.bend is None else found.bend.within(weights)
-        middle = np.rint(weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
+        middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.int32)
         place = 31 * found.place + 2**16 * middle[:, 0] + middle[:, 1]  # wraps; pieces have phases of their own
         aim = None
         if self.pull is not None:
@@ -149,11 +147,6 @@ def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], Fl
     if all(each is None for each in own):
         return None
     return np.concatenate([otherwise(part) if each is None else each for part, each in zip(parts, own, strict=True)])
-
-
-def _longest(corners: FloatArray) -> FloatArray:
-    """(facet,) longest edge [m]."""
-    return np.asarray(lengths(corners - corners[:, [1, 2, 0]]).max(axis=1, initial=0.0))
 
 
 def stack_facets(

@@ -215,11 +215,20 @@ class BandTracer:
         return diffuse_gains(facets, materials, self._origin, self._fields, self.centre, self._seed)
 
     def at_probes(
-        self, facets: Facets, materials: tuple[Material, ...], u: FloatArray, pair: tuple[int, int], parts: IntArray
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        u: FloatArray,
+        pair: tuple[int, int],
+        parts: IntArray,
+        reference: FloatArray | None = None,
     ) -> FacetGains:
-        """Gains (probe, facet) of one pair at places `u` of the band without expansion, integrated in `parts`."""
-        at = np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32)
-        return self._gains(facets, materials, self._nodes(u, at), parts)
+        """Gains (probe, facet) of one pair at places `u` of the band without expansion, integrated in `parts`; the
+        `reference` is that of :meth:`values`."""
+        nodes = self._nodes(u, np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32))
+        if reference is None:
+            return self._gains(facets, materials, nodes, parts)
+        return self._integrated(facets, materials, nodes, parts, reference=reference)
 
     def values(
         self,

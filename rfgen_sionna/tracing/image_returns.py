@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
-from rfgen_sionna.tracing.accuracy import measure, sums
+from rfgen_sionna.tracing.accuracy import Finer, sums
 from rfgen_sionna.tracing.facets import facet_paths, over_time
 from rfgen_sionna.tracing.gains import PROBES, Expansion
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
@@ -188,9 +188,8 @@ class ImageReturns:
         if way in self._missed:
             pairs = [(self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])]
             probes = PROBES[[self._turn % len(PROBES)]]
-        found = [
-            measure(band, facets, self._materials, weight, gains[:, *pair], pair, probes, usual).error for pair in pairs
-        ]
+        known = band, facets, self._materials, weight
+        found = [Finer.of(*known, pair, probes).of_expansion(gains[:, *pair], usual).error for pair in pairs]
         error = float(np.max(found, initial=0.0))
         return max(error, self._missed.setdefault(way, error))
 

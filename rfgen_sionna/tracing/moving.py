@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
+from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer, finer
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP, Facets, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
@@ -299,20 +299,20 @@ class MovingParts:
             self._fineness[:] = 1.0
             self._split(positions(t))
         while True:
-            expansion, error = self._tried(t, positions, rays)
-            coarse = error > self._rtol
-            if not coarse.any():
-                return expansion
+            held = self._held(t, positions, rays)
+            error = self._noted([held.of_facets(self._level)])
             tried.append(self._error)
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
-            stuck = len(tried) > 2 and min(tried[-2:]) > 0.7 * tried[-3]
-            if stuck or len(tried) == MAX_ROUNDS:
+            last = len(tried) == MAX_ROUNDS or (len(tried) > 2 and min(tried[-2:]) > 0.7 * tried[-3])
+            # Facets that are too coarse by themselves need no expansion to tell it by.
+            if not last and self._finer(error, positions(t)):
+                continue
+            expansion, error = self._expanded(held)
+            if not (error > self._rtol).any():
+                return expansion
+            if last or not self._finer(error, positions(t)):
                 break
-            self._fineness[coarse] *= finer(error[coarse], self._rtol)
-            try:
-                self._split(positions(t))
-            except ValueError:  # more facets than a machine can hold
-                break
+            tried[-1] = self._error
         worst = int(np.argmax(error))
         _LOG.warning(
             "the return of '%s' is right to %.2g of itself (rtol: %g)",
@@ -320,8 +320,21 @@ class MovingParts:
         )  # fmt: skip
         return expansion
 
-    def _tried(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> tuple[Expansion, FloatArray]:
-        """The expansion that the facets there are ask for at `t` [s], and the error (surface,) of each surface."""
+    def _finer(self, error: FloatArray, vertices: Sequence[FloatArray]) -> bool:
+        """Make finer facets of surfaces whose `error` (surface,) is above the tolerance; False where none is, or where
+        that would be more facets than a machine can hold."""
+        coarse = error > self._rtol
+        if not coarse.any():
+            return False
+        self._fineness[coarse] *= finer(error[coarse], self._rtol)
+        try:
+            self._split(vertices)
+        except ValueError:
+            return False
+        return True
+
+    def _held(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Finer:
+        """What is seen at `t` [s], with finer facets to compare it with, for the first pair."""
         seen = self._see(t, positions, rays)
         share = seen.fraction
         if self._veils is not None:  # as fine as what is seen through slabs asks for
@@ -330,20 +343,27 @@ class MovingParts:
         kept = np.flatnonzero(share > 0)
         facets, fraction = seen.facets.pulled(self._band.pull(seen.facets, kept)).take(kept), share[kept]
         weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._patches.leader[kept]]
-        expansion = self._band.expansion_for(facets, self._materials, weight, reference=reference)
+        return Finer.of(self._band, facets, self._materials, weight, reference=reference)
+
+    def _expanded(self, held: Finer) -> tuple[Expansion, FloatArray]:
+        """The expansion that the facets `held` ask for, and the error (surface,) of each surface with it."""
+        known = self._band, held.facets, self._materials, held.weight
+        expansion = self._band.expansion_for(*known[1:], reference=held.reference)
+        values = self._band.values(held.facets, self._materials, expansion, held.reference)
+        gains = self._band.combined(expansion, values)
+        telling = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {held.pair}
+        every = [held, *(Finer.of(*known, pair, reference=held.reference) for pair in sorted(telling))]
         self._expansion = expansion
-        gains = self._band.combined(expansion, self._band.values(facets, self._materials, expansion, reference))
-        known = self._band, facets, self._materials, weight
-        found = [
-            measure(*known, gains[:, p, q], (p, q), usual=self._level, reference=reference)
-            for p, q in {(0, 0), (gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)}
-        ]
+        return expansion, self._noted([each.of_expansion(gains[:, *each.pair], self._level) for each in every])
+
+    def _noted(self, found: Sequence[Accuracy]) -> FloatArray:
+        """The error (surface,) of each surface, the worst of those `found`; they are kept in mind."""
         error = np.max([each.error for each in found], axis=0)
         # Where the return fades no facets are asked for that it does not need elsewhere.
         self._level = np.max([self._level, *(each.level for each in found)], axis=0)
         self._interference = np.max([each.interference for each in found], axis=0)
         self._error = float(error.max(initial=0.0))
-        return expansion, error
+        return np.asarray(error)
 
     def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
         vertices = positions(t)
@@ -365,9 +385,8 @@ class MovingParts:
         turn = self._turn // MEASURED_EVERY
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
         probe = PROBES[[turn % len(PROBES)]]
-        known = self._band, facets, self._materials, weight
-        found = measure(*known, gains[:, *pair], pair, probe, self._level, reference)
-        return float(found.error.max(initial=0.0))
+        held = Finer.of(self._band, facets, self._materials, weight, pair, probe, reference)
+        return float(held.of_expansion(gains[:, *pair], self._level).error.max(initial=0.0))
 
     def _paths(
         self,

@@ -54,15 +54,23 @@ class FacetReturns:
         were seen, and of what is `seen`. Of those in half shadow the pieces that are seen count, each with its own
         phase."""
         cut = [number for number, each in enumerate(seen) if len(each.owner)]
-        places = [np.searchsorted(kept, seen[number].owner) for number in cut]
-        pieces = [seen[number].facets.cut(seen[number].owner, seen[number].pieces) for number in cut]
-        theirs = [references[number][place] for number, place in zip(cut, places, strict=True)]
-        found = self.values([*facets, *pieces], expansion, [*references, *theirs])
+        parts, theirs = list(facets), list(references)
+        if cut:
+            # To cut facets takes a kernel, too: those of all instants are cut at once.
+            owners = [np.unique(seen[number].owner, return_inverse=True) for number in cut]
+            first = np.cumsum([0, *(len(owner) for owner, _ in owners)])
+            parents = Facets.joined([seen[n].facets.take(owner) for n, (owner, _) in zip(cut, owners, strict=True)])
+            place = np.concatenate([index + start for (_, index), start in zip(owners, first[:-1], strict=True)])
+            parts.append(parents.cut(place, np.concatenate([seen[number].pieces for number in cut])))
+            theirs.append(np.concatenate([references[n][np.searchsorted(kept, seen[n].owner)] for n in cut]))
+        found = self.values(parts, expansion, theirs)
         whole = found[: len(facets)]
         lit = [own * each.fraction[kept] for own, each in zip(whole, seen, strict=True)]
-        for number, place, of_pieces in zip(cut, places, found[len(facets) :], strict=True):
-            where, first = np.unique(place, return_index=True)
-            lit[number][:, where] = np.add.reduceat(of_pieces, first, axis=1)
+        if cut:
+            starts = np.flatnonzero(np.diff(place, prepend=-1))
+            sums = np.split(np.add.reduceat(found[-1], starts, axis=1), first[1:-1], axis=1)
+            for number, (owner, _), of_pieces in zip(cut, owners, sums, strict=True):
+                lit[number][:, np.searchsorted(kept, owner)] = of_pieces
         return whole, lit
 
     def coefficients(

@@ -69,6 +69,13 @@ class _Lattice(NamedTuple):
 
 
 @cache
+def _aimed(level: int, share: float) -> FloatArray:
+    """(point, 3) where rays go that look at the points of the lattice of a `level`, by that share nearer to the
+    middle."""
+    return inset(_lattice(level).points, share)
+
+
+@cache
 def _lattice(level: int) -> _Lattice:
     cells = np.eye(3)[None]
     for _ in range(level):
@@ -85,16 +92,25 @@ def _lattice(level: int) -> _Lattice:
 
 
 class _Group(NamedTuple):
-    """Facets of one level."""
+    """Facets of one level that are seen in part."""
 
     facets: NDArray[np.intp]
     lattice: _Lattice
     level: int
     lit: NDArray[np.bool_]
     """(facet, point)"""
+    corners: tuple[NDArray[np.bool_], ...]
+    """(facet, cell) whether the first, the second and the third corner of each cell is seen."""
     row: NDArray[np.intp]
     """(crossing,) facet of the group, and the edge that the shadow's edge crosses."""
     edge: NDArray[np.intp]
+
+    @staticmethod
+    def of(facets: NDArray[np.intp], level: int, lit: NDArray[np.bool_]) -> _Group:
+        lattice = _lattice(level)
+        corners = tuple(np.take(lit, each, axis=1) for each in lattice.cells.T)
+        first, second = (np.take(lit, each, axis=1) for each in lattice.edges.T)
+        return _Group(facets, lattice, level, lit, corners, *np.nonzero(first != second))
 
 
 def inset(places: FloatArray, share: float = _INSET) -> FloatArray:
@@ -112,28 +128,31 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
     """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`. Between the
     ends of each the phase differs by its `width` (facet,) [rad]."""
     groups, sent = [], 0
+    fraction = np.zeros(len(level))
     for each, facets, lit in _points(look, level):
-        found = _lattice(each)
         sent += lit.size
-        row, edge = np.nonzero(lit[:, found.edges[:, 0]] != lit[:, found.edges[:, 1]])
-        groups.append(_Group(facets, found, each, lit, row, edge))
+        seen = lit.sum(axis=1)
+        fraction[facets[seen == lit.shape[1]]] = 1.0
+        if len(mixed := np.flatnonzero((seen > 0) & (seen < lit.shape[1]))):
+            groups.append(_Group.of(facets[mixed], each, lit[mixed]))
+    if not groups:
+        return Lit(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), sent)
     # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
     crossings, more = _crossings(
         look, groups, np.clip(np.ceil(np.log2(np.maximum(stray, 1.0))), *_HALVINGS).astype(np.intp)
     )
-    fraction = np.zeros(len(level))
-    owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
-    first = 0
+    owners, pieces, first = [], [], 0
     for group in groups:
-        fraction[group.facets[group.lit.all(axis=1)]] = 1.0
         last = first + len(group.row)
         for owner, piece in (*_whole(group), *_cut(group, crossings[first:last])):
             owners.append(group.facets[owner])
             pieces.append(piece)
         first = last
     owner, piece = np.concatenate(owners), np.concatenate(pieces)
-    fraction += np.bincount(owner, np.abs(np.linalg.det(piece)), len(level))
+    # The third coordinate follows from the others, whose determinant is the share of the area.
+    (a, b), (c, d) = (piece[:, k, :2].T - piece[:, 0, :2].T for k in (1, 2))
+    fraction += np.bincount(owner, np.abs(a * d - b * c), len(level))
     return Lit(np.minimum(fraction, 1.0), owner, piece, sent + more)
 
 
@@ -152,46 +171,51 @@ def _points(
     """Level by level the facets of it, and (facet, point) which of their lattice's points are seen, each by that
     `share` nearer to the middle."""
     members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
-    of = [np.repeat(facets, len(_lattice(each).points)) for each, facets in members]
-    places = [np.tile(_lattice(each).points, (len(facets), 1)) for each, facets in members]
-    every = np.concatenate([np.zeros((0, 3)), *places])
-    seen = look.seen(np.concatenate([np.zeros(0, np.intp), *of]), inset(every, share))
+    sizes = [(len(facets), len(_lattice(each).points)) for each, facets in members]
+    of, places = np.empty(sum(n * m for n, m in sizes), np.intp), np.empty((sum(n * m for n, m in sizes), 3))
     first = 0
-    for each, facets in members:
-        last = first + len(facets) * len(_lattice(each).points)
-        yield each, facets, seen[first:last].reshape(len(facets), -1)
-        first = last
+    for (each, facets), (count, points) in zip(members, sizes, strict=True):
+        own = slice(first, first + count * points)
+        of[own].reshape(count, points)[...] = facets[:, None]
+        places[own].reshape(count, points, 3)[...] = _aimed(each, share)
+        first = own.stop
+    seen = look.seen(of, places)
+    first = 0
+    for (each, facets), (count, points) in zip(members, sizes, strict=True):
+        yield each, facets, seen[first : first + count * points].reshape(count, points)
+        first += count * points
 
 
 def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> tuple[FloatArray, int]:
     """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, and the rays sent, with
     so many `halvings` (facet,)."""
-    of, lit, dark = [np.zeros(0, np.intp)], [np.zeros((0, 3))], [np.zeros((0, 3))]
+    of, lit, dark = [], [], []
     for group in groups:
-        ends = group.lattice.edges[group.edge]
-        swapped = ~group.lit[group.row, ends[:, 0]]
-        ends[swapped] = ends[swapped, ::-1]
+        ends, points = np.take(group.lattice.edges, group.edge, axis=0), group.lattice.points
+        start = group.lit[group.row, ends[:, 0]]
         of.append(group.facets[group.row])
-        lit.append(group.lattice.points[ends[:, 0]])
-        dark.append(group.lattice.points[ends[:, 1]])
+        lit.append(np.take(points, np.where(start, ends[:, 0], ends[:, 1]), axis=0))
+        dark.append(np.take(points, np.where(start, ends[:, 1], ends[:, 0]), axis=0))
     owner = np.concatenate(of)
     often = halvings[owner]
     return look.edges(owner, inset(np.concatenate(lit)), inset(np.concatenate(dark)), often), int(often.sum())
 
 
 def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:
-    """Cells that are seen as a whole, as large ones as there are, of facets that are not."""
-    all_cells = np.all(group.lit, axis=1, keepdims=True)
-    full = np.asarray(group.lit[:, group.lattice.cells].all(axis=2) & ~all_cells)
-    tree: list[NDArray[np.bool_]] = [full]
+    """Cells that are seen as a whole, as large ones as there are."""
+    one, two, three = group.corners
+    full: NDArray[np.bool_] = one & two & three
+    tree = [full]
     for _ in range(group.level):
-        tree.append(np.asarray(tree[-1].reshape(len(full), -1, 4).all(axis=2)))
+        quarters = tree[-1].reshape(len(full), -1, 4)
+        tree.append(quarters[..., 0] & quarters[..., 1] & quarters[..., 2] & quarters[..., 3])
     found = []
     for level, cells in enumerate(reversed(tree)):
-        above: NDArray[np.bool_] = tree[group.level - level + 1] if level else np.zeros((len(full), 1), np.bool_)
-        row, cell = np.nonzero(cells & ~np.repeat(above, 4 if level else 1, axis=1))
+        if level:  # those whose larger one is not seen as a whole
+            cells = (cells.reshape(len(full), -1, 4) & ~tree[group.level - level + 1][..., None]).reshape(len(full), -1)
+        row, cell = np.nonzero(cells)
         lattice = _lattice(level)
-        found.append((row, lattice.points[lattice.cells[cell]]))
+        found.append((row, np.take(lattice.points[lattice.cells], cell, axis=0)))
     return found
 
 
@@ -200,19 +224,19 @@ def _cut(group: _Group, crossings: FloatArray) -> list[tuple[NDArray[np.intp], F
     lattice = group.lattice
     number = np.full((len(group.facets), len(lattice.edges)), -1)
     number[group.row, group.edge] = np.arange(len(group.row))
-    lit = group.lit[:, lattice.cells]
-    count = lit.sum(axis=2)
+    one, two, three = group.corners
+    count = one.astype(np.int8) + two + three
     found = []
     for corners in (1, 2):
         row, cell = np.nonzero(count == corners)
         # The corner that differs from the two others, and those that come after it.
-        odd = (lit[row, cell] == (corners == 1)).argmax(axis=1)
-        turn = (odd[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(lattice.points[lattice.cells[cell[:, None], turn]], 1, 0)
-        sides = lattice.sides[cell[:, None], turn]
-        ab, ca = (crossings[number[row, sides[:, i]]] for i in (0, 2))
-        if corners == 1:
-            found.append((row, np.stack([a, ab, ca], axis=1)))
-        else:
-            found += [(row, np.stack([b, c, ca], axis=1)), (row, np.stack([b, ca, ab], axis=1))]
+        odd = np.where(two[row, cell] == (corners == 1), 1, np.where(three[row, cell] == (corners == 1), 2, 0))
+        turns = [(odd + k) % 3 for k in range(3)]
+        a, b, c = (np.take(lattice.points, lattice.cells[cell, each], axis=0) for each in turns)
+        ab, ca = (np.take(crossings, number[row, lattice.sides[cell, turns[i]]], axis=0) for i in (0, 2))
+        for triangle in ((a, ab, ca),) if corners == 1 else ((b, c, ca), (b, ca, ab)):
+            piece = np.empty((len(row), 3, 3))
+            for k, corner in enumerate(triangle):
+                piece[:, k] = corner
+            found.append((row, piece))
     return found

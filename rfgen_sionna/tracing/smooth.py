@@ -231,6 +231,61 @@ class Bend:
         return Bend(np.concatenate([each.rises for each in parts]), None if flat else np.concatenate(lifts))
 
 
+def pieces(
+    corners: FloatArray, bend: Bend | None, owner: NDArray[np.intp], weights: FloatArray
+) -> tuple[FloatArray, Bend | None, FloatArray]:
+    """Pieces of facets with `corners` (facet, 3, 3) [m] and their `bend`: those that `owner` (piece,) counts out, the
+    corners of each at barycentric coordinates `weights` (piece, corner, vertex) of its facet.
+
+    Returns corners (piece, 3, 3) [m] and bend, and how wide each piece is against its facet (piece,), by the longest
+    edges. By Dr.Jit, as of facets in half shadow there are thousands of pieces at every instant.
+    """
+    count = len(owner)
+    if not count:
+        return np.zeros((0, 3, 3)), None if bend is None else bend.take(owner), np.zeros(0)
+    dr, types = drjit_types()
+    Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
+    lane, facet, share = dr.arange(UInt32, count), upload(UInt32, owner), upload(Float, weights)
+
+    def vertices(values: FloatArray) -> list[Any]:
+        flat = upload(Float, values)
+        return [Array3(*(dr.gather(Float, flat, 9 * facet + 3 * v + axis) for axis in range(3))) for v in range(3)]
+
+    def sums(terms: list[Any], of: list[Any]) -> Any:
+        return terms[0] * of[0] + terms[1] * of[1] + terms[2] * of[2]
+
+    def products(w: list[Any]) -> list[Any]:  # of each two of three
+        return [w[1] * w[2], w[2] * w[0], w[0] * w[1]]
+
+    def longest(p: list[Any]) -> Any:
+        return dr.sqrt(dr.maximum(dr.maximum(*(dr.squared_norm(p[i] - p[i - 1]) for i in (0, 1))),
+                                  dr.squared_norm(p[2] - p[1])))  # fmt: skip
+
+    def written(vectors: list[Any]) -> Any:
+        flat = dr.empty(Float, 9 * count)
+        for k, vector in enumerate(vectors):
+            for axis in range(3):
+                dr.scatter(flat, vector[axis], 9 * lane + 3 * k + axis, mode=dr.ReduceMode.Permute)
+        return flat
+
+    place = [[dr.gather(Float, share, 9 * lane + 3 * k + v) for v in range(3)] for k in range(3)]
+    given = vertices(corners)
+    cut = [sums(each, given) for each in place]
+    found = [written(cut), longest(cut) / dr.maximum(longest(given), 1e-300)]
+    if bend is not None:
+        rises = vertices(bend.rises)
+        along = [[a - b for a, b in zip(place[k - 1], place[k - 2], strict=True)] for k in range(3)]  # opposite edges
+        lifts = [4.0 * sums(products(each), rises) for each in place]
+        if bend.lifts is not None:
+            more = vertices(bend.lifts)
+            lifts = [each + sums(w, more) for each, w in zip(lifts, place, strict=True)]
+        found += [written([-sums(products(each), rises) for each in along]), written(lifts)]
+    dr.eval(*found)
+    parts, width, *bent = (each.numpy() for each in found)
+    shape = (count, 3, 3)
+    return parts.reshape(shape), Bend(*(each.reshape(shape) for each in bent)) if bent else None, width
+
+
 def divided(weights: FloatArray, values: FloatArray) -> FloatArray:
     """(facet piece, 3, 3) of the same pieces of every facet, `weights` (piece, corner, vertex) of its `values` (facet,
     vertex, 3)."""

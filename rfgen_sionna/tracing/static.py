@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Radar
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import SAFETY, finer, measure
+from rfgen_sionna.tracing.accuracy import SAFETY, Finer, finer
 from rfgen_sionna.tracing.cones import Spheres, behind, spheres
 from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
@@ -243,21 +243,28 @@ def trace_static(
         seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, fineness, max_range, passing)
         facets, rays_sent = seen.facets, rays_sent + seen.rays
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
-        expansion = band.expansion_for(facets, materials, weight, coherent=False)
-        gains = band(facets, materials, expansion)
-        found = measure(band, facets, materials, weight, gains[:, 0, 0], (0, 0))
-        if found.total <= rtol:
-            break
-        coarse = found.share > 0.1 / len(materials)
-        effort, earlier = float((facets.parts.astype(np.float64) ** 2).sum()), before
-        before = found.total
+        held = Finer.of(band, facets, materials, weight)
+        # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
+        found = held.of_facets(places=slice(1, 2))
+        effort = float((facets.parts.astype(np.float64) ** 2).sum())
         # More of the same is no use where the error hardly falls, or where it would take too long.
-        if attempt == MAX_ROUNDS - 1 or before > 0.5 * earlier or effort * before / rtol > MAX_EFFORT:
+        last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before or effort * found.total / rtol > MAX_EFFORT
+        if last or found.total <= rtol:
+            expansion = band.expansion_for(facets, materials, weight, coherent=False)
+            values = band.values(facets, materials, expansion)
+            one = replace(expansion, weights=expansion.weights[:, :1, :1])
+            found = held.of_expansion(band.combined(one, values)[:, 0, 0])
+            if found.total <= rtol:
+                break
+            last = last or effort * found.total / rtol > MAX_EFFORT
+        if last:
             _LOG.warning(
                 "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
             )
             break
-        fineness[coarse] *= finer(np.array(found.total), rtol)
+        before = found.total
+        fineness[found.share > 0.1 / len(materials)] *= finer(np.array(found.total), rtol)
+    gains = band.combined(expansion, values)
     gains *= seen.fraction
     if (rough := band.diffuse(facets, materials)) is not None:
         gains[0] += np.sqrt(seen.fraction) * rough  # of energy, half of a facet returns half
