@@ -19,8 +19,9 @@ from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
 from rfgen_sionna.scene.transfer import upload
 
-FirstHits = Callable[[Any, int], tuple[Any, Any]]
-"""So many rays to the face that each hits first, `NO_PRIMITIVE` for none, and the distance, on the device."""
+FirstHits = Callable[[Any, int, bool], tuple[Any, Any]]
+"""So many rays, and whether neighbours are side by side, to the face that each hits first, `NO_PRIMITIVE` for none, and
+the distance, on the device."""
 _APART = 1.1
 """Distance from the objects of one time to those of the next, over their width."""
 _GROUPS = 16
@@ -78,7 +79,12 @@ class Looks:
         return (self._count * np.arange(count)[:, None] + facets).ravel()
 
     def targets(
-        self, viewpoint: FloatArray, corners: FloatArray, facets: NDArray[np.int64], moving: bool = False
+        self,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facets: NDArray[np.int64],
+        moving: bool = False,
+        bundled: bool = False,
     ) -> Targets:
         """:meth:`rfgen_sionna.scene.rays.RayScene.targets` of pieces of facets at any of the times, `facets` being
         their numbers by :meth:`numbered`.
@@ -102,13 +108,13 @@ class Looks:
             lanes = dr.width(own)
             facet, distance = dr.full(mi.UInt32, NO_PRIMITIVE, lanes), dr.full(mi.Float, dr.inf, lanes)
             if not moving:
-                facet, distance = self._static(ray, lanes)
+                facet, distance = self._static(ray, lanes, bundled)
                 facet = dr.select(facet == NO_PRIMITIVE, facet, facet + look * count)
             if layer is None:
                 return facet, distance
             shifted = mi.Ray3f(mi.Point3f(*(mi.Float(look) * each for each in step)), ray.d)
             shifted.maxt = ray.maxt
-            found = layer.scene.ray_intersect_preliminary(shifted, coherent=False)
+            found = layer.scene.ray_intersect_preliminary(shifted, coherent=bundled)
             nearer = found.is_valid() & (found.t < distance)
             there = dr.gather(mi.UInt32, chosen, found.prim_index % size, nearer) + first + look * count
             return dr.select(nearer, there, facet), dr.select(nearer, found.t, distance)

@@ -51,7 +51,9 @@ _LINES = 32.0
 class Hiding(Protocol):
     """What hides facets: a :class:`~rfgen_sionna.scene.rays.RayScene`, or :class:`~rfgen_sionna.scene.looks.Looks`."""
 
-    def targets(self, viewpoint: FloatArray, corners: FloatArray, facets: Any, moving: bool = False) -> Targets:
+    def targets(
+        self, viewpoint: FloatArray, corners: FloatArray, facets: Any, moving: bool = False, bundled: bool = False
+    ) -> Targets:
         """Points on pieces of `facets` that are to be looked at."""
 
 
@@ -204,7 +206,7 @@ def sampled_fraction(
         batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
         found = []
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
-            targets = rays.targets(viewpoint, corners[some], facet[some], moving)
+            targets = rays.targets(viewpoint, corners[some], facet[some], moving, bundled=True)
             found.append((some, lit_parts(targets, lattice[some], width[some])))
             fraction[some] = found[-1][1].fraction
         return found
@@ -246,7 +248,7 @@ def _search(
     points = points_of(grid)
     for some in np.split(np.arange(len(chosen)), np.flatnonzero(np.diff(np.cumsum(points) // _BATCH)) + 1):
         own = chosen[some]
-        targets = rays.targets(viewpoint, corners[own], facet[own], moving)
+        targets = rays.targets(viewpoint, corners[own], facet[own], moving, bundled=True)
         found[own] = np.where(crossed(targets, grid[some], taken[own]), grid[some], -1)
     return found, missed, int(points.sum())
 
