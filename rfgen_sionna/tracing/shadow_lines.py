@@ -3,6 +3,9 @@
 Points of a lattice on the facet are looked at; where two neighbours differ, the shadow's edge between them is found by
 halving, and straight lines join what is found (marching triangles). What is cut off where the edge is bent falls
 with the square of the lattice's spacing. As the facet moves its lit part changes with the shadow, not cell by cell.
+
+Most facets have one edge on them that is straight as far as the lattice tells, such as that of a table: their lit part
+is a triangle or two instead of dozens, which all that follows is spared.
 """
 
 from __future__ import annotations
@@ -18,10 +21,14 @@ from rfgen_sionna.records import FloatArray
 
 SPACINGS = (1, 2, 4, 8, 16, 32)
 """Cells along a facet's edge, level by level."""
-_HALVINGS = (4, 8)
+_HALVINGS = (5, 8)
 """How often the edge of a cell is halved to find the shadow's edge on it, at least and at most."""
 _STRAY = 0.05
 """Phase that the place found may be off by before it is halved again [rad, root mean square]."""
+
+_BOWED = 0.1
+"""How far an edge may be from straight, times the square of the cells along a facet's edge: lines from cell to cell
+miss as much (:mod:`rfgen_sionna.tracing.sampling`). What crossings are not known to does not count."""
 
 RIM = 0.05
 """Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
@@ -66,6 +73,10 @@ class _Lattice(NamedTuple):
     """(edge, 2) points."""
     sides: NDArray[np.intp]
     """(cell, 3) edge from each corner to the next."""
+    rim: NDArray[np.intp]
+    """(edge,) corner of the facet opposite the side that an edge lies on, -1 within the facet."""
+    tips: NDArray[np.intp]
+    """(3,) points in the facet's corners."""
 
 
 @cache
@@ -88,7 +99,10 @@ def _lattice(level: int) -> _Lattice:
     index = index.reshape(-1, 3)
     pairs = np.sort(np.stack([index, np.roll(index, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
     edges, sides = np.unique(pairs, axis=0, return_inverse=True)
-    return _Lattice(points / n, index, edges, sides.reshape(-1, 3))
+    rim = np.full(len(edges), -1)
+    for corner in range(3):
+        rim[(points[edges, corner] == 0).all(axis=1)] = corner
+    return _Lattice(points / n, index, edges, sides.reshape(-1, 3), rim, points.argmax(axis=0))
 
 
 class _Group(NamedTuple):
@@ -139,21 +153,26 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
         return Lit(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), sent)
     # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
-    crossings, more = _crossings(
-        look, groups, np.clip(np.ceil(np.log2(np.maximum(stray, 1.0))), *_HALVINGS).astype(np.intp)
-    )
+    halvings = np.clip(np.ceil(np.log2(np.maximum(stray, 1.0))), *_HALVINGS).astype(np.intp)
+    crossings, halved = _crossings(look, groups, halvings)
     owners, pieces, first = [], [], 0
     for group in groups:
         last = first + len(group.row)
-        for owner, piece in (*_whole(group), *_cut(group, crossings[first:last])):
-            owners.append(group.facets[owner])
-            pieces.append(piece)
+        own = crossings[first:last]
+        straight, found = _straight(group, own, halvings[group.facets])
+        if not straight.all():
+            rest = np.flatnonzero(~straight)
+            bent = _Group.of(group.facets[rest], group.level, group.lit[rest])
+            more = (*_whole(bent), *_cut(bent, own[~straight[group.row]]))
+            found += [(rest[owner], piece) for owner, piece in more]
+        owners += [group.facets[owner] for owner, _ in found]
+        pieces += [piece for _, piece in found]
         first = last
     owner, piece = np.concatenate(owners), np.concatenate(pieces)
     # The third coordinate follows from the others, whose determinant is the share of the area.
     (a, b), (c, d) = (piece[:, k, :2].T - piece[:, 0, :2].T for k in (1, 2))
     fraction += np.bincount(owner, np.abs(a * d - b * c), len(level))
-    return Lit(np.minimum(fraction, 1.0), owner, piece, sent + more)
+    return Lit(np.minimum(fraction, 1.0), owner, piece, sent + halved)
 
 
 def crossed(look: Look, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -199,6 +218,44 @@ def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> 
     owner = np.concatenate(of)
     often = halvings[owner]
     return look.edges(owner, inset(np.concatenate(lit)), inset(np.concatenate(dark)), often), int(often.sum())
+
+
+def _straight(
+    group: _Group, crossings: FloatArray, halvings: NDArray[np.intp]
+) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.intp], FloatArray]]]:
+    """(facet,) which facets a single straight edge cuts in two, and what is seen of those, in triangles. Crossings are
+    known to so many `halvings` (facet,) of a cell's edge."""
+    lattice, cells = group.lattice, SPACINGS[group.level]
+    side = lattice.rim[group.edge]
+    ends = np.flatnonzero(side >= 0)
+    of = group.row[ends]  # ascending
+    if not len(ends):  # islands alone
+        return np.zeros(len(group.facets), np.bool_), []
+    count = np.bincount(of, minlength=len(group.facets))
+    begin = np.searchsorted(of, np.arange(len(group.facets)))
+    first, second = (ends[np.minimum(begin + k, len(ends) - 1)] for k in (0, 1))
+    straight = np.asarray((count == 2) & (side[first] != side[second]))
+    # Distances from the line through both, in two of the barycentric coordinates.
+    start = np.take(crossings, first, axis=0)
+    along = np.take(crossings, second, axis=0) - start
+    offset, line = crossings - start[group.row], along[group.row]
+    size = np.maximum(np.hypot(line[:, 0], line[:, 1]), 1e-12)
+    away = np.abs(offset[:, 0] * line[:, 1] - offset[:, 1] * line[:, 0]) / size
+    far = np.zeros(len(group.facets))
+    np.maximum.at(far, group.row, away)
+    straight &= far <= np.maximum(_BOWED / cells**2, 0.5**halvings / cells)
+    row = np.flatnonzero(straight)
+    # The corner that both sides share, and those that come after it.
+    tip = 3 - side[first[row]] - side[second[row]]
+    turned = side[first[row]] == (tip + 1) % 3
+    ab, ca = (np.take(crossings, np.where(turned, *each), axis=0) for each in
+              ((second[row], first[row]), (first[row], second[row])))  # fmt: skip
+    a, b, c = (np.eye(3)[(tip + k) % 3] for k in range(3))
+    alone = group.lit[row, lattice.tips[tip]]
+    found = []
+    for some, triangle in ((alone, (a, ab, ca)), (~alone, (b, c, ca)), (~alone, (b, ca, ab))):
+        found.append((row[some], np.stack([corner[some] for corner in triangle], axis=1)))
+    return straight, found
 
 
 def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:
