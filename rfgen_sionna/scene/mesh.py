@@ -28,6 +28,16 @@ def lengths(vectors: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
+def widest(values: FloatArray) -> FloatArray:
+    """(...) largest of three values (..., 3); many times faster than `max(axis=-1)`."""
+    return np.asarray(np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2]))
+
+
+def bounds(points: FloatArray) -> FloatArray:
+    """(2, 3) least and largest coordinates of points (point, 3), of which there is one at least; as much faster."""
+    return np.array([[axis.min() for axis in points.T], [axis.max() for axis in points.T]])
+
+
 def corners_of(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(face, corner, 3) positions of the faces' corners: `vertices[faces]`, several times faster."""
     return np.asarray(np.take(vertices, faces, axis=0))

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.transfer import upload
@@ -78,6 +78,17 @@ class FacetGains:
         return self.terms[1:]
 
 
+class Into:
+    """Where the gains of `count` facets are written, those of some facets at a time."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.index: NDArray[np.intp] | None = None
+        """(facet,) places of those that come next; None is all."""
+        self.found: Any = None
+        self.tau: Any = None
+
+
 def facet_gains(
     corners: FloatArray,
     material: IntArray,
@@ -94,6 +105,7 @@ def facet_gains(
     axes: FloatArray | None = None,
     pull: FloatArray | None = None,
     aim: FloatArray | None = None,
+    into: Into | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -133,6 +145,9 @@ def facet_gains(
         (facet, 3) by how much what the antennas make of a facet's points rises per metre, relative to what they make of
         the point `aim` (facet, 3) [m], the centroid if it is None. None is that it does not. Neither with mirrors nor
         with slabs.
+    into
+        Other facets' gains, among which these are written; what is returned is all of them then. None is that there are
+        no others.
 
     Notes
     -----
@@ -235,14 +250,22 @@ def facet_gains(
         total = whole(np.asarray(parts) ** 2, facet)
         terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
     length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
+    into = into or Into(shape[1])
+    shape = shape[0], into.count
+    if into.found is None:
+        into.found, into.tau = (
+            dr.empty(Float, 2 * len(terms) * shape[0] * shape[1]),
+            dr.empty(Float, shape[0] * shape[1]),
+        )
     # Written as NumPy's complex numbers lie in memory, which saves copying them.
-    found, tau = dr.empty(Float, 2 * len(terms) * len(lane)), dr.empty(Float, len(lane))
-    place, size = node * facet_count + facet, dr.opaque(UInt32, len(lane))
+    place = facet if into.index is None else whole(into.index, facet)
+    place, size = node * dr.opaque(UInt32, shape[1]) + place, dr.opaque(UInt32, shape[0] * shape[1])
     for k, value in enumerate(flattened(terms)):
-        dr.scatter(found, value, 2 * (place + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
-    dr.scatter(tau, length / SPEED_OF_LIGHT, place, mode=dr.ReduceMode.Permute)
-    dr.eval(found, tau)
-    return FacetGains(found.numpy().view(np.complex128).reshape(len(terms), *shape), tau.numpy().reshape(shape))
+        dr.scatter(into.found, value, 2 * (place + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
+    dr.scatter(into.tau, length / SPEED_OF_LIGHT, place, mode=dr.ReduceMode.Permute)
+    dr.eval(into.found, into.tau)
+    found, tau = into.found.numpy(), into.tau.numpy()
+    return FacetGains(found.view(np.complex128).reshape(len(terms), *shape), tau.reshape(shape))
 
 
 def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:

@@ -10,8 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
-from typing import Any
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weights
-from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
 
@@ -43,8 +42,6 @@ ENOUGH = 20_000
 """Facets that tell which expansion will do."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
-_RUNS = 1000
-"""Runs of neighbouring facets, all flat or all curved, that are copied one by one at most."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -304,7 +301,7 @@ class BandTracer:
         nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))
         monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
 
-        def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
+        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             return facet_gains(
                 corners[index],
                 facets.surface[index],
@@ -318,6 +315,7 @@ class BandTracer:
                 reference=None if reference is None else reference[index] - self._origin,
                 pull=None if facets.pull is None else facets.pull[index],
                 aim=None if facets.aim is None else facets.aim[index] - self._origin,
+                into=into,
             )
 
         return by_curvature(facets.curved, of)
@@ -384,28 +382,20 @@ class BandTracer:
 
 
 def by_curvature(
-    curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool], FacetGains]
+    curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool, Into | None], FacetGains]
 ) -> FacetGains:
-    """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index and whether these are curved.
+    """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index, whether these are curved, and
+    what they are written into.
 
     Large flat facets are integrated point by point, which curved ones, that are small, don't need.
     """
     if curved is None or curved.all() or not curved.any():
-        return gains(slice(None), curved is not None and bool(curved.any()))
-    apart = gains(np.flatnonzero(~curved), False), gains(np.flatnonzero(curved), True)
-    found = [np.empty((*each.shape[:-1], len(curved)), each.dtype) for each in (apart[0].terms, apart[0].tau)]
-    ends = np.flatnonzero(np.diff(curved, prepend=not curved[0], append=not curved[-1]))
-    runs = [slice(*each) for each in pairwise(ends.tolist())] if len(ends) < _RUNS else []
-    for kind, each in enumerate(apart):
-        # Facets of a surface are alike: whole runs are copied, several times faster than one by one.
-        places: list[Any] = [run for run in runs if curved[run.start] == kind] or [np.flatnonzero(curved == kind)]
-        first = 0
-        for place in places:
-            last = first + (place.stop - place.start if isinstance(place, slice) else len(place))
-            for whole, part in zip(found, (each.terms, each.tau), strict=True):
-                whole[..., place] = part[..., first:last]
-            first = last
-    return FacetGains(*found)
+        return gains(slice(None), curved is not None and bool(curved.any()), None)
+    into = Into(len(curved))
+    for kind in (False, True):
+        into.index = np.flatnonzero(curved == kind)
+        found = gains(into.index, kind, into)
+    return found
 
 
 def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:

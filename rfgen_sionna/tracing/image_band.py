@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer, by_curvature
 from rfgen_sionna.tracing.mirrors import Mirror
@@ -95,7 +95,7 @@ class ImageBand(BandTracer):
         parts = facets.parts if parts is None else parts
         corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
 
-        def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
+        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             return facet_gains(
                 corners[index],
                 facets.surface[index],
@@ -104,6 +104,7 @@ class ImageBand(BandTracer):
                 *self._fields,
                 parts[index],
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,
+                into=into,
                 **self._by(facets, nodes, index),
             )
 

@@ -14,7 +14,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import cut
-from rfgen_sionna.tracing.facet import FacetGains, Nodes, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, facet_gains
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import by_curvature
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
@@ -169,7 +169,7 @@ class LandingBand(ImageBand):
         if facets.bend is not None:
             bend = facets.bend.take(owner).within(barycentric(facets.pieces, facets.corners[owner]))
 
-        def of(index: NDArray[np.intp] | slice, curved: bool) -> FacetGains:
+        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             whose = owner[index]
             return facet_gains(
                 facets.pieces[index] - self._origin,
@@ -180,6 +180,7 @@ class LandingBand(ImageBand):
                 parts[whose],
                 reference=reference[whose],
                 bend=bend.take(index) if curved and bend is not None else None,
+                into=into,
                 **self._by(facets, nodes, whose),
             )
 

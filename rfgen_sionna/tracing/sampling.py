@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.targets import Targets
 from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, Lit, crossed, inset, lit_parts, points_of
 
@@ -87,9 +87,12 @@ def touching(corners: FloatArray, surface: NDArray[np.integer[Any]] | None = Non
     points = corners.reshape(-1, 3)
     if not len(points):
         return np.zeros((0, 3), np.int32)
-    size = max(float(np.ptp(points, axis=0).max()), 1e-9)
-    cells = np.rint((points - points.min(axis=0)) * (2**20 / size)).astype(np.int64)
-    key = (cells[:, 0] << 42) + (cells[:, 1] << 21) + cells[:, 2]
+    low, high = bounds(points)
+    size = max(float((high - low).max()), 1e-9)
+    x, y, z = (
+        np.rint((row - start) * (2**20 / size)).astype(np.int64) for row, start in zip(points.T, low, strict=True)
+    )
+    key = (x << 42) + (y << 21) + z
     return np.unique(key, return_inverse=True)[1].reshape(-1, 3).astype(np.int32)
 
 

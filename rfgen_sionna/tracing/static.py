@@ -103,9 +103,8 @@ class StaticTrace:
     """Those that are seen; of such as are seen in part the pieces that are."""
     fraction: FloatArray
     """(facet,) visible share without actors, above 0."""
-    lit: NDArray[np.bool_]
-    """(facet, 3) which corners are seen without actors."""
-    corners: Corners
+    scene: RayScene | None
+    """The static surfaces; None where there are none."""
     viewpoint: FloatArray
     rays: int
     """Rays sent."""
@@ -122,6 +121,17 @@ class StaticTrace:
     hidden_fraction: FloatArray
     """(hidden,) visible share of those."""
     returns: Returns
+
+    @cached_property
+    def _guides(self) -> tuple[Corners, NDArray[np.bool_]]:
+        """Rays to the facets' corners, and (facet, 3) which are seen without actors: looked up where there are any."""
+        # Corners of pieces lie on shadows' edges: they are looked at as they will be with actors.
+        facets = self.facets
+        places = touching(facets.corners, facets.surface)
+        guides = Corners(self.viewpoint, facets.corners, facets.number, places)
+        if self.scene is None:
+            return guides, np.zeros((len(facets), 3), np.bool_)
+        return guides, guides.seen(self.scene)[0]
 
     @cached_property
     def _spheres(self) -> Spheres:
@@ -167,9 +177,10 @@ class StaticTrace:
     def glance(self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray) -> tuple[Dimmed, int]:
         """:meth:`visible` where so much `outline` (facet,) [rad] falls on each facet."""
         every, outline = outline, outline[index]
-        now, sent = self.corners.seen(rays, index, moving=True)
-        now &= self.lit[index]
-        changed, passed = (now != self.lit[index]).any(axis=1), outline > 0
+        guides, lit = self._guides
+        now, sent = guides.seen(rays, index, moving=True)
+        now &= lit[index]
+        changed, passed = (now != lit[index]).any(axis=1), outline > 0
         left = np.ones(len(self.facets))
         left[index[changed & ~passed & ~now.any(axis=1)]] = 0.0
         some = np.flatnonzero(passed | (changed & now.any(axis=1)))
@@ -184,7 +195,7 @@ class StaticTrace:
             self.returns.rtol,
             outline[some],
             self.weight[chosen],
-            before=self.lit[chosen],
+            before=lit[chosen],
             level=self.returns.level,
             moving=True,
         )
@@ -285,8 +296,7 @@ def trace_static(
         paths,
         facets,
         seen.fraction,
-        seen.lit,
-        seen.corners,
+        rays,
         viewpoint,
         rays_sent,
         float(np.hypot(found.total, SAFETY * seen.missed)),
@@ -307,9 +317,6 @@ class _Seen(NamedTuple):
     facets: Facets
     fraction: FloatArray
     """(facet,)"""
-    lit: NDArray[np.bool_]
-    """(facet, 3) corners that are seen."""
-    corners: Corners
     whole: int
     """So many facets come first, then pieces of others."""
     hidden: Facets
@@ -355,11 +362,10 @@ def _seen_facets(
     facets = facets.take(np.flatnonzero(facets.facing & near))
     facets = facets.pulled(band.pull(facets))
     if rays is None:
-        nothing, none = np.zeros(len(facets)), np.zeros((len(facets), 3), np.bool_)
-        guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners))
-        return _Seen(facets, nothing, none, guides, len(facets), facets, nothing, 0.0, 0.0, 0)
+        nothing = np.zeros(len(facets))
+        return _Seen(facets, nothing, len(facets), facets, nothing, 0.0, 0.0, 0)
     guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners, facets.surface))
-    guided, first = guides.seen(rays)
+    guided, sent = guides.seen(rays)
     outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
     weight = band.importance(facets.directions(viewpoint))
     found = sampled_fraction(
@@ -370,20 +376,15 @@ def _seen_facets(
     whole = np.flatnonzero((found.fraction > 0) & ~cut)
     seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
     seen = seen.pulled(band.pull(seen))
-    # Corners of pieces lie on shadows' edges: whether they are seen is looked up, as it will be with actors.
-    guides = Corners(viewpoint, seen.corners, seen.number, touching(seen.corners, seen.surface))
-    lit, second = guides.seen(rays)
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     hidden = np.flatnonzero(found.fraction < 1)
     return _Seen(
         seen,
         np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
-        lit,
-        guides,
         len(whole),
         facets.take(hidden),
         found.fraction[hidden],
         level,
         missed / level if level > 0 else 0.0,
-        first + found.rays + second,
+        sent + found.rays,
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.mesh import columns, corners_of, lengths, middles
+from rfgen_sionna.scene.mesh import columns, corners_of, lengths, middles, widest
 from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
 _MAX_SPLITS = 64
@@ -207,21 +207,22 @@ def _demand(
     allowed = np.full(len(corners), allowed_bulge(rtol))
     if importance is not None:
         # A facet counts as much as its most important corner: large ones reach into the beam.
-        weight = importance(_unit(corners - viewpoint)).max(axis=1)
+        weight = widest(importance(_unit(corners - viewpoint)))
         weight = np.maximum(weight, importance(_unit(middles(corners) - viewpoint)))
         # There are more of them out of the beam than in it, and their errors add up: the root of what they could do.
         allowed = np.minimum(np.sqrt(10.0 * rtol / np.sqrt(np.maximum(weight, 1e-12))), MAX_BULGE)
     bulge = phase_bulge(corners, viewpoint, frequency)
     coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
     if half_band > 0:
-        depth = np.ptp(lengths(corners - viewpoint), axis=1)  # half the spread of the paths
+        away = lengths(corners - viewpoint)
+        depth = widest(away) + widest(-away)  # half the spread of the paths
         coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
     height = np.zeros(len(corners))
     if bend is not None:
         height = 4 * np.pi * frequency / SPEED_OF_LIGHT * bend.height / CURVED
         coarse |= np.maximum(bulge, height) > MAX_PARTS**2 * allowed
         # The path length over a curved facet is taken for quadratic; u v^2 / R^2 and h u / R are what comes next.
-        size = lengths(corners[:, [1, 2, 0]] - corners).max(axis=1)
+        size = widest(lengths(corners[:, [1, 2, 0]] - corners))
         share = size / np.maximum(lengths(middles(corners) - viewpoint), 1e-3)
         cubic = 2 * np.pi * frequency / SPEED_OF_LIGHT * share * (CUBIC * size * share + BOWED * bend.height)
         coarse |= cubic > 0.1 * allowed
@@ -293,7 +294,7 @@ def tessellate(
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
         if np.isfinite(max_range):
             centre = middles(corners)
-            radius = lengths(corners - centre[:, None]).max(axis=1, initial=0.0)
+            radius = widest(lengths(corners - centre[:, None]))
             near = lengths(centre - viewpoint) - radius < max_range
             face, weights, corners = face[near], weights[near], corners[near]
         # It goes with the square of a piece's edges, as its area does.
