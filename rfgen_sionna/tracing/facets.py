@@ -84,16 +84,17 @@ class Facets:
         split = np.zeros(len(self), np.bool_) if self.curved is None else self.curved
         flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
         index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
-        found = replace(self.take(index), pull=None, aim=None)
-        parts = np.where(split[index], found.parts, 2 * found.parts)
-        if self.bend is None or len(bent) == 0:
-            return replace(found, parts=parts), index
-        corners = divided(QUARTERS, np.take(self.corners, bent, axis=0))
-        bend = self.bend.take(bent).divided(QUARTERS)
-        if len(flat):
-            corners = np.concatenate([found.corners[: len(flat)], corners])
-            bend = Bend.stack([self.bend.take(flat), bend])
-        return replace(found, corners=corners, bend=bend, parts=parts), index
+        count = len(flat)
+        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None, pull=None, aim=None).take(index)
+        corners = np.empty((len(index), 3, 3))
+        np.take(self.corners, flat, axis=0, out=corners[:count])
+        found.parts[:count] *= 2
+        bend = None
+        if self.bend is not None:
+            own = self.bend.take(bent).divided(QUARTERS)
+            corners[count:] = divided(QUARTERS, np.take(self.corners, bent, axis=0))
+            bend = own if not count else own.after(count)
+        return replace(found, corners=corners, bend=bend), index
 
     @staticmethod
     def joined(parts: Sequence[Facets]) -> Facets:

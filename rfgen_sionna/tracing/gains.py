@@ -31,6 +31,8 @@ SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
 TANGENTS = ((1, 1), (2, 1), (3, 2), (3, 3), (4, 4), (5, 5))
 """Expansions by slopes, the cheapest first: coefficients over the band and nodes."""
+USUAL = 2
+"""Which of them is tried first."""
 MAX_DEGREE = 6
 INNER = 12
 """Pairs that are tried at most beside the outermost ones."""
@@ -188,10 +190,19 @@ class BandTracer:
         first = np.zeros(len(PROBES), np.int32)
         if self.tangents:
             tried = [probes(PROBES, first), *([probes(ends, np.tile(pairs, 2))] if len(pairs) > 1 else [])]
-            for order_and_nodes in TANGENTS:
-                found = self.tangent(*order_and_nodes)
-                if all(self._error(facets, materials, each, found, reference) <= SLOPED * self._rtol for each in tried):
-                    return found
+
+            def follows(found: Expansion) -> bool:
+                return all(
+                    self._error(facets, materials, each, found, reference) <= SLOPED * self._rtol for each in tried
+                )
+
+            # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
+            some = [self.tangent(*order_and_nodes) for order_and_nodes in TANGENTS]
+            cheapest = next((k for k in range(USUAL, len(some)) if follows(some[k])), None)
+            while cheapest is not None and 0 < cheapest <= USUAL and follows(some[cheapest - 1]):
+                cheapest -= 1
+            if cheapest is not None:
+                return some[cheapest]
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
             order += 1
         while degree < MAX_DEGREE and len(pairs) > 1 and not fits(middle, pairs, self._basis(1, degree, full=True)):

@@ -223,6 +223,15 @@ class Bend:
             np.tensordot(weights, lifts, 1).reshape(-1, 3, 3) if lifts else None,
         )
 
+    def after(self, count: int) -> Bend:
+        """The same after so many facets that are flat."""
+        every = [None if each is None else np.zeros((count + len(each), 3, 3)) for each in (self.rises, self.lifts)]
+        for whole, each in zip(every, (self.rises, self.lifts), strict=True):
+            if whole is not None and each is not None:
+                whole[count:] = each
+        rises, lifts = every
+        return self if rises is None else Bend(rises, lifts)
+
     @staticmethod
     def stack(parts: Sequence[Bend]) -> Bend:
         """One after the other."""
