@@ -243,7 +243,7 @@ def _straight(
     away = np.abs(offset[:, 0] * line[:, 1] - offset[:, 1] * line[:, 0]) / size
     far = np.zeros(len(group.facets))
     np.maximum.at(far, group.row, away)
-    straight &= far <= np.maximum(_BOWED / cells**2, 0.5**halvings / cells)
+    straight &= far <= np.maximum(_BOWED / cells**2, 1.5 * 0.5**halvings / cells)  # of three crossings, halves of each
     row = np.flatnonzero(straight)
     # The corner that both sides share, and those that come after it.
     tip = 3 - side[first[row]] - side[second[row]]

@@ -251,7 +251,8 @@ def pieces(
     """
     count = len(owner)
     if not count:
-        return np.zeros((0, 3, 3)), None if bend is None else bend.take(owner), np.zeros(0)
+        none = np.zeros((0, 3, 3))
+        return none, None if bend is None else Bend(none, none), np.zeros(0)
     dr, types = drjit_types()
     Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
     lane, facet, share = dr.arange(UInt32, count), upload(UInt32, owner), upload(Float, weights)

@@ -105,3 +105,46 @@ def test_cells_in_the_light_are_joined():
     found = share_of((-0.01, 1.0, 1.0), 5)
     assert len(found.pieces) < 60
     assert found.rays < 700
+
+
+@given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
+def test_what_one_straight_edge_leaves_is_a_triangle_or_two(sizes, odd, lit, level):
+    f = -np.array(sizes)
+    f[odd] *= -1
+    found = share_of(f if lit else -f, level)
+    # Near a corner the edge may pass between it and the next points: then all that is looked at is on one side.
+    assert len(found.pieces) in ((0, 1) if lit else (0, 2)) or found.fraction[0] in (0.0, 1.0)
+
+
+@pytest.mark.parametrize("level", [3, 4, 5])
+def test_edges_that_are_not_one_straight_line_are_followed(level):
+    """A slit of light, a bend in the edge and an island of shadow: areas that one line would miss by far."""
+    cells = SPACINGS[level]
+    shapes = {
+        "slit": (lambda p: np.abs(p[:, 0] - 0.4) < 0.15, 0.75**2 - 0.45**2),
+        "bend": (lambda p: (p[:, 0] > 0.5) | (p[:, 1] > 0.5), 0.5),
+        "island": (lambda p: (p > 0.15).all(axis=1), (1 - 3 * 0.15) ** 2),
+    }
+    for name, (shape, area) in shapes.items():
+        for light in (True, False):
+            found = lit_parts(
+                Light(lambda _, p, shape=shape, light=light: shape(p) == light), np.array([level]), np.zeros(1)
+            )
+            assert found.fraction[0] == pytest.approx(area if light else 1 - area, abs=0.3 / cells), name
+            assert len(found.pieces) > 2, name
+            sizes = np.abs(np.linalg.det(found.pieces))
+            assert sizes.sum() == pytest.approx(found.fraction[0], abs=1e-9), name
+
+
+@pytest.mark.parametrize("level", [2, 4])
+def test_an_edge_that_hardly_bends_is_as_good_as_straight(level):
+    """Within what lines from cell to cell would miss of it: sagittas of a tenth of a cell's square count as none."""
+    for bow, pieces in ((0.3 * 0.1, 1), (30 * 0.1, 3)):
+        sagitta = bow / SPACINGS[level] ** 2
+
+        def seen(_, p, sagitta=sagitta):
+            along = p[:, 1] - p[:, 2]
+            return p[:, 0] > 0.45 + sagitta * (1 - (along / 0.55) ** 2)
+
+        found = lit_parts(Light(seen), np.array([level]), np.zeros(1))
+        assert len(found.pieces) == 1 if pieces == 1 else len(found.pieces) >= pieces
