@@ -16,6 +16,9 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
 
 
+_THIRDS = np.tile(np.eye(3) / 3.0, (3, 1))
+
+
 def face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(face, 3) normals whose length is twice the area [m²]; counter-clockwise faces point at the viewer."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
@@ -49,8 +52,8 @@ def columns(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def middles(corners: FloatArray) -> FloatArray:
-    """(..., 3) centroids of triangles (..., corner, 3)."""
-    return np.asarray(np.einsum("...ci->...i", corners) / 3.0)
+    """(..., 3) centroids of triangles (..., corner, 3); as a product several times faster than as a sum."""
+    return np.asarray(corners.reshape(*corners.shape[:-2], 9) @ _THIRDS)
 
 
 def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tuple[FloatArray, IntArray]:

@@ -60,7 +60,7 @@ def ladders(subject: Subject, band: int, quick: bool, seed: int) -> Iterator[lis
         yield [lambda n=n: Beams(subject, n) for n in ((64, 128, 256) if few else (64, 128, 256, 512))]
     counts = [128, 512, 2048] if few else [128, 256, 512, 1024, 2048, 4096]
     if not quick and band == 77 and subject.name in ("sphere", "person"):
-        counts += [8192]
+        counts += [8192, 16384]  # until it gets to 1 dB and 10 degrees
     for jitter in (False,) if corner else (False, True):
         for view in (PUBLISHED_VIEW,) if corner else (PUBLISHED_VIEW, None):
             yield [lambda n=n, j=jitter, v=view: Samples(subject, n, j, v, seed) for n in counts]
