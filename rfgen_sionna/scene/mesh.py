@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
 
-
 _THIRDS = np.tile(np.eye(3) / 3.0, (3, 1))
 
 

@@ -19,7 +19,7 @@ from rfgen_sionna.scene.mesh import columns, lengths, middles
 
 CLEARANCE = 1e-4
 """How far outside rays pass, times the distance."""
-APART = 5e-3
+APART = 2.5e-3
 """Angle between rays past one edge [rad]."""
 STILL_APART = 1.25e-3
 """The same past edges of what stays, for what stays, which is looked at once: a pole of a few centimetres leaves facets

@@ -46,6 +46,8 @@ _SEARCH_SHARE = 0.5
 """Share of what may be missed that facets may which are not searched."""
 _LINES = 32.0
 """Shadows' edges that are reckoned with on one facet, at most."""
+_ROUNDS = 3
+"""How often facets are looked at, ever more closely, where there is much less light than corners told of."""
 
 
 class Hiding(Protocol):
@@ -189,42 +191,83 @@ def sampled_fraction(
     size /= np.maximum(lengths(offset[some]).min(axis=1, initial=np.inf), 1e-9)
     lines = np.clip(0.5 * outline[some] / np.maximum(size, 1e-300), 1.0, _LINES)  # one line counts there and back
     bent[some] *= lines**2
-    returned, allowed = most * (fraction > 0), np.full(count, np.inf)
-    for each in np.zeros(1) if group is None else np.unique(group[edged]):
-        mine = np.flatnonzero(edged) if group is None else np.flatnonzero(edged & (group == each))
-        total = float(np.linalg.norm(returned if group is None else returned[group == each]))
-        floor = float(level if np.ndim(level) == 0 else np.asarray(level)[int(each)])
-        share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
-        allowed[mine] = _allowed(bent[mine], share * MISSED_PER_RTOL * rtol * max(total, floor))
-    wanted = np.sqrt(bent / allowed)
-    # Where an edge was found by searching, no coarser lattice would find it again.
-    looked = edged & ((wanted > np.sqrt(bend / _CORNERS)) | (least >= 0))
-    lattice = np.maximum(np.searchsorted(SPACINGS[:-1], wanted), least)
-    while points_of(lattice[looked]).sum() > most_points and lattice[looked].any():
-        lattice = np.maximum(lattice - 1, 0)
+    share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
+    groups = np.zeros(1, np.intp) if group is None else np.unique(group[edged])
+    members = [np.arange(count) if group is None else np.flatnonzero(group == each) for each in groups]
+    floors = np.full(len(groups), level) if np.ndim(level) == 0 else np.asarray(level)[groups]
+    total, wanted = np.full(len(groups), np.inf), np.zeros(count)
+    looking = _Looking(rays, viewpoint, corners, facet, moving, width, fraction)
+    for _ in range(_ROUNDS):
+        told, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
+        # Light through gaps is less than what corners tell of: then it is looked at more closely.
+        if not (total < 0.5 * told).any():
+            break
+        allowed = np.full(count, np.inf)
+        for mine, all_of_them in zip(members, total.tolist(), strict=True):
+            some = mine[edged[mine]]
+            allowed[some] = _allowed(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them)
+        wanted = np.sqrt(bent / allowed)
+        # Where an edge was found by searching, no coarser lattice would find it again.
+        looked = edged & ((wanted > np.sqrt(bend / _CORNERS)) | (least >= 0))
+        finer = np.where(looked, np.maximum(np.searchsorted(SPACINGS[:-1], wanted), least), -1)
+        while points_of(finer[looked]).sum() > most_points and finer[looked].any():
+            finer[looked] = np.maximum(finer[looked] - 1, 0)
+        looking.at(np.flatnonzero(finer > looking.lattice), finer)
+    lattice = looking.lattice.copy()
+    looked = lattice >= 0
     missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, _CORNERS * cut * edged))
     missed = np.maximum(missed, hidden)
-
-    def look(chosen: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], Lit]]:
-        batch = np.cumsum(points_of(lattice[chosen])) // _BATCH
-        found = []
-        for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
-            targets = rays.targets(viewpoint, corners[some], facet[some], moving, bundled=True)
-            found.append((some, lit_parts(targets, lattice[some], width[some])))
-            fraction[some] = found[-1][1].fraction
-        return found
-
-    found = look(np.flatnonzero(looked))
     # What is narrower than a cell may be missed: where a ray got by an outline, smaller ones look for it.
     whole = passed & looked & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
-    lattice[narrow] += 1
-    found += look(narrow[np.cumsum(points_of(lattice[narrow])) < most_points])
-    owner = np.concatenate([index[lit.owner] for index, lit in found])
-    pieces = np.concatenate([lit.pieces for _, lit in found])
-    order = np.argsort(owner, kind="stable")
-    sent = searched + sum(lit.rays for _, lit in found)
-    return Sampled(fraction, owner[order], pieces[order], missed, most * (fraction > 0), sent)
+    looking.at(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
+    owner, pieces, sent = looking.found()
+    return Sampled(fraction, owner, pieces, missed, most * fraction, searched + sent)
+
+
+class _Looking:
+    """Looks at facets, at some of them again: then the latest counts. The arguments are those of
+    :func:`sampled_fraction`, and the `fraction` (facet,) that is known and written to."""
+
+    def __init__(
+        self,
+        rays: Hiding,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facet: IntArray | NDArray[np.int64],
+        moving: bool,
+        width: FloatArray,
+        fraction: FloatArray,
+    ) -> None:
+        self._rays, self._viewpoint, self._moving = rays, viewpoint, moving
+        self._corners, self._facet, self._width, self._fraction = corners, facet, width, fraction
+        self.lattice: NDArray[np.intp] = np.full(len(corners), -1, np.intp)
+        """(facet,) level of the lattice on which each was looked at, -1 for none."""
+        self._turn = np.zeros(len(corners), np.intp)
+        self._found: list[tuple[int, NDArray[np.intp], Lit]] = []
+
+    def at(self, chosen: NDArray[np.intp], level: NDArray[np.intp]) -> None:
+        """Look at the `chosen` facets, at each on a lattice of its `level` (facet,)."""
+        self.lattice[chosen] = level[chosen]
+        turn = len(self._found)
+        self._turn[chosen] = turn
+        batch = np.cumsum(points_of(level[chosen])) // _BATCH
+        for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
+            targets = self._rays.targets(
+                self._viewpoint, self._corners[some], self._facet[some], self._moving, bundled=True
+            )
+            lit = lit_parts(targets, level[some], self._width[some])
+            self._found.append((turn, some, lit))
+            self._fraction[some] = lit.fraction
+
+    def found(self) -> tuple[NDArray[np.intp], FloatArray, int]:
+        """(piece,) facet of each piece, ascending, (piece, corner, 3) the pieces, and the number of rays."""
+        owner = np.concatenate([some[lit.owner] for _, some, lit in self._found])
+        pieces = np.concatenate([lit.pieces for _, _, lit in self._found])
+        turn = np.concatenate([np.full(len(lit.owner), turn) for turn, _, lit in self._found])
+        latest = np.flatnonzero(turn == self._turn[owner])
+        order = latest[np.argsort(owner[latest], kind="stable")]
+        return owner[order], pieces[order], sum(lit.rays for _, _, lit in self._found)
 
 
 def _search(

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks
-from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.mesh import lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
+
+NEAREST_APART = 2.5e-4
+"""Least angle between rays past one edge [rad]."""
+_PER_FACET, _SMALL = 0.25, 0.1
+"""Angle between them over the width of facets: of those of which so small a share is smaller."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,8 @@ class Sight:
         self._importance = band.importance
         self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
         self._latest: tuple[Sequence[FloatArray], Passing] | None = None
+        self._apart = APART
+        self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def __call__(self, rays: RayScene, facets: Facets, places: IntArray, vertices: Sequence[FloatArray]) -> Seen:
         """What is seen of `facets`, all those of the moving surfaces, which have their `vertices` (vertex, 3) [m] there
@@ -157,6 +163,19 @@ class Sight:
         owner, sent = facing[found.owner], guides + found.rays
         return Seen(facets, fraction, weights, owner, found.pieces, outline, level, missed, len(facing), sent)
 
+    def look_for(self, corners: FloatArray) -> None:
+        """Let rays past outlines be so close that none of the facets with `corners` (facet, 3, 3) [m], the pieces of
+        faces, lies between two of them: where light through a gap crosses a facet and reaches no corner, such a ray
+        alone tells."""
+        apart = APART
+        if len(corners):
+            size = widest(lengths(corners - corners[:, [1, 2, 0]])) / np.maximum(
+                lengths(middles(corners) - self._viewpoint), 1e-9
+            )
+            apart = float(np.clip(_PER_FACET * np.quantile(size, _SMALL), NEAREST_APART, APART))
+        if apart != self._apart:
+            self._apart, self._latest, self._static = apart, None, None
+
     def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
         """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there and in `rays`, and
         of what stands before it."""
@@ -166,7 +185,11 @@ class Sight:
 
     def _past(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
         offsets = [points - self._viewpoint for points in vertices]
-        passing = [outline.passing(each) for outline, each in zip(self._outlines, offsets, strict=True)]
+        passing = [outline.passing(each, self._apart) for outline, each in zip(self._outlines, offsets, strict=True)]
+        if self._static is None:
+            # Directions (ray, 3) as long as the way there (ray,) [m], and what each stands for.
+            past, stands_for = static_outlines(self._surfaces, self._viewpoint, self._apart)
+            self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
         before = np.zeros(len(static), np.bool_)
         for each in offsets:
@@ -179,13 +202,6 @@ class Sight:
         directions, spans = (np.concatenate(each) for each in zip(*found, strict=True))
         hit = rays.first_facet(self._viewpoint, directions)
         return Passing(directions, hit, spans, int(np.count_nonzero(before)))
-
-    @cached_property
-    def _static(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rays that pass the outlines of what stays: directions (ray, 3) as long as the way there (ray,) [m], and what
-        each stands for."""
-        rays, span = static_outlines(self._surfaces, self._viewpoint, APART)
-        return rays, span, lengths(rays)
 
 
 def static_outlines(
