@@ -265,9 +265,9 @@ class MovingParts:
         placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
-        split = [points[piece.pieces] for piece, points in zip(self._pieces, corners, strict=True)]
-        self._sight.look_for(np.concatenate([np.zeros((0, 3, 3)), *split]))
-        self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
+        every = np.concatenate([np.zeros((0, 3, 3)), *corners])
+        self._places = touching(every, surface)
+        self._sight.look_for(every)
         self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
 
     def _turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:

@@ -20,8 +20,9 @@ from rfgen_sionna.tracing.surfaces import Surfaces
 
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
-_PER_FACET, _SMALL = 0.25, 0.1
-"""Angle between them over the width of facets: of those of which so small a share is smaller."""
+_PER_FACET, _SMALL = 0.3, 0.1
+"""Angle between them at a tolerance of 1 %, over the width of facets such that smaller ones make up so small a share of
+the view."""
 
 
 @dataclass(frozen=True)
@@ -164,15 +165,18 @@ class Sight:
         return Seen(facets, fraction, weights, owner, found.pieces, outline, level, missed, len(facing), sent)
 
     def look_for(self, corners: FloatArray) -> None:
-        """Let rays past outlines be so close that none of the facets with `corners` (facet, 3, 3) [m], the pieces of
-        faces, lies between two of them: where light through a gap crosses a facet and reaches no corner, such a ray
-        alone tells."""
+        """Let rays past outlines be so close that few of the facets with `corners` (facet, 3, 3) [m] lie between two of
+        them: where light through a gap crosses a facet and reaches no corner, such a ray alone tells."""
         apart = APART
         if len(corners):
-            size = widest(lengths(corners - corners[:, [1, 2, 0]])) / np.maximum(
-                lengths(middles(corners) - self._viewpoint), 1e-9
-            )
-            apart = float(np.clip(_PER_FACET * np.quantile(size, _SMALL), NEAREST_APART, APART))
+            edges = corners - corners[:, [1, 2, 0]]
+            away = np.maximum(lengths(middles(corners) - self._viewpoint), 1e-9)
+            size, area = widest(lengths(edges)) / away, lengths(np.cross(edges[:, 0], edges[:, 1])) / away**2
+            order = np.argsort(size)
+            share = np.cumsum(area[order])
+            typical = size[order[np.searchsorted(share, _SMALL * share[-1])]]
+            # What lies between two rays goes with the square of their distance.
+            apart = float(np.clip(_PER_FACET * typical * np.sqrt(self._rtol / 1e-2), NEAREST_APART, APART))
         if apart != self._apart:
             self._apart, self._latest, self._static = apart, None, None
 
