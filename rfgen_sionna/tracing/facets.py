@@ -75,7 +75,8 @@ class Facets:
     def pulled(self, pull: FloatArray | None) -> Facets:
         """The same facets with this :attr:`pull`, by way of their centroids."""
         found = replace(self, pull=pull, aim=None)
-        found.__dict__["centroids"] = self.centroids  # which are known
+        if "centroids" in self.__dict__:  # they are known
+            found.__dict__["centroids"] = self.centroids
         return found
 
     def finer(self) -> tuple[Facets, NDArray[np.intp]]:

@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.outlines import CLEARANCE, Outline, Passing, Places
+from rfgen_sionna.tracing.outlines import APART, CLEARANCE, Outline, Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 
 WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
@@ -32,7 +32,7 @@ def test_rays_pass_a_ball_all_around_just_outside():
 def test_an_open_sheet_has_its_rim_for_an_outline():
     plate = trimesh.Trimesh([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]], [[0, 1, 2], [0, 2, 3]])
     points, span = Outline(np.asarray(plate.faces)).passing(np.asarray(plate.vertices))
-    assert len(points) == pytest.approx(span.sum() / 5e-3, abs=4)  # five milliradians apart
+    assert len(points) == pytest.approx(span.sum() / APART, abs=4)
     assert span.sum() == pytest.approx(2 * np.pi / 4 + 2 * np.arctan2(1, np.sqrt(2)), rel=0.01)
     outside = (points[:, 1:] < 0) | (points[:, 1:] > 1)
     assert outside.any(axis=1).all()
