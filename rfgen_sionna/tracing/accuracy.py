@@ -118,8 +118,8 @@ class Finer:
         return Finer(band, facets, materials, weight, pair, probes, reference, returned)
 
     def of_facets(self, usual: FloatArray | None = None, places: slice = slice(None)) -> Accuracy:
-        """Of the facets themselves, integrated at those `places` of the probes: what an expansion cannot mend. The
-        other argument is that of :meth:`of`."""
+        """Of the facets themselves, integrated at those `places` of the probes: what an expansion cannot mend; `usual`
+        is that of :meth:`of_expansion`."""
         chosen = replace(self, probes=self.probes[places], returned=self.returned[places])
         exact = self.band.at_probes(
             self.facets, self.materials, chosen.probes, self.pair, self.facets.parts, self.reference

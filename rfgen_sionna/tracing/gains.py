@@ -162,7 +162,8 @@ class BandTracer:
         coherent: bool = True,
         reference: FloatArray | None = None,
     ) -> Expansion:
-        """The smallest expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs.
+        """An expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs, than which the
+        next smaller one is not.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
         that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells

@@ -265,9 +265,8 @@ class MovingParts:
         placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
-        every = np.concatenate([np.zeros((0, 3, 3)), *corners])
-        self._places = touching(every, surface)
-        self._sight.look_for(every)
+        self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
+        self._sight.look_for(corners)
         self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
 
     def _turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:
@@ -295,7 +294,8 @@ class MovingParts:
 
         `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
         """
-        tried: list[float] = []
+        facets: list[float] = []
+        whole: list[float] = []
         self._last = 0.0
         if afresh and (self._fineness != 1.0).any():
             self._fineness[:] = 1.0
@@ -303,18 +303,17 @@ class MovingParts:
         while True:
             held = self._held(t, positions, rays)
             error = self._noted([held.of_facets(self._level)])
-            tried.append(self._error)
-            # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
-            last = len(tried) == MAX_ROUNDS or (len(tried) > 2 and min(tried[-2:]) > 0.7 * tried[-3])
+            facets.append(self._error)
+            last = len(facets) == MAX_ROUNDS or _stuck(facets)
             # Facets that are too coarse by themselves need no expansion to tell it by.
             if not last and self._finer(error, positions(t)):
                 continue
             expansion, error = self._expanded(held)
             if not (error > self._rtol).any():
                 return expansion
-            if last or not self._finer(error, positions(t)):
+            whole.append(self._error)
+            if last or _stuck(whole) or not self._finer(error, positions(t)):
                 break
-            tried[-1] = self._error
         worst = int(np.argmax(error))
         _LOG.warning(
             "the return of '%s' is right to %.2g of itself (rtol: %g)",
@@ -328,10 +327,12 @@ class MovingParts:
         coarse = error > self._rtol
         if not coarse.any():
             return False
+        before = self._fineness.copy()
         self._fineness[coarse] *= finer(error[coarse], self._rtol)
         try:
             self._split(vertices)
         except ValueError:
+            self._fineness = before
             return False
         return True
 
@@ -450,3 +451,8 @@ class MovingParts:
         for piece, points, surface in zip(self._pieces, vertices, self._surfaces.moving, strict=True):
             yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
             first += len(piece.face)
+
+
+def _stuck(errors: Sequence[float]) -> bool:
+    """Whether more of the same is no use, as errors hardly fall; from one number of parts to the next they may rise."""
+    return len(errors) > 2 and min(errors[-2:]) > 0.7 * errors[-3]

@@ -20,7 +20,7 @@ from rfgen_sionna.scene.mesh import columns, lengths, middles
 CLEARANCE = 1e-4
 """How far outside rays pass, times the distance."""
 APART = 2.5e-3
-"""Angle between rays past one edge [rad]."""
+"""Largest angle between rays past one edge [rad]."""
 STILL_APART = 1.25e-3
 """The same past edges of what stays, for what stays, which is looked at once: a pole of a few centimetres leaves facets
 behind it lit at all their corners, and only such rays tell."""

@@ -33,11 +33,11 @@ class FacetReturns:
     ) -> list[ComplexArray]:
         """(value, facet) of each of `parts`, as if all were seen. They are integrated together, as far as memory
         allows: to set a kernel up takes as long as it takes ten thousand facets."""
-        step = max(1, AT_ONCE // max(1, *(len(each) for each in parts)))
-        found = []
-        for first in range(0, len(parts), step):
-            some = parts[first : first + step]
-            reference = np.concatenate(references[first : first + step])
+        found: list[ComplexArray] = []
+        batch = np.cumsum([len(each) for each in parts]) // AT_ONCE
+        for number in np.unique(batch):
+            first, last = np.searchsorted(batch, [number, number + 1])
+            some, reference = parts[first:last], np.concatenate(references[first:last])
             values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
             found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
         return found

@@ -35,6 +35,8 @@ _MOST = 4_000_000
 """Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
 _STILL_MOST = 32_000_000
 """The same of what is looked at once."""
+_BUNDLED = 8
+"""Rays to a facet from which they are quicker in packets."""
 _BATCH = 500_000
 """Points that are looked at together."""
 _HIDDEN = 4e-3
@@ -71,7 +73,7 @@ class Sampled(NamedTuple):
     missed: FloatArray
     """(facet,) estimated error of what each returns, in units of `returned`."""
     returned: FloatArray
-    """(facet,) what each may return, up to a factor that all share."""
+    """(facet,) what each may return, up to a factor that all share, by the share that is seen."""
     rays: int
     """Rays sent, apart from guiding ones."""
 
@@ -178,7 +180,7 @@ def sampled_fraction(
     edged, hidden, searched = mixed | passed, np.zeros(count), 0
     least = np.full(count, -1, np.intp)
     if search:
-        level_there = float(np.linalg.norm(most * (fraction > 0)))
+        level_there = float(np.linalg.norm(most * fraction))
         least, hidden, searched = _search(
             rays, viewpoint, corners, facet, moving, fraction > 0, np.where(edged, 0.0, cut), width,
             _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
@@ -200,10 +202,11 @@ def sampled_fraction(
     for _ in range(_ROUNDS):
         told, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
         # Light through gaps is less than what corners tell of: then it is looked at more closely.
-        if not (total < 0.5 * told).any():
+        again = (total < 0.5 * told) & ((total > 0) | np.isinf(told))
+        if not again.any():
             break
         allowed = np.full(count, np.inf)
-        for mine, all_of_them in zip(members, total.tolist(), strict=True):
+        for mine, all_of_them in zip(members, np.where(again, total, told).tolist(), strict=True):
             some = mine[edged[mine]]
             allowed[some] = _allowed(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them)
         wanted = np.sqrt(bent / allowed)
@@ -227,7 +230,8 @@ def sampled_fraction(
 
 class _Looking:
     """Looks at facets, at some of them again: then the latest counts. The arguments are those of
-    :func:`sampled_fraction`, and the `fraction` (facet,) that is known and written to."""
+    :func:`sampled_fraction`, the phase between their ends, `width` (facet,) [rad], and the `fraction` (facet,) that is
+    known, and written to."""
 
     def __init__(
         self,
@@ -253,9 +257,8 @@ class _Looking:
         self._turn[chosen] = turn
         batch = np.cumsum(points_of(level[chosen])) // _BATCH
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
-            targets = self._rays.targets(
-                self._viewpoint, self._corners[some], self._facet[some], self._moving, bundled=True
-            )
+            many = bool(points_of(level[some]).sum() > _BUNDLED * len(some))
+            targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], self._moving, many)
             lit = lit_parts(targets, level[some], self._width[some])
             self._found.append((turn, some, lit))
             self._fraction[some] = lit.fraction

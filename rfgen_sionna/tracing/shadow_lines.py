@@ -27,8 +27,8 @@ _STRAY = 0.05
 """Phase that the place found may be off by before it is halved again [rad, root mean square]."""
 
 _BOWED = 0.1
-"""How far an edge may be from straight, times the square of the cells along a facet's edge: lines from cell to cell
-miss as much (:mod:`rfgen_sionna.tracing.sampling`). What crossings are not known to does not count."""
+"""How far an edge may be from straight, times the square of the cells along a facet's edge, or as far as its crossings
+are known: the line that leaves as much on either side has the area right all the same."""
 
 RIM = 0.05
 """Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
@@ -238,18 +238,29 @@ def _straight(
     # Distances from the line through both, in two of the barycentric coordinates.
     start = np.take(crossings, first, axis=0)
     along = np.take(crossings, second, axis=0) - start
+    size = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)
     offset, line = crossings - start[group.row], along[group.row]
-    size = np.maximum(np.hypot(line[:, 0], line[:, 1]), 1e-12)
-    away = np.abs(offset[:, 0] * line[:, 1] - offset[:, 1] * line[:, 0]) / size
+    away = (offset[:, 0] * line[:, 1] - offset[:, 1] * line[:, 0]) / size[group.row]
     far = np.zeros(len(group.facets))
-    np.maximum.at(far, group.row, away)
-    straight &= far <= np.maximum(_BOWED / cells**2, 1.5 * 0.5**halvings / cells)  # of three crossings, halves of each
+    np.maximum.at(far, group.row, np.abs(away))
+    known = 1.5 * 0.5**halvings / cells  # of three crossings, halves of each
+    straight &= far <= np.maximum(_BOWED / cells**2, known)
+    # The line that leaves as much on either side: its ends move along the sides that they are on.
+    mean = np.bincount(group.row, away, len(group.facets)) / np.bincount(group.row, minlength=len(group.facets))
+    ends_moved = []
+    for end in (first, second):
+        run = np.eye(3)[side[end] - 2] - np.eye(3)[side[end] - 1]  # of the side
+        turn = (run[:, 0] * along[:, 1] - run[:, 1] * along[:, 0]) / size
+        step = np.divide(mean, turn, out=np.full(len(mean), np.inf), where=np.abs(turn) > 1e-6)
+        moved = crossings[end] + np.where(np.abs(step) < 1.0, step, 0.0)[:, None] * run
+        straight &= (np.abs(step) < 1.0) & (moved > -1e-3).all(axis=1)
+        ends_moved.append(np.clip(moved, 0.0, 1.0))
     row = np.flatnonzero(straight)
     # The corner that both sides share, and those that come after it.
     tip = 3 - side[first[row]] - side[second[row]]
     turned = side[first[row]] == (tip + 1) % 3
-    ab, ca = (np.take(crossings, np.where(turned, *each), axis=0) for each in
-              ((second[row], first[row]), (first[row], second[row])))  # fmt: skip
+    one, other = (each[row] for each in ends_moved)
+    ab, ca = np.where(turned[:, None], other, one), np.where(turned[:, None], one, other)
     a, b, c = (np.eye(3)[(tip + k) % 3] for k in range(3))
     alone = group.lit[row, lattice.tips[tip]]
     found = []

@@ -164,19 +164,9 @@ class Sight:
         owner, sent = facing[found.owner], guides + found.rays
         return Seen(facets, fraction, weights, owner, found.pieces, outline, level, missed, len(facing), sent)
 
-    def look_for(self, corners: FloatArray) -> None:
-        """Let rays past outlines be so close that few of the facets with `corners` (facet, 3, 3) [m] lie between two of
-        them: where light through a gap crosses a facet and reaches no corner, such a ray alone tells."""
-        apart = APART
-        if len(corners):
-            edges = corners - corners[:, [1, 2, 0]]
-            away = np.maximum(lengths(middles(corners) - self._viewpoint), 1e-9)
-            size, area = widest(lengths(edges)) / away, lengths(np.cross(edges[:, 0], edges[:, 1])) / away**2
-            order = np.argsort(size)
-            share = np.cumsum(area[order])
-            typical = size[order[np.searchsorted(share, _SMALL * share[-1])]]
-            # What lies between two rays goes with the square of their distance.
-            apart = float(np.clip(_PER_FACET * typical * np.sqrt(self._rtol / 1e-2), NEAREST_APART, APART))
+    def look_for(self, corners: Sequence[FloatArray]) -> None:
+        """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface."""
+        apart = apart_for(corners, self._viewpoint, self._rtol)
         if apart != self._apart:
             self._apart, self._latest, self._static = apart, None, None
 
@@ -217,3 +207,22 @@ def static_outlines(
     found = [Outline(surface.faces).passing(points - viewpoint, apart) for surface, points in placed]
     rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
     return rays, span
+
+
+def apart_for(corners: Sequence[FloatArray], viewpoint: FloatArray, rtol: float) -> float:
+    """Angle [rad] between rays past an edge, so close that few of the facets with `corners` (facet, 3, 3) [m], those of
+    each surface, lie between two of them: where light through a gap crosses a facet and reaches no corner, such a ray
+    alone tells."""
+    apart = APART
+    for each in corners:
+        if not len(each):
+            continue
+        edges = each - each[:, [1, 2, 0]]
+        away = np.maximum(lengths(middles(each) - viewpoint), 1e-9)
+        size, area = widest(lengths(edges)) / away, lengths(np.cross(edges[:, 0], edges[:, 1])) / away**2
+        order = np.argsort(size)
+        share = np.cumsum(area[order])
+        typical = float(size[order[np.searchsorted(share, _SMALL * share[-1])]])
+        # What lies between two rays goes with the square of their distance.
+        apart = min(apart, max(_PER_FACET * typical * np.sqrt(rtol / 1e-2), NEAREST_APART))
+    return float(apart)

@@ -225,12 +225,13 @@ class Bend:
 
     def after(self, count: int) -> Bend:
         """The same after so many facets that are flat."""
-        every = [None if each is None else np.zeros((count + len(each), 3, 3)) for each in (self.rises, self.lifts)]
-        for whole, each in zip(every, (self.rises, self.lifts), strict=True):
-            if whole is not None and each is not None:
-                whole[count:] = each
-        rises, lifts = every
-        return self if rises is None else Bend(rises, lifts)
+        rises = np.zeros((count + len(self.rises), 3, 3))
+        rises[count:] = self.rises
+        if self.lifts is None:
+            return Bend(rises)
+        lifts = np.zeros_like(rises)
+        lifts[count:] = self.lifts
+        return Bend(rises, lifts)
 
     @staticmethod
     def stack(parts: Sequence[Bend]) -> Bend:

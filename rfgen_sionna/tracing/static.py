@@ -123,15 +123,16 @@ class StaticTrace:
     returns: Returns
 
     @cached_property
-    def _guides(self) -> tuple[Corners, NDArray[np.bool_]]:
-        """Rays to the facets' corners, and (facet, 3) which are seen without actors: looked up where there are any."""
+    def _guides(self) -> tuple[Corners, NDArray[np.bool_], int]:
+        """Rays to the facets' corners, (facet, 3) which are seen without actors, and the number of rays: looked up
+        where there are any."""
         # Corners of pieces lie on shadows' edges: they are looked at as they will be with actors.
         facets = self.facets
         places = touching(facets.corners, facets.surface)
         guides = Corners(self.viewpoint, facets.corners, facets.number, places)
         if self.scene is None:
-            return guides, np.zeros((len(facets), 3), np.bool_)
-        return guides, guides.seen(self.scene)[0]
+            return guides, np.zeros((len(facets), 3), np.bool_), 0
+        return guides, *guides.seen(self.scene)
 
     @cached_property
     def _spheres(self) -> Spheres:
@@ -177,8 +178,10 @@ class StaticTrace:
     def glance(self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray) -> tuple[Dimmed, int]:
         """:meth:`visible` where so much `outline` (facet,) [rad] falls on each facet."""
         every, outline = outline, outline[index]
-        guides, lit = self._guides
+        known = "_guides" in self.__dict__
+        guides, lit, first = self._guides
         now, sent = guides.seen(rays, index, moving=True)
+        sent += 0 if known else first
         now &= lit[index]
         changed, passed = (now != lit[index]).any(axis=1), outline > 0
         left = np.ones(len(self.facets))
@@ -245,7 +248,8 @@ def trace_static(
     `rays` holds the static scene alone; None where there is no static surface.
     """
     materials = tuple(surface.material for surface in surfaces.static)
-    fineness, rays_sent, before = np.ones(len(materials)), 0, np.inf
+    fineness, rays_sent = np.ones(len(materials)), 0
+    before = [np.inf, np.inf]  # error of the facets by themselves, and with an expansion
     passing = None
     if rays is not None:
         past, span = static_outlines(surfaces, viewpoint)
@@ -259,7 +263,8 @@ def trace_static(
         found = held.of_facets(places=slice(1, 2))
         effort = float((facets.parts.astype(np.float64) ** 2).sum())
         # More of the same is no use where the error hardly falls, or where it would take too long.
-        last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before or effort * found.total / rtol > MAX_EFFORT
+        last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
+        before[0] = found.total
         if last or found.total <= rtol:
             expansion = band.expansion_for(facets, materials, weight, coherent=False)
             values = band.values(facets, materials, expansion)
@@ -267,13 +272,13 @@ def trace_static(
             found = held.of_expansion(band.combined(one, values)[:, 0, 0])
             if found.total <= rtol:
                 break
-            last = last or effort * found.total / rtol > MAX_EFFORT
+            last = last or found.total > 0.5 * before[1] or effort * found.total / rtol > MAX_EFFORT
+            before[1] = found.total
         if last:
             _LOG.warning(
                 "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
             )
             break
-        before = found.total
         fineness[found.share > 0.1 / len(materials)] *= finer(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
     gains *= seen.fraction

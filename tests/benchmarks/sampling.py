@@ -14,6 +14,7 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.tracing import gains, moving, sampling, tracer
 from rfgen_sionna.tracing.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.sight import apart_for
 from rfgen_sionna.tracing.tessellate import Tessellation
 from tests.benchmarks.comparison import compare_rays
 from tests.benchmarks.measuring import default_rtol, timed
@@ -34,9 +35,6 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     places = sampling.touching(corners)[facing]
     corners, number = corners[facing], facing + surface.first_facet
     fields = _fields(made, facing, vertices, viewpoint)
-    past, span = Outline(surface.faces).passing(vertices[0] - viewpoint)
-    passing = Passing(past, rays.first_facet(viewpoint, past), span)
-    outline = Places(corners - viewpoint, number).holding(passing)
     wavenumber = 2 * np.pi * subject.frequency / SPEED_OF_LIGHT
     truth = (fields * uniform_share(rays, viewpoint, corners, number, 16 if quick else 32)[0]).sum()
 
@@ -53,6 +51,10 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     for rtol in sorted({1e-1, 1e-2, 1e-3, default_rtol()}, reverse=True):
 
         def adaptive(rtol: float = rtol) -> tuple[Any, int]:
+            apart = apart_for([vertices[0][surface.faces]], viewpoint, rtol)
+            past, span = Outline(surface.faces).passing(vertices[0] - viewpoint, apart)
+            passing = Passing(past, rays.first_facet(viewpoint, past), span)
+            outline = Places(corners - viewpoint, number).holding(passing)
             seen, guides = sampling.Corners(viewpoint, corners, number, places).seen(rays)
             found = sampling.sampled_fraction(rays, viewpoint, corners, number, seen, wavenumber, rtol, outline)
             return found.fraction, guides + found.rays + len(past)

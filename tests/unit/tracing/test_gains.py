@@ -9,6 +9,7 @@ from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.tracing import gains
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.smooth import Bend
 
 
 @pytest.mark.parametrize("runs", [1, 2, 7, 400])
@@ -20,19 +21,19 @@ def test_flat_and_curved_facets_come_back_in_their_order(runs: int):
     material, parts = np.zeros(len(curved), np.int32), rng.integers(1, 4, len(curved)).astype(np.int32)
     nodes = Nodes(np.zeros((2, 3)), np.zeros((2, 3)), np.array([76e9, 78e9]))
     media = Media.at([material_named("metal")], nodes.frequency, 1e9)
-    asked = []
+    bend, asked = Bend(1e-3 * rng.normal(size=(len(curved), 3, 3)) * curved[:, None, None]), []
 
     def of(index, bent, into):
         asked.append(bent)
         return facet_gains(
             corners[index], material[index], media, nodes, np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), parts[index],
-            into=into,
+            bend=bend.take(index) if bent else None, into=into,
         )  # fmt: skip
 
     found = gains.by_curvature(curved, of)
     assert asked == ([False] if runs == 1 else [False, True])
     for k in rng.permutation(len(curved))[:20]:
-        alone = of(slice(k, k + 1), False, None)
+        alone = of(slice(k, k + 1), bool(curved[k]), None)
         np.testing.assert_allclose(found.a[:, k], alone.a[:, 0], rtol=1e-12)
         np.testing.assert_allclose(found.tau[:, k], alone.tau[:, 0], rtol=1e-14)
 
