@@ -304,7 +304,8 @@ class MovingParts:
             held = self._held(t, positions, rays)
             error = self._noted([held.of_facets(self._level)])
             facets.append(self._error)
-            last = len(facets) == MAX_ROUNDS or _stuck(facets)
+            # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
+            last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])
             # Facets that are too coarse by themselves need no expansion to tell it by.
             if not last and self._finer(error, positions(t)):
                 continue
@@ -312,7 +313,8 @@ class MovingParts:
             if not (error > self._rtol).any():
                 return expansion
             whole.append(self._error)
-            if last or _stuck(whole) or not self._finer(error, positions(t)):
+            # What finer facets have hardly mended once is the expansion's own.
+            if last or (len(whole) > 1 and whole[-1] > 0.7 * whole[-2]) or not self._finer(error, positions(t)):
                 break
         worst = int(np.argmax(error))
         _LOG.warning(
@@ -451,8 +453,3 @@ class MovingParts:
         for piece, points, surface in zip(self._pieces, vertices, self._surfaces.moving, strict=True):
             yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
             first += len(piece.face)
-
-
-def _stuck(errors: Sequence[float]) -> bool:
-    """Whether more of the same is no use, as errors hardly fall; from one number of parts to the next they may rise."""
-    return len(errors) > 2 and min(errors[-2:]) > 0.7 * errors[-3]
