@@ -21,14 +21,16 @@ from rfgen_sionna.records import FloatArray
 
 SPACINGS = (1, 2, 4, 8, 16, 32)
 """Cells along a facet's edge, level by level."""
-_HALVINGS = (5, 8)
-"""How often the edge of a cell is halved to find the shadow's edge on it, at least and at most."""
+_HALVINGS = (5, 5, 6, 7, 8, 9)
+"""How often the edge of a cell is halved at least to find the shadow's edge on it, level by level: so often that three
+of them tell whether the edge is straight to `_BOWED`."""
+_MOST_HALVINGS = 9
 _STRAY = 0.05
 """Phase that the place found may be off by before it is halved again [rad, root mean square]."""
 
 _BOWED = 0.1
-"""How far an edge may be from straight, times the square of the cells along a facet's edge, or as far as its crossings
-are known: the line that leaves as much on either side has the area right all the same."""
+"""How far an edge may be from straight on its way over a facet, times the square of the cells along its edge: as much
+counts for what lines from cell to cell miss (:mod:`rfgen_sionna.tracing.sampling`)."""
 
 RIM = 0.05
 """Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
@@ -153,13 +155,14 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
         return Lit(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), sent)
     # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
-    halvings = np.clip(np.ceil(np.log2(np.maximum(stray, 1.0))), *_HALVINGS).astype(np.intp)
+    asked = np.ceil(np.log2(np.maximum(stray, 1.0)))
+    halvings = np.clip(asked, np.array(_HALVINGS)[level], _MOST_HALVINGS).astype(np.intp)
     crossings, halved = _crossings(look, groups, halvings)
     owners, pieces, first = [], [], 0
     for group in groups:
         last = first + len(group.row)
         own = crossings[first:last]
-        straight, found = _straight(group, own, halvings[group.facets])
+        straight, found = _straight(group, own)
         if not straight.all():
             rest = np.flatnonzero(~straight)
             bent = _Group.of(group.facets[rest], group.level, group.lit[rest])
@@ -221,10 +224,10 @@ def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> 
 
 
 def _straight(
-    group: _Group, crossings: FloatArray, halvings: NDArray[np.intp]
+    group: _Group, crossings: FloatArray
 ) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.intp], FloatArray]]]:
-    """(facet,) which facets a single straight edge cuts in two, and what is seen of those, in triangles. Crossings are
-    known to so many `halvings` (facet,) of a cell's edge."""
+    """(facet,) which facets a single straight edge, through the `crossings` (crossing, 3), cuts in two, and what is
+    seen of those, in triangles."""
     lattice, cells = group.lattice, SPACINGS[group.level]
     side = lattice.rim[group.edge]
     ends = np.flatnonzero(side >= 0)
@@ -243,8 +246,7 @@ def _straight(
     away = (offset[:, 0] * line[:, 1] - offset[:, 1] * line[:, 0]) / size[group.row]
     far = np.zeros(len(group.facets))
     np.maximum.at(far, group.row, np.abs(away))
-    known = 1.5 * 0.5**halvings / cells  # of three crossings, halves of each
-    straight &= far <= np.maximum(_BOWED / cells**2, known)
+    straight &= far <= _BOWED / cells**2
     # The line that leaves as much on either side: its ends move along the sides that they are on.
     mean = np.bincount(group.row, away, len(group.facets)) / np.bincount(group.row, minlength=len(group.facets))
     ends_moved = []
