@@ -1,8 +1,7 @@
-"""Moving objects as they stand at several times, looked at together.
+"""Moving objects as they stand at several times, looked at together from one place.
 
-To build the tree of a ray scene and to launch a kernel takes milliseconds, however few the rays. Where a few facets are
-looked at again and again, what may come before them is built once for all times, one beside the other, and rays of all
-times are traced together.
+To build the tree of a ray scene and to launch a kernel takes milliseconds, however few the rays. So what may hide
+anything is built once for all times, one beside the other, and rays of all times are traced together.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
 from rfgen_sionna.scene.transfer import upload
@@ -33,7 +32,7 @@ _TOLD = 8
 
 
 class Looks:
-    """What hides facets at several times: all static objects, and of the moving ones what may come before these facets.
+    """What hides points at several times: all static objects, and of the moving ones the faces that may.
 
     Args:
         static: what rays hit of static objects.
@@ -42,7 +41,8 @@ class Looks:
         first: number of the first of them in the ray scene, and of static faces.
         viewpoint: (3,) [m] from which rays start.
         vertices: of every time, (vertex, 3) positions [m] of all moving objects, one after the other.
-        corners: (time, facet, 3, 3) [m] of the facets that are looked at.
+        hiding: of every time, which of the moving faces may hide what is looked at.
+        points: (point, 3) [m] that are looked at, if they may lie beyond those faces.
     """
 
     def __init__(
@@ -53,29 +53,34 @@ class Looks:
         first: int,
         viewpoint: FloatArray,
         vertices: Sequence[FloatArray],
-        corners: FloatArray,
+        hiding: Sequence[NDArray[np.intp]],
+        points: FloatArray,
     ) -> None:
         self._static, self._origin, self._viewpoint = static, origin, viewpoint
         self._first, self._count = first, first + len(faces)
-        self._chosen = before(faces, [each - viewpoint for each in vertices], corners - viewpoint)
-        used, local = np.unique(faces[self._chosen], return_inverse=True)
-        placed = np.stack([np.take(each, used, axis=0) for each in vertices]) - viewpoint
-        points = np.concatenate([np.zeros((1, 3)), placed.reshape(-1, 3), (corners - viewpoint).reshape(-1, 3)])
-        width = np.ptp(points, axis=0)
-        axis = int(np.argmin(width))
+        chosen = np.concatenate([np.zeros(0, np.intp), *hiding])
+        ends = np.take(faces, chosen, axis=0)
+        used = np.zeros(1 + int(ends.max(initial=0)), np.bool_)
+        used[ends.ravel()] = True
+        kept = np.flatnonzero(used)
+        placed = np.stack([np.take(each, kept, axis=0) for each in vertices]) - viewpoint
+        every = np.concatenate([np.zeros((1, 3)), placed.reshape(-1, 3), points - viewpoint])
+        self._box = bounds(every)
+        width = self._box[1] - self._box[0]
+        self._axis = axis = int(np.argmin(width))
         step = _APART * max(float(width[axis]), 1e-3)
         unit = 2.0 ** np.floor(np.log2(step) - 6)  # single precision holds its multiples exactly
         self._step = np.zeros(3)
         self._step[axis] = unit * np.ceil(step / unit)
         placed += np.arange(len(vertices))[:, None, None] * self._step
-        every = local.reshape(-1, 3) + len(used) * np.arange(len(vertices))[:, None, None]
-        mesh = placed.reshape(-1, 3), every.reshape(-1, 3)
-        self._layer = Layer([mesh], np.zeros(3), moving=True) if len(self._chosen) else None
-        self._extent = float(np.abs(points).max() + len(vertices) * self._step.max())
+        time = np.repeat(np.arange(len(hiding)), [len(each) for each in hiding])
+        local = (np.cumsum(used) - 1)[ends] + len(kept) * time[:, None]
+        self._layer = Layer([(placed.reshape(-1, 3), local)], np.zeros(3), moving=True) if len(chosen) else None
+        self._number = chosen + first + time * self._count
+        self._extent = float(np.abs(self._box).max() + len(vertices) * self._step.max())
 
-    def numbered(self, facets: IntArray, count: int) -> NDArray[np.int64]:
-        """(time facet,) numbers by which :meth:`targets` knows `facets` (facet,) of the ray scene at each of so many
-        times."""
+    def numbered(self, facets: IntArray | NDArray[np.int64], count: int) -> NDArray[np.int64]:
+        """(time facet,) numbers by which `facets` (facet,) of the ray scene are known at each of so many times."""
         return (self._count * np.arange(count)[:, None] + facets).ravel()
 
     def targets(
@@ -94,21 +99,54 @@ class Looks:
         """
         if not np.array_equal(viewpoint, self._viewpoint):
             raise ValueError(f"viewpoint: {viewpoint} given, these looks are from {self._viewpoint}")
+        first = self._first_hits(bundled)
+
+        def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
+            return first(ray, own, None if moving else ray)
+
+        return Targets(nearest, self._origin, viewpoint, corners, facets, self._extent)
+
+    def first_facet(self, directions: FloatArray, time: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+        """(ray,) what each ray from the viewpoint hits first, as a facet of the ray scene; -1 where there is nothing.
+
+        Args:
+            directions: (ray, 3) of any length above zero.
+            time: (ray,) number of the time at which each is sent.
+        """
+        if not len(directions):
+            return np.zeros(0, np.int64)
+        import drjit as dr
+        import mitsuba as mi
+
+        towards = directions / np.maximum(lengths(directions), 1e-300)[:, None]
+        # Beyond all that stands there at its time a ray would come to what does at the next.
+        clear = 0.4 * (1.0 - 1.0 / _APART) * self._step[self._axis]
+        along, ends = towards[:, self._axis], self._box[:, self._axis] + [-clear, clear]
+        reach = ends[(along > 0).astype(np.intp)] / np.where(np.abs(along) > 1e-9, along, 1e-9)
+        start = mi.Point3f(*(dr.opaque(mi.Float, float(each)) for each in self._viewpoint - self._origin))
+        rays = [mi.Ray3f(start, mi.Vector3f(*(upload(mi.Float, row) for row in towards.T))) for _ in range(2)]
+        rays[0].maxt = upload(mi.Float, np.abs(reach))
+        facet, _ = self._first_hits(False)(rays[0], upload(mi.UInt32, self._count * time), rays[1])
+        found = facet.numpy().astype(np.int64)
+        return np.where(found == NO_PRIMITIVE, -1, found - self._count * time)
+
+    def _first_hits(self, bundled: bool) -> Callable[[Any, Any, Any | None], tuple[Any, Any]]:
+        """Rays, facets of the times at which they are sent, and the rays that static objects are looked for with, to
+        the facet that each hits first and the distance."""
         import drjit as dr
         import mitsuba as mi
 
         layer, count = self._layer, dr.opaque(mi.UInt32, self._count)
         step: list[Any] = [dr.opaque(mi.Float, float(each)) for each in self._step]
-        first = dr.opaque(mi.UInt32, self._first)
         if layer is not None:
-            chosen, size = upload(mi.UInt32, self._chosen), dr.opaque(mi.UInt32, len(self._chosen))
+            number = upload(mi.UInt32, self._number)
 
-        def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
+        def nearest(ray: Any, own: Any, static: Any | None) -> tuple[Any, Any]:
             look = own // count
             lanes = dr.width(own)
             facet, distance = dr.full(mi.UInt32, NO_PRIMITIVE, lanes), dr.full(mi.Float, dr.inf, lanes)
-            if not moving:
-                facet, distance = self._static(ray, lanes, bundled)
+            if static is not None:
+                facet, distance = self._static(static, lanes, bundled)
                 facet = dr.select(facet == NO_PRIMITIVE, facet, facet + look * count)
             if layer is None:
                 return facet, distance
@@ -116,10 +154,10 @@ class Looks:
             shifted.maxt = ray.maxt
             found = layer.scene.ray_intersect_preliminary(shifted, coherent=bundled)
             nearer = found.is_valid() & (found.t < distance)
-            there = dr.gather(mi.UInt32, chosen, found.prim_index % size, nearer) + first + look * count
+            there = dr.gather(mi.UInt32, number, found.prim_index, nearer)
             return dr.select(nearer, there, facet), dr.select(nearer, found.t, distance)
 
-        return Targets(nearest, self._origin, viewpoint, corners, facets, self._extent)
+        return nearest
 
 
 def before(faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: FloatArray) -> NDArray[np.intp]:

@@ -6,6 +6,7 @@ Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,9 +30,10 @@ class Layer:
         starts = np.cumsum([0] + [len(v) for v, _ in meshes])
         self.counts = [len(v) for v, _ in meshes]
         self.faces = np.concatenate(
-            [np.asarray(f, np.int64) + s for (_, f), s in zip(meshes, starts, strict=False)]
-        ).astype(np.uint32)
+            [np.asarray(f, np.uint32) + np.uint32(s) for (_, f), s in zip(meshes, starts, strict=False)]
+        )
         self._origin = origin
+        _start()
         mesh = mi.Mesh("layer", len(self.vertices), len(self.faces))
         parameters = mi.traverse(mesh)
         parameters["faces"] = mi.UInt32(self.faces.ravel())
@@ -44,9 +46,10 @@ class Layer:
                 "group": {"type": "shapegroup", "mesh": mesh},
                 "instance": {"type": "instance", "group": {"type": "ref", "id": "group"}},
             }
+            with _ONE_THREAD.held():
+                self.scene = mi.load_dict(description)
         else:
-            description = {"type": "scene", "mesh": mesh}
-        self.scene = mi.load_dict(description)
+            self.scene = mi.load_dict({"type": "scene", "mesh": mesh})
         self._parameters = mi.traverse(self.scene)
         self._key = _position_key(self._parameters)
 
@@ -60,6 +63,15 @@ class Layer:
         import mitsuba as mi
 
         return upload(mi.Float, self.vertices - self._origin)
+
+
+@cache
+def _start() -> None:
+    """Let Embree start as many threads as Dr.Jit has: it does with its first scene, and where that is :data:`_ONE_THREAD`
+    all trees take twice as long."""
+    import mitsuba as mi
+
+    mi.load_dict({"type": "scene", "mesh": {"type": "rectangle"}})
 
 
 def _one_thread() -> Callable[[], None]:

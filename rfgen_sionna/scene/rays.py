@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.looks import Looks
+from rfgen_sionna.scene.looks import Looks, before
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays
 from rfgen_sionna.scene.targets import CHUNK, NO_PRIMITIVE, SELF_GAP, Targets
@@ -225,16 +225,39 @@ class RayScene:
         index[index == NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
-    def looks(self, viewpoint: FloatArray, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Looks:
-        """What hides facets with `corners` (time, facet, 3, 3) [m] from the viewpoint at several times, at which the
-        moving objects have their `vertices`: for every time those of :meth:`update`."""
+    def looks(
+        self,
+        viewpoint: FloatArray,
+        vertices: Sequence[Sequence[FloatArray]],
+        corners: FloatArray | None = None,
+        hiding: Sequence[NDArray[np.intp]] | None = None,
+    ) -> Looks:
+        """What hides facets from the viewpoint at several times, at which the moving objects have their `vertices`: for
+        every time those of :meth:`update`.
+
+        Args:
+            viewpoint: (3,) [m].
+            vertices: of every time, (vertex, 3) [m] of each moving object.
+            corners: (time, facet, 3, 3) [m] of the facets that are looked at; None is some of the moving faces.
+            hiding: of every time, which faces of the moving objects may come before them, counted through all of these
+                objects; None is that it is to be found out from the corners.
+
+        Raises:
+            ValueError: neither is given.
+        """
 
         def static(ray: Any, count: int, bundled: bool) -> tuple[Any, Any]:
             return self._nearest(ray, count, moving=False, bundled=bundled)[:2]
 
         faces = np.zeros((0, 3), np.uint32) if self._moving is None else self._moving.faces
         placed = [np.concatenate([np.zeros((0, 3)), *each]) for each in vertices]
-        return Looks(static, self.origin, faces, self._num_static, viewpoint, placed, corners)
+        if hiding is None:
+            if corners is None:
+                raise ValueError("corners and hiding are None: one of them is needed")
+            found = before(faces, [each - viewpoint for each in placed], corners - viewpoint)
+            hiding = [found] * len(placed)
+        points = np.zeros((0, 3)) if corners is None else corners.reshape(-1, 3)
+        return Looks(static, self.origin, faces, self._num_static, viewpoint, placed, hiding, points)
 
     def _nearest(
         self, ray: Any, count: int, static: bool = True, moving: bool = True, bundled: bool = False

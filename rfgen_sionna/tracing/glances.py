@@ -27,7 +27,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, spline_error
 from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns
-from rfgen_sionna.tracing.sight import Seen, Sight
+from rfgen_sionna.tracing.sight import FACES_AT_ONCE, Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
 
 BETWEEN_PER_RTOL = 3.0
@@ -37,8 +37,6 @@ MOST = 8
 """Times from one instant to the next, at most; twice as many from the first of three to the second."""
 _EACH = 0.7
 """Share of that which facets that are looked at in between may err by, and the others."""
-_FACES_AT_ONCE = 4_000_000
-"""Faces that are placed side by side, at most, to look at facets at several times together."""
 FEWEST = 3
 """Instants that tell anything."""
 
@@ -301,7 +299,7 @@ class Glances:
         while True:
             times = fine_times(instants, rounds)
             fresh = np.setdiff1d(times, known)
-            step = max(1, _FACES_AT_ONCE // rays.num_facets)
+            step = max(1, FACES_AT_ONCE // rays.num_facets)
             for begin in range(0, len(fresh), step):
                 some = fresh[begin : begin + step]
                 there = np.stack([corners(t) for t in some.tolist()])

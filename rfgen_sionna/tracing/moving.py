@@ -122,16 +122,14 @@ class MovingParts:
         kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
             afresh = attempt == 0 or kept_on
-            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, afresh)
-            seen: list[Seen] = []
-            whole: list[Facets] = []
+            expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, ray_scene, afresh)
+            seen = self._see(instants.tolist(), positions, ray_scene)
+            whole = [self._from_all_sides(each.facets) for each in seen]
             mirrored: list[MirroredView] = []
             bounced: list[list[Bounced]] = [[] for _ in bounces]
             veiled: list[Veiled] = []
-            for t in instants.tolist():
-                seen.append(self._see(t, positions, rays))
-                whole.append(self._from_all_sides(seen[-1].facets))
-                shown_to = rays(t), whole[-1], seen[-1].fraction
+            for t, own, there in zip(instants.tolist(), whole, seen, strict=True) if self.beside else ():
+                shown_to = rays(t), own, there.fraction
                 if ghosts is not None:  # now, as the ray scene stands at this time
                     mirrored.append(ghosts.see(*shown_to))
                 for plates, shown in zip(bounces, bounced, strict=True):
@@ -220,9 +218,9 @@ class MovingParts:
             self._split(poses[0])
             self._expansion, self._level = None, np.zeros(len(self._level))
 
-    def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
-        """Rays that just pass the outlines of what moves, with its `vertices` there."""
-        return self._sight.passing(rays, vertices)
+    def passing(self, vertices: Sequence[FloatArray]) -> Passing:
+        """Rays that just pass the outlines of what moves, with its `vertices` at one of the instants."""
+        return self._sight.passing(vertices)
 
     def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
@@ -289,7 +287,14 @@ class MovingParts:
         """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
         return self._ghosts is not None or bool(self._bounces) or self._veils is not None
 
-    def _refine(self, t: float, positions: Positions, rays: Callable[[float], RayScene], afresh: bool) -> Expansion:
+    def _refine(
+        self,
+        t: float,
+        positions: Positions,
+        rays: Callable[[float], RayScene],
+        ray_scene: RayScene,
+        afresh: bool,
+    ) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed.
 
         `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
@@ -301,7 +306,7 @@ class MovingParts:
             self._fineness[:] = 1.0
             self._split(positions(t))
         while True:
-            held = self._held(t, positions, rays)
+            held = self._held(t, positions, rays, ray_scene)
             error = self._noted([held.of_facets(self._level)])
             facets.append(self._error)
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
@@ -338,9 +343,11 @@ class MovingParts:
             return False
         return True
 
-    def _held(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Finer:
+    def _held(
+        self, t: float, positions: Positions, rays: Callable[[float], RayScene], ray_scene: RayScene
+    ) -> Finer:
         """What is seen at `t` [s], with finer facets to compare it with, for the first pair."""
-        seen = self._see(t, positions, rays)
+        (seen,) = self._see([t], positions, ray_scene)
         share = seen.fraction
         if self._veils is not None:  # as fine as what is seen through slabs asks for
             veiled = self._veils.see(rays(t), self._everything(t, positions), seen.facets, share)
@@ -370,11 +377,12 @@ class MovingParts:
         self._error = float(error.max(initial=0.0))
         return np.asarray(error)
 
-    def _see(self, t: float, positions: Positions, rays: Callable[[float], RayScene]) -> Seen:
-        vertices = positions(t)
-        known = self._surfaces.moving, self._pieces, vertices, self._viewpoint
-        facets = stack_facets(*known, everywhere=self.beside, parts_of=self._parts)
-        return self._sight(rays(t), facets, self._places, vertices)
+    def _see(self, times: Sequence[float], positions: Positions, ray_scene: RayScene) -> list[Seen]:
+        vertices = [positions(t) for t in times]
+        known = self._surfaces.moving, self._pieces
+        everywhere, parts = self.beside, self._parts
+        facets = [stack_facets(*known, each, self._viewpoint, everywhere, parts) for each in vertices]
+        return self._sight(ray_scene, facets, self._places, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""

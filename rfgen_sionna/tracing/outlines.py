@@ -79,11 +79,19 @@ class Outline:
         turned = (count == 2) & (forward[first] == forward[after])
         return ends[order[first]], np.stack([own[first], second], axis=1), across, turned
 
-    def passing(self, vertices: FloatArray, apart: float = APART) -> tuple[FloatArray, FloatArray]:
-        """Points (ray, 3) [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
-        from the viewpoint, and the length of outline (ray,) [rad] that each stands for: `apart` at most."""
+    def towards(self, vertices: FloatArray) -> NDArray[np.bool_]:
+        """(face,) whether each looks at the viewpoint, for `vertices` (vertex, 3) [m] seen from there."""
         a, b, c = np.moveaxis(columns(vertices, self._faces), 1, 0)
-        towards = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0
+        return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0)
+
+    def passing(
+        self, vertices: FloatArray, apart: float = APART, towards: NDArray[np.bool_] | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Points (ray, 3) [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
+        from the viewpoint, and the length of outline (ray,) [rad] that each stands for: `apart` at most. `towards` are
+        :meth:`towards`, if they are known."""
+        if towards is None:
+            towards = self.towards(vertices)
         ends, faces, across, turned = self._edges
         differ = towards[faces[:, 0]] != (towards[faces[:, 1]] ^ turned)
         outer = np.flatnonzero((faces[:, 0] == faces[:, 1]) | differ)

@@ -1,23 +1,26 @@
-"""What the radar sees of moving facets at an instant."""
+"""What the radar sees of moving facets at some instants."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks
-from rfgen_sionna.scene.mesh import lengths, middles, widest
+from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places
-from rfgen_sionna.tracing.sampling import Corners, sampled_fraction
+from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
 
+FACES_AT_ONCE = 4_000_000
+"""Faces that are placed side by side, at most, to look at facets at several times together."""
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
 _PER_FACET, _SMALL = 0.3, 0.1
@@ -96,21 +99,93 @@ class Sight:
         self._wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
         self._importance = band.importance
         self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
-        self._latest: tuple[Sequence[FloatArray], Passing] | None = None
+        self._passed: list[tuple[Sequence[FloatArray], Passing]] = []
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
-    def __call__(self, rays: RayScene, facets: Facets, places: IntArray, vertices: Sequence[FloatArray]) -> Seen:
-        """What is seen of `facets`, all those of the moving surfaces, which have their `vertices` (vertex, 3) [m] there
-        and in `rays`; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`."""
-        near = lengths(facets.centroids - self._viewpoint) < self._max_range
-        facing = np.flatnonzero(facets.facing & near)
-        passing = self.passing(rays, vertices)
-        outline = np.zeros(len(facets))
-        corners = np.take(facets.corners, facing, axis=0) - self._viewpoint
-        outline[facing] = Places(corners, facets.number[facing]).holding(passing)
-        found = self._sampled(rays, facets, facets.number, facing, places, outline, 0.0)
-        return replace(found, rays=found.rays + len(passing.hit))
+    def __call__(
+        self,
+        rays: RayScene,
+        facets: Sequence[Facets],
+        places: IntArray,
+        vertices: Sequence[Sequence[FloatArray]],
+    ) -> list[Seen]:
+        """What is seen at several times of `facets`, at each all those of the moving surfaces, which have their
+        `vertices` (vertex, 3) [m] then; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`, and
+        `rays` is the ray scene at any time. Nothing is told of times by one another: together they are quicker."""
+        self._passed.clear()
+        step, found = max(1, FACES_AT_ONCE // rays.num_facets), list[Seen]()
+        for first in range(0, len(facets), step):
+            found += self._together(rays, facets[first : first + step], places, vertices[first : first + step])
+        return found
+
+    def _together(
+        self,
+        rays: RayScene,
+        facets: Sequence[Facets],
+        places: IntArray,
+        vertices: Sequence[Sequence[FloatArray]],
+    ) -> list[Seen]:
+        """:meth:`__call__` at once."""
+        count, surfaces = len(facets), len(self._surfaces.moving)
+        offsets = [[points - self._viewpoint for points in there] for there in vertices]
+        turned = [
+            [outline.towards(each) for outline, each in zip(self._outlines, there, strict=True)] for there in offsets
+        ]
+        hiding = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
+        looks = rays.looks(self._viewpoint, vertices, hiding=hiding)
+        passing = self._past(looks, offsets, turned)
+        self._passed += zip(vertices, passing, strict=True)
+        near = [lengths(each.centroids - self._viewpoint) < self._max_range for each in facets]
+        facing = [np.flatnonzero(each.facing & there) for each, there in zip(facets, near, strict=True)]
+        starts = np.cumsum([0, *(len(each) for each in facing)])
+        time = np.repeat(np.arange(count, dtype=np.int32), np.diff(starts))
+        corners = np.empty((starts[-1], 3, 3))
+        for each, some, first in zip(facets, facing, starts.tolist(), strict=False):
+            np.take(each.corners, some, axis=0, out=corners[first : first + len(some)])
+
+        def every(name: str) -> IntArray:
+            return np.concatenate([getattr(each, name)[some] for each, some in zip(facets, facing, strict=True)])
+
+        number, group = every("number") + np.int64(rays.num_facets) * time, every("surface") + surfaces * time
+        place = np.concatenate([places[some] for some in facing]) + (int(places.max(initial=-1)) + 1) * time[:, None]
+        weight = np.concatenate(
+            [self._importance(each.directions(self._viewpoint, some)) for each, some in zip(facets, facing, strict=True)]
+        )
+        # By all that falls on them at their time.
+        hit = [np.where(each.hit < 0, -1, each.hit + rays.num_facets * k) for k, each in enumerate(passing)]
+        fallen = Passing(
+            np.concatenate([each.directions for each in passing]),
+            np.concatenate(hit),
+            np.concatenate([each.span for each in passing]),
+        )
+        outline = Places(corners - self._viewpoint, number).holding(fallen)
+        found, guides, missed, level = self._sampled(
+            looks, corners, number, place, outline, weight, group, count * surfaces, 0.0, count
+        )
+        cuts, every_seen = np.searchsorted(found.owner, starts), list[Seen]()
+        for k, (there, some) in enumerate(zip(facets, facing, strict=True)):
+            own, cut = slice(starts[k], starts[k + 1]), slice(cuts[k], cuts[k + 1])
+            fraction, weights, outlines = np.zeros((3, len(there)))
+            fraction[some], weights[some], outlines[some] = found.fraction[own], weight[own], outline[own]
+            sent = len(passing[k].hit) + (0 if k else guides + found.rays)  # those of all times with the first
+            mine = slice(surfaces * k, surfaces * (k + 1))
+            every_seen.append(
+                Seen(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut], outlines,
+                     level[mine], missed[mine], len(some), sent)
+            )  # fmt: skip
+        return every_seen
+
+    def _hiding(self, turned: Sequence[NDArray[np.bool_]], offsets: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """The moving faces that a ray from the viewpoint may come to first: of a closed surface that it is not within
+        those that look at it, which are `turned` (face,) that way."""
+        found, first = [np.zeros(0, np.intp)], 0
+        for surface, towards, points in zip(self._surfaces.moving, turned, offsets, strict=True):
+            low, high = bounds(points)
+            outside = (low > 0).any() or (high < 0).any()
+            found.append(first + (np.flatnonzero(towards) if surface.closed and outside else np.arange(len(towards))))
+            first += len(towards)
+        return np.concatenate(found)
 
     def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
         """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
@@ -121,81 +196,84 @@ class Sight:
         time = np.arange(times, dtype=np.int32)[:, None]
         own, local = np.unique(places, return_inverse=True)
         every = (local.ravel().astype(np.int32) + np.int32(len(own)) * time).reshape(-1, 3)
-        apart = replace(facets, surface=facets.surface + surfaces * np.repeat(time, len(outline)))
+        group = facets.surface + surfaces * np.repeat(time, len(outline))
         number = looks.numbered(facets.number[: len(outline)], times)
-        found = self._sampled(looks, apart, number, near, every, np.tile(outline, times), np.tile(level, times))
-        low, high = (each.reshape(times, surfaces) for each in (found.level, found.missed))
-        return replace(found, facets=facets, level=low.min(axis=0), missed=high.max(axis=0))
+        outlines = np.tile(outline, times)
+        weight = self._importance(facets.directions(self._viewpoint, near))
+        found, guides, missed, least = self._sampled(
+            looks, np.take(facets.corners, near, axis=0), number[near], every[near], outlines[near], weight,
+            group[near], times * surfaces, np.tile(level, times), times,
+        )  # fmt: skip
+        fraction, weights = np.zeros((2, len(facets)))
+        fraction[near], weights[near] = found.fraction, weight
+        low, high = least.reshape(times, surfaces).min(axis=0), missed.reshape(times, surfaces).max(axis=0)
+        sent = guides + found.rays
+        return Seen(
+            facets, fraction, weights, near[found.owner], found.pieces, outlines, low, high, len(near), sent
+        )
 
     def _sampled(
         self,
-        rays: RayScene | Looks,
-        facets: Facets,
-        numbers: IntArray | NDArray[np.int64],
-        facing: NDArray[np.intp],
+        looks: Looks,
+        corners: FloatArray,
+        number: NDArray[np.int64],
         places: IntArray,
         outline: FloatArray,
+        weight: FloatArray,
+        group: NDArray[np.integer[Any]],
+        groups: int,
         least: FloatArray | float,
-    ) -> Seen:
-        """What is seen of `facets`, of those that are `facing` the radar and that `rays` know by their `numbers`."""
-        fraction, weights = np.zeros((2, len(facets)))
-        corners, number = np.take(facets.corners, facing, axis=0), numbers[facing]
-        surface = facets.surface[facing]
-        count = len(self._surfaces.moving) if np.ndim(least) == 0 else len(np.asarray(least))
-        weight = self._importance(facets.directions(self._viewpoint, facing))
-        guided, guides = Corners(self._viewpoint, corners, number, places[facing]).seen(rays)
+        times: int,
+    ) -> tuple[Sampled, int, FloatArray, FloatArray]:
+        """What is seen of facets that face the radar, and the guiding rays; of each of the `groups`, one surface at one
+        of so many `times`, what is missed, relative to what it may return without interfering, and that."""
+        guided, guides = Corners(self._viewpoint, corners, number, places).seen(looks)
         found = sampled_fraction(
-            rays,
-            self._viewpoint,
-            corners,
-            number,
-            guided,
-            self._wavenumber,
-            self._rtol,
-            outline[facing],
-            weight,
-            surface,
-            level=least,
-            times=max(1, count // max(1, len(self._surfaces.moving))),
-        )
-        fraction[facing], weights[facing] = found.fraction, weight
-        error, level = (np.sqrt(np.bincount(surface, each**2, count)) for each in (found.missed, found.returned))
-        missed = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
-        owner, sent = facing[found.owner], guides + found.rays
-        return Seen(facets, fraction, weights, owner, found.pieces, outline, level, missed, len(facing), sent)
+            looks, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, outline, weight, group,
+            level=least, times=times,
+        )  # fmt: skip
+        error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
+        return found, guides, np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0), level
 
     def look_for(self, corners: Sequence[FloatArray]) -> None:
         """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface."""
         apart = apart_for(corners, self._viewpoint, self._rtol)
         if apart != self._apart:
-            self._apart, self._latest, self._static = apart, None, None
+            self._apart, self._static = apart, None
 
-    def passing(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
-        """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there and in `rays`, and
-        of what stands before it."""
-        if self._latest is None or self._latest[0] is not vertices:
-            self._latest = vertices, self._past(rays, vertices)
-        return self._latest[1]
+    def passing(self, vertices: Sequence[FloatArray]) -> Passing:
+        """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there, and of what stands
+        before it: of one of the times that were looked at last."""
+        return next(passing for known, passing in self._passed if known is vertices)
 
-    def _past(self, rays: RayScene, vertices: Sequence[FloatArray]) -> Passing:
-        offsets = [points - self._viewpoint for points in vertices]
-        passing = [outline.passing(each, self._apart) for outline, each in zip(self._outlines, offsets, strict=True)]
+    def _past(
+        self, looks: Looks, offsets: Sequence[Sequence[FloatArray]], turned: Sequence[Sequence[NDArray[np.bool_]]]
+    ) -> list[Passing]:
+        """These rays at every time, at which vertices are at `offsets` [m] from the viewpoint and faces `turned` to
+        it."""
         if self._static is None:
             # Directions (ray, 3) as long as the way there (ray,) [m], and what each stands for.
             past, stands_for = static_outlines(self._surfaces, self._viewpoint, self._apart)
             self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
-        before = np.zeros(len(static), np.bool_)
-        for each in offsets:
-            far = np.maximum(lengths(each), 1e-12)
-            axis = (each / far[:, None]).mean(axis=0)
-            axis /= max(float(np.linalg.norm(axis)), 1e-12)
-            opening = float((each @ axis / far).min())
-            before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
-        found = [(static[before], span[before]), *passing]
-        directions, spans = (np.concatenate(each) for each in zip(*found, strict=True))
-        hit = rays.first_facet(self._viewpoint, directions)
-        return Passing(directions, hit, spans, int(np.count_nonzero(before)))
+        found = []
+        for there, towards in zip(offsets, turned, strict=True):
+            before = np.zeros(len(static), np.bool_)
+            for each in there if len(static) else ():
+                far = np.maximum(lengths(each), 1e-12)
+                axis = (each / far[:, None]).mean(axis=0)
+                axis /= max(float(np.linalg.norm(axis)), 1e-12)
+                opening = float((each @ axis / far).min())
+                before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
+            placed = zip(self._outlines, there, towards, strict=True)
+            passing = [outline.passing(points, self._apart, looking) for outline, points, looking in placed]
+            directions, spans = (np.concatenate(e) for e in zip((static[before], span[before]), *passing, strict=True))
+            found.append((directions, spans, int(np.count_nonzero(before))))
+        time = np.repeat(np.arange(len(found)), [len(directions) for directions, _, _ in found])
+        hits = looks.first_facet(np.concatenate([directions for directions, _, _ in found]), time)
+        return [
+            Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
+        ]
 
 
 def static_outlines(

@@ -335,7 +335,7 @@ class Tracer:
             rays = self.rays_at(t)
             if t not in shares and self.actors:
                 vertices = self._vertices(t)
-                shares[t], count = static.visible(rays, hidden(), parts.passing(rays, vertices))
+                shares[t], count = static.visible(rays, hidden(), parts.passing(vertices))
                 sent.append(count)
                 for each, by_time in zip(beyond, left, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))
