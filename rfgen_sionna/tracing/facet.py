@@ -249,6 +249,10 @@ def facet_gains(
 
         total = whole(np.asarray(parts) ** 2, facet)
         terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
+    if axes is not None and media.drift is not None:  # the integral's slope is that for media that stay the same
+        entry = node * dr.opaque(UInt32, media.drift.shape[1]) + whole(material, facet)
+        drift = (dr.gather(Float, upload(Float, each), entry) for each in (media.drift.real, media.drift.imag))
+        terms[1] = terms[1] + terms[0].times(ComplexPair(*drift))
     length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
     into = into or Into(shape[1])
     shape = shape[0], into.count

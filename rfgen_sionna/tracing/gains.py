@@ -29,7 +29,7 @@ from rfgen_sionna.tracing.obliquity import Media
 MAX_ORDER = 8
 SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
-TANGENTS = ((1, 1), (2, 1), (3, 2), (3, 3), (4, 4), (5, 5))
+TANGENTS = ((1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (6, 3))
 """Expansions by slopes, the cheapest first: coefficients over the band and nodes."""
 USUAL = 2
 """Which of them is tried first."""

@@ -299,7 +299,7 @@ class Glances:
         while True:
             times = fine_times(instants, rounds)
             fresh = np.setdiff1d(times, known)
-            step = max(1, FACES_AT_ONCE // rays.num_facets)
+            step = max(1, FACES_AT_ONCE // max(rays.num_facets, 1))
             for begin in range(0, len(fresh), step):
                 some = fresh[begin : begin + step]
                 there = np.stack([corners(t) for t in some.tolist()])

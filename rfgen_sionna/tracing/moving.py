@@ -170,8 +170,8 @@ class MovingParts:
             kept, leader, shares = kept[rest], leader[rest], shares[rest]
             facets = [each.take(rest) for each in facets]
             values = [each[:, rest] for each in values]
-        values = [v * self._patches.pattern(each, kept, leader) for v, each in zip(values, seen, strict=True)]
-        coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader)
+        pattern = [self._patches.pattern(each, kept, leader) for each in seen]
+        coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader, pattern)
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led, known)
         self._turn += 1
@@ -343,9 +343,7 @@ class MovingParts:
             return False
         return True
 
-    def _held(
-        self, t: float, positions: Positions, rays: Callable[[float], RayScene], ray_scene: RayScene
-    ) -> Finer:
+    def _held(self, t: float, positions: Positions, rays: Callable[[float], RayScene], ray_scene: RayScene) -> Finer:
         """What is seen at `t` [s], with finer facets to compare it with, for the first pair."""
         (seen,) = self._see([t], positions, ray_scene)
         share = seen.fraction

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
@@ -21,6 +22,11 @@ from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 
 MAX_FRINGE = 3.0
 """Phase [rad] that half the band may turn the echo of a slab's back face by, against its front's."""
+
+_STEP = 1e-4
+"""Share of the frequency over which the change of what is reflected is differenced."""
+_TELLING = 0.03
+"""Reflection coefficient at normal incidence above which its change tells of that at others."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,9 @@ class Media:
     """(material,) of the slab that a facet stands for [m]; infinite is a half-space."""
     smoothness: FloatArray
     """(material,) share sqrt(1 - S^2) of the reflected field that stays coherent on a rough surface."""
+    drift: ComplexArray | None = None
+    """(node, material) by how much what is reflected at normal incidence changes over the wavenumber, over itself [m];
+    None is that it does not."""
 
     @staticmethod
     def at(materials: Sequence[Material], frequencies: FloatArray, half_band: float = 0.0) -> Media:
@@ -45,12 +54,15 @@ class Media:
         half-space: its front's return is what the facet stands for.
         """
         shape = (len(frequencies), len(materials))
-        permittivity, permeability = np.empty(shape, np.complex128), np.empty(shape, np.complex128)
+        permittivity, permeability = np.empty((2, *shape), np.complex128), np.empty(shape, np.complex128)
+        both = np.concatenate([frequencies, (1.0 + _STEP) * np.asarray(frequencies)])
         known: dict[int, int] = {}  # a town has thousands of objects and a few materials
         for number, material in enumerate(materials):
             first = known.setdefault(id(material.model), number)
             same = first < number and materials[first].outside == material.outside
-            permittivity[:, number] = permittivity[:, first] if same else material.relative_permittivity(frequencies)
+            permittivity[..., number] = (
+                permittivity[..., first] if same else material.relative_permittivity(both).reshape(2, -1)
+            )
             permeability[:, number] = material.permeability
         thickness = np.array([np.inf if each.thickness is None else each.thickness for each in materials])
         if len(frequencies):
@@ -59,7 +71,30 @@ class Media:
             fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * np.where(np.isfinite(index), index, 0.0) * slab
             thickness = np.where(fringe > MAX_FRINGE, np.inf, thickness)
         rough = np.array([each.scattering_coefficient for each in materials])
-        return Media(permittivity, permeability, thickness, np.sqrt(1.0 - rough**2))
+        wavenumber = 2 * np.pi / SPEED_OF_LIGHT * both.reshape(2, -1, 1)
+        thick = ~np.isfinite(thickness)
+        slab = np.where(thick, 0.0, thickness)
+        now, then = (
+            _straight_on(eps, permeability, k * slab, thick) for eps, k in zip(permittivity, wavenumber, strict=True)
+        )
+        # Where next to nothing is reflected straight on, that tells nothing of other angles.
+        telling = np.abs(now) > _TELLING
+        drift = np.where(telling, then / np.where(telling, now, 1.0) - 1.0, 0.0) / (_STEP * wavenumber[0])
+        return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), drift)
+
+
+def _straight_on(
+    permittivity: ComplexArray, permeability: ComplexArray, electric_thickness: FloatArray, thick: NDArray[np.bool_]
+) -> ComplexArray:
+    """What is reflected at normal incidence, :func:`reflection` there."""
+    perfect = ~np.isfinite(permittivity)
+    eps, mu = np.where(perfect, 1.0, permittivity), np.where(perfect, 1.0, permeability)
+    root = np.sqrt(eps * mu)
+    root = np.where(root.imag > 0, -root, root)
+    found = (mu - root) / (mu + root)
+    trip = np.where(thick, 0.0, np.exp(-2j * electric_thickness * root))
+    found = found * (1.0 - trip) / (1.0 - found * found * trip)
+    return np.where(perfect, -1.0, found)
 
 
 class Medium(NamedTuple):

@@ -11,7 +11,10 @@ from collections.abc import Sequence, Sized
 from typing import Any, NamedTuple
 
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.simplex import moments
+from rfgen_sionna.tracing.simplex import Moments, moments
+
+_STEP = 1e-6
+"""By how much, of itself, the wavenumber is raised for a slope over it: errs by so much of the phase over a triangle."""
 
 
 class Quadratic(NamedTuple):
@@ -40,29 +43,15 @@ class Quadratic(NamedTuple):
 
         These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
         something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
-        them the mean over the triangle is kept.
+        those over ways the mean over the triangle is kept.
         """
-        mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
-        a, b, c = (wavenumber * (length - mean_sag) for length in self.lengths)
-        found = moments(dr, (a, b, c))
-        edge = found.edge
-        quadratic = edge[0].scaled(4 * self.sags[0]) + edge[1].scaled(4 * self.sags[1])
-        quadratic = (quadratic + edge[2].scaled(4 * self.sags[2]) - found.mean.scaled(mean_sag)).turned()
-        swell = (self.swells[0] + self.swells[1] + self.swells[2]).scaled(1.0 / 3.0)
-        middle = (self.strengths[0] + self.strengths[1] + self.strengths[2]).scaled(1.0 / 3.0)
-        bent = (middle + swell).times(quadratic)
-        total = bent.scaled(wavenumber)
-        for i in range(3):
-            total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
-        a, b, c = self.sags
-        # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
-        variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
-        # What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong.
-        damped = dr.exp(-dr.minimum(0.5 * wavenumber * wavenumber * variance, 2.0))
-        total = total.scaled(damped)
+        total, found, bent, damped = self._mean(dr, wavenumber)
         if ways is None:
             return [total]
-        strengths = [each + swell for each in self.strengths]
+        # Its closed form has moments of third order in it, which nothing else needs.
+        over_wavenumber = (self._mean(dr, wavenumber * (1.0 + _STEP))[0] - total).scaled(1.0 / (_STEP * wavenumber))
+        swell, middle = self._means()
+        strengths, edge = [each + swell for each in self.strengths], found.edge
 
         def corners(way: list[Any]) -> list[ComplexPair]:
             """<l_i s exp(-j k s)> for s as long as `way`."""
@@ -73,22 +62,45 @@ class Quadratic(NamedTuple):
                 for i in range(3)
             ]
 
-        means = [wavenumber * (way[0] + way[1] + way[2]) / 3.0 for way in (self.lengths, *ways)]
-        moved = [corners(way) for way in (self.lengths, *ways)]
-        slopes = [
-            (bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)).scaled(damped)
-            for mean, (a, b, c) in zip(means, moved, strict=True)
-        ]
-        over_wavenumber = bent.scaled(damped) + (total.scaled(mean_sag) - slopes[0]).turned()
-        over_wavenumber = over_wavenumber - total.scaled(wavenumber * variance)
-        firsts = [each.turned().scaled(-wavenumber) for each in slopes[1:]]
+        means = [wavenumber * (way[0] + way[1] + way[2]) / 3.0 for way in ways]
+        moved = [corners(way) for way in ways]
+        firsts = []
+        for mean, (a, b, c) in zip(means, moved, strict=True):
+            slope = bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)
+            firsts.append(slope.turned().scaled(-wavenumber * damped))
         seconds = []
         for one, other in pairs(len(ways)):
-            a, b, c = (each.scaled(at) for each, at in zip(moved[1 + other], ways[one], strict=True))
+            a, b, c = (each.scaled(at) for each, at in zip(moved[other], ways[one], strict=True))
             second = (a + b + c).times(middle + swell).scaled(wavenumber)
-            second = second + bent.scaled(means[1 + one] * means[1 + other])
+            second = second + bent.scaled(means[one] * means[other])
             seconds.append(second.scaled(-wavenumber * damped))
         return [total, over_wavenumber, *firsts, *seconds]
+
+    def _means(self) -> tuple[ComplexPair, ComplexPair]:
+        """Of swells and of strengths."""
+        swell = (self.swells[0] + self.swells[1] + self.swells[2]).scaled(1.0 / 3.0)
+        return swell, (self.strengths[0] + self.strengths[1] + self.strengths[2]).scaled(1.0 / 3.0)
+
+    def _mean(self, dr: Any, wavenumber: Any) -> tuple[ComplexPair, Moments, ComplexPair, Any]:
+        """The mean, the moments of the linear part of the phase, what the sags have in it over the wavenumber, undamped,
+        and what damps all."""
+        mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
+        a, b, c = (wavenumber * (length - mean_sag) for length in self.lengths)
+        found = moments(dr, (a, b, c))
+        edge = found.edge
+        quadratic = edge[0].scaled(4 * self.sags[0]) + edge[1].scaled(4 * self.sags[1])
+        quadratic = (quadratic + edge[2].scaled(4 * self.sags[2]) - found.mean.scaled(mean_sag)).turned()
+        swell, middle = self._means()
+        bent = (middle + swell).times(quadratic)
+        total = bent.scaled(wavenumber)
+        for i in range(3):
+            total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
+        a, b, c = self.sags
+        # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
+        variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
+        # What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong.
+        damped = dr.exp(-dr.minimum(0.5 * wavenumber * wavenumber * variance, 2.0))
+        return total.scaled(damped), found, bent, damped
 
     def mean_in_parts(
         self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
@@ -80,17 +81,28 @@ class FacetReturns:
         values: Sequence[ComplexArray],
         expansion: Expansion,
         leader: NDArray[np.intp],
+        pattern: Sequence[FloatArray] | None = None,
     ) -> tuple[ComplexArray, NDArray[np.intp]]:
         """(order, tx, rx, path, instant) of the paths that facets with the same `leader` (facet,) make together, and
         the (path,) leaders. `shares` (facet, instant) of the area are seen; of what rough ones scatter that share of
-        the energy counts."""
+        the energy counts. `pattern` (facet,) is at each instant what the antennas make of a facet, over what they make
+        of its leader; None is 1."""
         order = np.argsort(leader, kind="stable")
         led, first = np.unique(leader[order], return_index=True)
-        if np.array_equal(led, leader):  # each has a path of its own, in their order
-            of_paths = np.stack(values, axis=-1)
+        if len(led) == len(leader):
+            gathered = values if np.array_equal(led, leader) else [np.take(each, order, axis=1) for each in values]
+            if pattern is not None:
+                gathered = [each * gain[order] for each, gain in zip(gathered, pattern, strict=True)]
+            of_paths = np.stack(gathered, axis=-1)
         else:
-            ordered = (np.take(each, order, axis=1) for each in values)
-            of_paths = np.stack([np.add.reduceat(each, first, axis=1) for each in ordered], axis=-1)
+            of_paths = np.empty((len(values[0]), len(led), len(values)), np.complex128)
+            ends = np.append(first, len(order))
+            for k, each in enumerate(values):
+                weights = np.ones(len(order)) if pattern is None else pattern[k][order]
+                rows = csr_array((weights, order, ends), shape=(len(led), len(order)))
+                # Real times complex as two real products side by side.
+                columns = np.ascontiguousarray(each.T).view(np.float64)
+                of_paths[:, :, k] = np.asarray(rows @ columns).view(np.complex128).T
         found = self._band.combined(expansion, of_paths)
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself

@@ -114,7 +114,7 @@ class Sight:
         `vertices` (vertex, 3) [m] then; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`, and
         `rays` is the ray scene at any time. Nothing is told of times by one another: together they are quicker."""
         self._passed.clear()
-        step, found = max(1, FACES_AT_ONCE // rays.num_facets), list[Seen]()
+        step, found = max(1, FACES_AT_ONCE // max(rays.num_facets, 1)), list[Seen]()
         for first in range(0, len(facets), step):
             found += self._together(rays, facets[first : first + step], places, vertices[first : first + step])
         return found
@@ -150,7 +150,10 @@ class Sight:
         number, group = every("number") + np.int64(rays.num_facets) * time, every("surface") + surfaces * time
         place = np.concatenate([places[some] for some in facing]) + (int(places.max(initial=-1)) + 1) * time[:, None]
         weight = np.concatenate(
-            [self._importance(each.directions(self._viewpoint, some)) for each, some in zip(facets, facing, strict=True)]
+            [
+                self._importance(each.directions(self._viewpoint, some))
+                for each, some in zip(facets, facing, strict=True)
+            ]
         )
         # By all that falls on them at their time.
         hit = [np.where(each.hit < 0, -1, each.hit + rays.num_facets * k) for k, each in enumerate(passing)]
@@ -208,9 +211,7 @@ class Sight:
         fraction[near], weights[near] = found.fraction, weight
         low, high = least.reshape(times, surfaces).min(axis=0), missed.reshape(times, surfaces).max(axis=0)
         sent = guides + found.rays
-        return Seen(
-            facets, fraction, weights, near[found.owner], found.pieces, outlines, low, high, len(near), sent
-        )
+        return Seen(facets, fraction, weights, near[found.owner], found.pieces, outlines, low, high, len(near), sent)
 
     def _sampled(
         self,

@@ -64,8 +64,8 @@ def test_aslant_it_is_of_second_order(slope, bulge):
 
 
 def test_slopes_are_those_of_the_mean():
-    """Over the wavenumber and along two ways, and second ones: differences of the mean itself, to second order in the
-    bulge."""
+    """Over the wavenumber, along two ways, and second ones: differences of the mean itself; those along ways to second
+    order in the bulge."""
     rng = np.random.default_rng(2)
     case, ways, k, step = some(rng, 2.0, 0.05), rng.normal(size=(2, 3, 40)), 1.3, 1e-4
     terms = found(k, *case, ways)
@@ -76,7 +76,7 @@ def test_slopes_are_those_of_the_mean():
     assert np.abs(terms[0] - moved(0.0)).max() < 1e-14
     over_k = (moved(0.0, at=k + step) - moved(0.0, at=k - step)) / (2 * step)
     bulge = np.abs(case[1]).max(axis=0)
-    assert (np.abs(terms[1] - over_k) < 2 * bulge * np.abs(case[0]).max(axis=0)).all()
+    assert np.abs(terms[1] - over_k).max() < 1e-4 * np.abs(over_k).max()
     along = (moved(step) - moved(-step)) / (2 * step), (moved(0, step) - moved(0, -step)) / (2 * step)
     for term, difference in zip(terms[2:4], along, strict=True):
         assert (np.abs(term - difference) < 2 * bulge * np.abs(ways).max(axis=(0, 1))).all()
