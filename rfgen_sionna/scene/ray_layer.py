@@ -67,8 +67,8 @@ class Layer:
 
 @cache
 def _start() -> None:
-    """Let Embree start as many threads as Dr.Jit has: it does with its first scene, and where that is :data:`_ONE_THREAD`
-    all trees take twice as long."""
+    """Let Embree start as many threads as Dr.Jit has: it does with its first scene, and where there is but one then all
+    trees take twice as long."""
     import mitsuba as mi
 
     mi.load_dict({"type": "scene", "mesh": {"type": "rectangle"}})

@@ -1,29 +1,57 @@
 """NumPy's numbers for Dr.Jit.
 
 On the CPU Dr.Jit takes over NumPy's memory as it is, compiles one kernel per combination of aligned and unaligned
-inputs, and reads whole packets: so each array is copied to where memory is aligned and goes on for a packet.
+inputs, and reads whole packets: so each array is copied to where memory is aligned and goes on for a packet, if it is
+not there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 _ALIGNED = 64
 _PACKET = 128
 """[byte]: 16 numbers of double precision."""
 
 
+def room(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """An array of that shape, not filled, which :func:`upload` need not copy."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    memory = np.empty(size + _ALIGNED + _PACKET, np.uint8)
+    start = -memory.ctypes.data % _ALIGNED
+    return memory[start : start + size].view(dtype).reshape(shape)
+
+
+def joined(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """One after the other, with :func:`room`."""
+    found = room((sum(len(each) for each in parts), *parts[0].shape[1:]))
+    return np.concatenate(parts, out=found)
+
+
 def upload(kind: Any, values: ArrayLike) -> Any:
-    """`values`, of any shape, as a flat Dr.Jit array of type `kind`: one of its real or integer types."""
+    """`values`, of any shape, as a flat Dr.Jit array of type `kind`: one of its real or integer types.
+
+    What has its :func:`room` is not copied: it is not to be written to as long as the array is about.
+    """
     import drjit as dr
 
     dtype = np.dtype({dr.VarType.Float32: "f4", dr.VarType.Float64: "f8", dr.VarType.UInt32: "u4"}[dr.type_v(kind)])
     given = np.asarray(values)
-    memory = np.empty(given.size * dtype.itemsize + _ALIGNED + _PACKET, np.uint8)
-    start = -memory.ctypes.data % _ALIGNED
-    flat = memory[start : start + given.size * dtype.itemsize].view(dtype)
-    flat.reshape(given.shape)[...] = given
-    return kind(flat)
+    if given.dtype != dtype or not _has_room(given):
+        there = room(given.shape, dtype)
+        there[...] = given
+        given = there
+    return kind(given.reshape(-1))
+
+
+def _has_room(values: NDArray[Any]) -> bool:
+    base = values.base
+    if not isinstance(base, np.ndarray) or base.dtype != np.uint8 or base.ndim != 1 or not base.flags.c_contiguous:
+        return False
+    start = values.ctypes.data
+    left = base.ctypes.data + base.nbytes - start - values.nbytes
+    return values.flags.c_contiguous and start % _ALIGNED == 0 and left >= _PACKET

@@ -106,6 +106,7 @@ def facet_gains(
     pull: FloatArray | None = None,
     aim: FloatArray | None = None,
     into: Into | None = None,
+    origin: FloatArray | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -148,6 +149,9 @@ def facet_gains(
     into
         Other facets' gains, among which these are written; what is returned is all of them then. None is that there are
         no others.
+    origin
+        (3,) [m] of the frame that all but corners, `reference` and `aim` are in, in that of these. None is that it is
+        the same frame.
 
     Notes
     -----
@@ -176,7 +180,12 @@ def facet_gains(
     if not whole_facets:
         # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
         facet = whole(np.argsort(np.asarray(parts), kind="stable"), facet)
-    p = vectors(corners, facet, 3)
+    start = None if origin is None else vectors(np.asarray(origin)[None], dr.zeros(UInt32, len(lane)))[0]
+
+    def placed(points: FloatArray, count: int = 1) -> list[Any]:
+        return [each if start is None else each - start for each in vectors(points, facet, count)]
+
+    p = placed(corners, 3)
     (t,), (r,) = vectors(nodes.tx, node), vectors(nodes.rx, node)
     wavenumber = dr.gather(Float, upload(Float, wavenumbers), node)
     medium = media_of_lanes(dr, types, media, node, whole(material, facet), wavenumber)
@@ -191,7 +200,7 @@ def facet_gains(
     elif screens is not None:
         walls = (None, None)
     middle = (p[0] + p[1] + p[2]) / 3.0
-    origin = middle if reference is None else vectors(reference, facet)[0]
+    through = middle if reference is None else placed(reference)[0]
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
     away = dr.dot(cross, middle if bend is not None and via is None else middle - t) > 0
@@ -213,21 +222,21 @@ def facet_gains(
 
         there = lanes(screens[0], walls[0])
         crossed = there, there if via is None and screens[0] is screens[1] else lanes(screens[1], walls[1])
-        ways = dr.normalize(origin - t), dr.normalize(r - origin)
+        ways = dr.normalize(through - t), dr.normalize(r - through)
         bulk = bulk_length(dr, crossed[0], ways[0]) + bulk_length(dr, crossed[1], ways[1])
         sin, cos = dr.sincos(wavenumber * bulk)
         turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
     pulled = None
     if pull is not None:
-        pulled = vectors(pull, facet)[0], middle if aim is None else vectors(aim, facet)[0]
+        pulled = vectors(pull, facet)[0], middle if aim is None else placed(aim)[0]
     surface = _Surface(cross, away, medium, *ends, monostatic, walls, crossed, turn, pulled)
 
     moved = None if axes is None else [Array3(*(dr.opaque(Float, float(x)) for x in axis)) for axis in axes]
 
     if parts is None or whole_facets or rises is not None:
         each = None if parts is None or whole_facets else whole(parts, facet)
-        terms, excess = _triangle(dr, Array3, Complex, surface, p, rises, wavenumber, origin, moved, each)
+        terms, excess = _triangle(dr, Array3, Complex, surface, p, rises, wavenumber, through, moved, each)
         if reference is not None or (bend is not None and bend.lifts is not None):
             terms = _carried(dr, terms, wavenumber, excess)
     else:
@@ -243,7 +252,7 @@ def facet_gains(
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            terms, excess = _triangle(dr, Array3, Complex, surface, part, None, wavenumber, origin, moved)
+            terms, excess = _triangle(dr, Array3, Complex, surface, part, None, wavenumber, through, moved)
             found = [each.scaled(1.0 / (count * count)) for each in _carried(dr, terms, wavenumber, excess)]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
@@ -253,7 +262,7 @@ def facet_gains(
         entry = node * dr.opaque(UInt32, media.drift.shape[1]) + whole(material, facet)
         drift = (dr.gather(Float, upload(Float, each), entry) for each in (media.drift.real, media.drift.imag))
         terms[1] = terms[1] + terms[0].times(ComplexPair(*drift))
-    length = dr.norm(origin - t) + dr.norm(r - origin) + bulk
+    length = dr.norm(through - t) + dr.norm(r - through) + bulk
     into = into or Into(shape[1])
     shape = shape[0], into.count
     if into.found is None:

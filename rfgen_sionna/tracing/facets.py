@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import columns, lengths, middles
+from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided, pieces
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
@@ -22,7 +23,7 @@ to it."""
 RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 
-_COLUMNS = ("corners", "number", "face", "surface", "facing", "parts", "place")
+_COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Facets:
 
     def take(self, index: NDArray[np.intp]) -> Facets:
         """The facets that `index` counts out; not a mask."""
-        return Facets(
+        found = Facets(
             np.take(self.corners, index, axis=0),
             self.number[index],
             self.face[index],
@@ -71,6 +72,9 @@ class Facets:
             pull=None if self.pull is None else np.take(self.pull, index, axis=0),
             aim=None if self.aim is None else np.take(self.aim, index, axis=0),
         )
+        if "centroids" in self.__dict__:  # they are known
+            found.__dict__["centroids"] = np.take(self.centroids, index, axis=0)
+        return found
 
     def pulled(self, pull: FloatArray | None) -> Facets:
         """The same facets with this :attr:`pull`, by way of their centroids."""
@@ -103,13 +107,17 @@ class Facets:
         if len(parts) == 1:
             return parts[0]
         bends = [each.bend for each in parts if each.bend is not None]
-        return Facets(
+        found = Facets(
+            joined([each.corners for each in parts]),
             *(np.concatenate([getattr(each, name) for each in parts]) for name in _COLUMNS),
             bend=Bend.stack(bends) if bends else None,
             curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if bends else None,
             pull=_filled(parts, "pull", lambda each: np.zeros((len(each), 3))),
             aim=_filled(parts, "aim", lambda each: each.centroids),
         )
+        if all("centroids" in each.__dict__ for each in parts):  # they are known
+            found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])
+        return found
 
     def at(self, corners: FloatArray, bend: Bend | None) -> Facets:
         """The same facets at several times, one time's after the other's, with their `corners` (time, facet, 3, 3) [m]
@@ -148,7 +156,7 @@ def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], Fl
     own = [getattr(each, name) for each in parts]
     if all(each is None for each in own):
         return None
-    return np.concatenate([otherwise(part) if each is None else each for part, each in zip(parts, own, strict=True)])
+    return joined([otherwise(part) if each is None else each for part, each in zip(parts, own, strict=True)])
 
 
 def stack_facets(

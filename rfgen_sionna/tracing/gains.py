@@ -309,13 +309,12 @@ class BandTracer:
         reference: FloatArray | None = None,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
-        corners = facets.corners - self._origin
-        nearest = float(np.sqrt((facets.centroids - self._origin) ** 2 @ np.ones(3)).min(initial=np.inf))
+        nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
         monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
 
         def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             return facet_gains(
-                corners[index],
+                facets.corners[index],
                 facets.surface[index],
                 media,
                 nodes,
@@ -324,10 +323,11 @@ class BandTracer:
                 monostatic,
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,
                 axes=axes,
-                reference=None if reference is None else reference[index] - self._origin,
+                reference=None if reference is None else reference[index],
                 pull=None if facets.pull is None else facets.pull[index],
-                aim=None if facets.aim is None else facets.aim[index] - self._origin,
+                aim=None if facets.aim is None else facets.aim[index],
                 into=into,
+                origin=self._origin,
             )
 
         return by_curvature(facets.curved, of)

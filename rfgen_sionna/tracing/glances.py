@@ -64,7 +64,8 @@ class Chosen(NamedTuple):
 
 def edged(shares: FloatArray) -> NDArray[np.bool_]:
     """(facet,) whether the edge of a shadow is on a facet, or passes it, by its `shares` (facet, instant)."""
-    return np.asarray(((shares > 0) & (shares < 1)).any(axis=1) | (np.ptp(shares, axis=1) > 0))
+    low, high = (each.reduce(shares.T) for each in (np.minimum, np.maximum))  # many times faster than along rows
+    return np.asarray((high > low) | ((low > 0) & (low < 1)))
 
 
 def left_out(gains: ComplexArray) -> ComplexArray:

@@ -120,14 +120,16 @@ class Places:
 
     def __init__(self, corners: FloatArray, number: IntArray) -> None:
         self._corners, self._number = corners, number
-        self._order = np.argsort(number, kind="stable")
+        ordered = bool((number[1:] >= number[:-1]).all())
+        self._order = np.arange(len(number)) if ordered else np.argsort(number, kind="stable")
+        self._ascending = number if ordered else number[self._order]
 
     def holding(self, passing: Passing) -> FloatArray:
         """(facet,) length of outline [rad] that falls on each, as rays' points tell. Of faces in very many pieces those
         around the point are tried."""
         hit, total = passing.hit, np.zeros(len(self._number))
-        first = np.searchsorted(self._number, hit, "left", self._order)
-        count = np.searchsorted(self._number, hit, "right", self._order) - first
+        first = np.searchsorted(self._ascending, hit, "left")
+        count = np.searchsorted(self._ascending, hit, "right") - first
         few = np.flatnonzero((count > 0) & (count <= _MANY))
         for some in np.array_split(few, max(1, -(-len(few) // _AT_ONCE))):
             ray = np.repeat(some, count[some])

@@ -14,7 +14,8 @@ from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import Moments, moments
 
 _STEP = 1e-6
-"""By how much, of itself, the wavenumber is raised for a slope over it: errs by so much of the phase over a triangle."""
+"""By how much, of itself, the wavenumber is raised for a slope over it, which errs by as much of the phase over a
+triangle."""
 
 
 class Quadratic(NamedTuple):
@@ -82,8 +83,8 @@ class Quadratic(NamedTuple):
         return swell, (self.strengths[0] + self.strengths[1] + self.strengths[2]).scaled(1.0 / 3.0)
 
     def _mean(self, dr: Any, wavenumber: Any) -> tuple[ComplexPair, Moments, ComplexPair, Any]:
-        """The mean, the moments of the linear part of the phase, what the sags have in it over the wavenumber, undamped,
-        and what damps all."""
+        """The mean, the moments of the linear part of the phase, what the sags have in it, over the wavenumber and not
+        damped, and what damps all."""
         mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
         a, b, c = (wavenumber * (length - mean_sag) for length in self.lengths)
         found = moments(dr, (a, b, c))

@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
@@ -38,7 +39,7 @@ class FacetReturns:
         batch = np.cumsum([len(each) for each in parts]) // AT_ONCE
         for number in np.unique(batch):
             first, last = np.searchsorted(batch, [number, number + 1])
-            some, reference = parts[first:last], np.concatenate(references[first:last])
+            some, reference = parts[first:last], joined(references[first:last])
             values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
             found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
         return found

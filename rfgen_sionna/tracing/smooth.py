@@ -23,7 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.transfer import joined, upload
 from rfgen_sionna.tracing.arrays import drjit_types
 
 _FLAT = 1e-3
@@ -238,7 +238,7 @@ class Bend:
         """One after the other."""
         lifts = [np.zeros_like(each.rises) if each.lifts is None else each.lifts for each in parts]
         flat = all(each.lifts is None for each in parts)
-        return Bend(np.concatenate([each.rises for each in parts]), None if flat else np.concatenate(lifts))
+        return Bend(joined([each.rises for each in parts]), None if flat else joined(lifts))
 
 
 def pieces(
