@@ -231,7 +231,7 @@ class Sight:
         guided, guides = Corners(self._viewpoint, corners, number, places).seen(looks)
         found = sampled_fraction(
             looks, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, outline, weight, group,
-            level=least, times=times,
+            level=least, times=times, apart=self._apart,
         )  # fmt: skip
         error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
         return found, guides, np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0), level
