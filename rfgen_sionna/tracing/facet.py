@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.arrays import drjit_types
-from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, media_of_lanes, transverse
+from rfgen_sionna.tracing.obliquity import Media, Medium, Way, backscatter, drift, media_of_lanes, transverse
 from rfgen_sionna.tracing.quadratic import Quadratic, flattened, lattice_triangle, number_of_terms, pairs, summed
 from rfgen_sionna.tracing.reflected import Strength, Via, Wall, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
@@ -258,10 +258,10 @@ def facet_gains(
 
         total = whole(np.asarray(parts) ** 2, facet)
         terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
-    if axes is not None and media.drift is not None:  # the integral's slope is that for media that stay the same
-        entry = node * dr.opaque(UInt32, media.drift.shape[1]) + whole(material, facet)
-        drift = (dr.gather(Float, upload(Float, each), entry) for each in (media.drift.real, media.drift.imag))
-        terms[1] = terms[1] + terms[0].times(ComplexPair(*drift))
+    if axes is not None:  # the integral's slope over the wavenumber is that for media that stay the same
+        normal = cross / dr.maximum(dr.norm(cross), 1e-30)
+        known = node, whole(material, facet), wavenumber, normal, middle - 0.5 * (t + r)
+        terms[1] = terms[1] + terms[0].times(drift(dr, types, media, *known, (field_of_tx, field_of_rx)))
     length = dr.norm(through - t) + dr.norm(r - through) + bulk
     into = into or Into(shape[1])
     shape = shape[0], into.count

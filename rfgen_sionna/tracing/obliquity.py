@@ -8,11 +8,10 @@ physical optics is exact (one place for both, the specular direction), and recip
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
@@ -23,10 +22,12 @@ from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 MAX_FRINGE = 3.0
 """Phase [rad] that half the band may turn the echo of a slab's back face by, against its front's."""
 
-_STEP = 1e-4
+STEP = 1e-4
 """Share of the frequency over which the change of what is reflected is differenced."""
-_TELLING = 0.03
-"""Reflection coefficient at normal incidence above which its change tells of that at others."""
+_TELLING = 0.01
+"""Share of what a facet's obliquity might be above which its change over itself tells anything."""
+_NEAREST = 1e-4
+"""Distance [m] that nearer elements count as there."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,8 @@ class Media:
     """(material,) of the slab that a facet stands for [m]; infinite is a half-space."""
     smoothness: FloatArray
     """(material,) share sqrt(1 - S^2) of the reflected field that stays coherent on a rough surface."""
-    drift: ComplexArray | None = None
-    """(node, material) by how much what is reflected at normal incidence changes over the wavenumber, over itself [m];
-    None is that it does not."""
+    raised: ComplexArray | None = None
+    """(node, material) relative permittivity at frequencies higher by `STEP`; None is that it is the same."""
 
     @staticmethod
     def at(materials: Sequence[Material], frequencies: FloatArray, half_band: float = 0.0) -> Media:
@@ -55,7 +55,7 @@ class Media:
         """
         shape = (len(frequencies), len(materials))
         permittivity, permeability = np.empty((2, *shape), np.complex128), np.empty(shape, np.complex128)
-        both = np.concatenate([frequencies, (1.0 + _STEP) * np.asarray(frequencies)])
+        both = np.concatenate([frequencies, (1.0 + STEP) * np.asarray(frequencies)])
         known: dict[int, int] = {}  # a town has thousands of objects and a few materials
         for number, material in enumerate(materials):
             first = known.setdefault(id(material.model), number)
@@ -71,30 +71,7 @@ class Media:
             fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * np.where(np.isfinite(index), index, 0.0) * slab
             thickness = np.where(fringe > MAX_FRINGE, np.inf, thickness)
         rough = np.array([each.scattering_coefficient for each in materials])
-        wavenumber = 2 * np.pi / SPEED_OF_LIGHT * both.reshape(2, -1, 1)
-        thick = ~np.isfinite(thickness)
-        slab = np.where(thick, 0.0, thickness)
-        now, then = (
-            _straight_on(eps, permeability, k * slab, thick) for eps, k in zip(permittivity, wavenumber, strict=True)
-        )
-        # Where next to nothing is reflected straight on, that tells nothing of other angles.
-        telling = np.abs(now) > _TELLING
-        drift = np.where(telling, then / np.where(telling, now, 1.0) - 1.0, 0.0) / (_STEP * wavenumber[0])
-        return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), drift)
-
-
-def _straight_on(
-    permittivity: ComplexArray, permeability: ComplexArray, electric_thickness: FloatArray, thick: NDArray[np.bool_]
-) -> ComplexArray:
-    """What is reflected at normal incidence, :func:`reflection` there."""
-    perfect = ~np.isfinite(permittivity)
-    eps, mu = np.where(perfect, 1.0, permittivity), np.where(perfect, 1.0, permeability)
-    root = np.sqrt(eps * mu)
-    root = np.where(root.imag > 0, -root, root)
-    found = (mu - root) / (mu + root)
-    trip = np.where(thick, 0.0, np.exp(-2j * electric_thickness * root))
-    found = found * (1.0 - trip) / (1.0 - found * found * trip)
-    return np.where(perfect, -1.0, found)
+        return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), permittivity[1])
 
 
 class Medium(NamedTuple):
@@ -189,6 +166,32 @@ def backscatter(
     return ComplexPair(
         scale * (r_s.real * along_s - r_p.real * along_p), scale * (r_s.imag * along_s - r_p.imag * along_p)
     )
+
+
+def drift(
+    dr: Any,
+    types: Any,
+    media: Media,
+    node: Any,
+    material: Any,
+    wavenumber: Any,
+    normal: Any,
+    offset: Any,
+    fields: tuple[Any, Any],
+) -> ComplexPair:
+    """By how much :func:`backscatter` changes over the wavenumber, over itself [m], for what the media are made of
+    alone: permittivities change, and slabs get thicker."""
+    of_media = media, media if media.raised is None else replace(media, permittivity=media.raised)
+    found = []
+    for each, by in zip(of_media, (1.0, 1.0 + STEP), strict=True):
+        medium = media_of_lanes(dr, types, each, node, material, by * wavenumber)
+        found.append(backscatter(dr, types.Complex2f64, medium, normal, offset, *fields, _NEAREST))
+    now, then = found
+    size = now.re * now.re + now.im * now.im
+    # Obliquity over the square of the distance is one over that at most.
+    telling = size * dr.square(dr.maximum(dr.squared_norm(offset), _NEAREST**2)) > _TELLING**2
+    inverse = dr.select(telling, 1.0 / dr.select(telling, size, 1.0), 0.0) / (STEP * wavenumber)
+    return (then - now).times(ComplexPair(now.re * inverse, -now.im * inverse))
 
 
 def transverse(dr: Any, field: Any, direction: Any) -> Any:
