@@ -18,9 +18,11 @@ from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
 from rfgen_sionna.scene.transfer import upload
 
-FirstHits = Callable[[Any, int, bool], tuple[Any, Any]]
+StaticHits = Callable[[Any, int, bool], tuple[Any, Any]]
 """So many rays, and whether neighbours are side by side, to the face that each hits first, `NO_PRIMITIVE` for none, and
 the distance, on the device."""
+_MOST_FACES, _FURTHEST = 4_000_000, 30.0
+"""Faces that are placed side by side, at most, and how far from where they are [m]: coordinates are float32."""
 _APART = 1.1
 """Distance from the objects of one time to those of the next, over their width."""
 _GROUPS = 16
@@ -47,7 +49,7 @@ class Looks:
 
     def __init__(
         self,
-        static: FirstHits,
+        static: StaticHits,
         origin: FloatArray,
         faces: NDArray[np.uint32],
         first: int,
@@ -57,7 +59,7 @@ class Looks:
         points: FloatArray,
     ) -> None:
         self._static, self._origin, self._viewpoint = static, origin, viewpoint
-        self._first, self._count = first, first + len(faces)
+        self._count = first + len(faces)
         chosen = np.concatenate([np.zeros(0, np.intp), *hiding])
         ends = np.take(faces, chosen, axis=0)
         used = np.zeros(1 + int(ends.max(initial=0)), np.bool_)
@@ -158,6 +160,14 @@ class Looks:
             return dr.select(nearer, there, facet), dr.select(nearer, found.t, distance)
 
         return nearest
+
+
+def times_at_once(faces: int, viewpoint: FloatArray, vertices: Sequence[FloatArray]) -> int:
+    """At how many times objects of so many `faces` in all, with `vertices` (vertex, 3) [m] each, may be looked at
+    together from the `viewpoint`."""
+    ends = np.concatenate([np.zeros((1, 3)), *(bounds(points) - viewpoint for points in vertices if len(points))])
+    step = _APART * max(float(np.ptp(ends, axis=0).min()), 1e-3)
+    return max(1, min(_MOST_FACES // max(faces, 1), int(_FURTHEST / step)))
 
 
 def before(faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: FloatArray) -> NDArray[np.intp]:

@@ -113,7 +113,7 @@ def facet_gains(
     Parameters
     ----------
     corners
-        (facet, 3, 3) corner positions [m], in a frame whose origin is near the radar; either orientation.
+        (facet, 3, 3) corner positions [m], either orientation. Less the `origin` they are near the radar's.
     material
         (facet,) index into the materials of `media`.
     media
@@ -150,8 +150,8 @@ def facet_gains(
         Other facets' gains, among which these are written; what is returned is all of them then. None is that there are
         no others.
     origin
-        (3,) [m] of the frame that all but corners, `reference` and `aim` are in, in that of these. None is that it is
-        the same frame.
+        (3,) [m] of the frame that nodes, mirrors and slabs are in, in that of corners, `reference` and `aim`. None is
+        that it is the same frame.
 
     Notes
     -----

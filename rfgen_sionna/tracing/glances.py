@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, knot_weights
+from rfgen_sionna.scene.looks import times_at_once
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.expansion import Expansion
@@ -27,7 +28,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, spline_error
 from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns
-from rfgen_sionna.tracing.sight import FACES_AT_ONCE, Seen, Sight
+from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
 
 BETWEEN_PER_RTOL = 3.0
@@ -300,7 +301,7 @@ class Glances:
         while True:
             times = fine_times(instants, rounds)
             fresh = np.setdiff1d(times, known)
-            step = max(1, FACES_AT_ONCE // max(rays.num_facets, 1))
+            step = times_at_once(rays.num_facets, self._viewpoint, positions(float(instants[0])))
             for begin in range(0, len(fresh), step):
                 some = fresh[begin : begin + step]
                 there = np.stack([corners(t) for t in some.tolist()])

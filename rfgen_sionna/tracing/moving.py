@@ -218,9 +218,9 @@ class MovingParts:
             self._split(poses[0])
             self._expansion, self._level = None, np.zeros(len(self._level))
 
-    def passing(self, vertices: Sequence[FloatArray]) -> Passing:
-        """Rays that just pass the outlines of what moves, with its `vertices` at one of the instants."""
-        return self._sight.passing(vertices)
+    def passing(self, t: float) -> Passing:
+        """Rays that just pass the outlines of what moves at one of the instants [s]."""
+        return self._sight.passing(t)
 
     def consider(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
@@ -380,7 +380,7 @@ class MovingParts:
         known = self._surfaces.moving, self._pieces
         everywhere, parts = self.beside, self._parts
         facets = [stack_facets(*known, each, self._viewpoint, everywhere, parts) for each in vertices]
-        return self._sight(ray_scene, facets, self._places, vertices)
+        return self._sight(ray_scene, facets, self._places, times, vertices)
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""

@@ -55,18 +55,20 @@ class Media:
         """
         shape = (len(frequencies), len(materials))
         permittivity, permeability = np.empty((2, *shape), np.complex128), np.empty(shape, np.complex128)
-        both = np.concatenate([frequencies, (1.0 + STEP) * np.asarray(frequencies)])
         known: dict[int, int] = {}  # a town has thousands of objects and a few materials
         for number, material in enumerate(materials):
             first = known.setdefault(id(material.model), number)
-            same = first < number and materials[first].outside == material.outside
-            permittivity[..., number] = (
-                permittivity[..., first] if same else material.relative_permittivity(both).reshape(2, -1)
-            )
             permeability[:, number] = material.permeability
+            if first < number and materials[first].outside == material.outside:
+                permittivity[..., number] = permittivity[..., first]
+                continue
+            # A band may end where what is known does.
+            beyond = replace(material, outside="extrapolate") if material.outside == "raise" else material
+            permittivity[0, :, number] = material.relative_permittivity(frequencies)
+            permittivity[1, :, number] = beyond.relative_permittivity((1.0 + STEP) * np.asarray(frequencies))
         thickness = np.array([np.inf if each.thickness is None else each.thickness for each in materials])
         if len(frequencies):
-            index = np.sqrt(np.abs(permittivity[0]) * np.abs(permeability[0]))  # either may be infinite
+            index = np.sqrt(np.abs(permittivity[0, 0]) * np.abs(permeability[0]))  # either may be infinite
             slab = np.where(np.isfinite(thickness) & np.isfinite(index), thickness, 0.0)
             fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * np.where(np.isfinite(index), index, 0.0) * slab
             thickness = np.where(fringe > MAX_FRINGE, np.inf, thickness)

@@ -236,10 +236,9 @@ def sampled_fraction(
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
     looking.at(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
     # An edge falls on facets along a chord of each; where that is short, it passes others between two rays.
-    told = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
-    chord = _CHORD * wide[told]
-    others = np.maximum(apart / np.maximum(chord, 1e-12) - 1.0, 0.0)
-    missed[told] = np.hypot(missed[told], _PASSED * cut[told] * np.sqrt(others))
+    fallen_on = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
+    others = np.maximum(apart / np.maximum(_CHORD * wide[fallen_on], 1e-12) - 1.0, 0.0)
+    missed[fallen_on] = np.hypot(missed[fallen_on], _PASSED * cut[fallen_on] * np.sqrt(others))
     owner, pieces, sent = looking.found()
     return Sampled(fraction, owner, pieces, missed, most * fraction, searched + sent)
 

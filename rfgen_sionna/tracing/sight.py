@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.looks import Looks
+from rfgen_sionna.scene.looks import Looks, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
@@ -19,8 +19,6 @@ from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, 
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
 
-FACES_AT_ONCE = 4_000_000
-"""Faces that are placed side by side, at most, to look at facets at several times together."""
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
 _PER_FACET, _SMALL = 0.3, 0.1
@@ -99,7 +97,7 @@ class Sight:
         self._wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
         self._importance = band.importance
         self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
-        self._passed: list[tuple[Sequence[FloatArray], Passing]] = []
+        self._passed: dict[float, Passing] = {}
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
@@ -108,15 +106,19 @@ class Sight:
         rays: RayScene,
         facets: Sequence[Facets],
         places: IntArray,
+        times: Sequence[float],
         vertices: Sequence[Sequence[FloatArray]],
     ) -> list[Seen]:
-        """What is seen at several times of `facets`, at each all those of the moving surfaces, which have their
+        """What is seen at several `times` [s] of `facets`, at each all those of the moving surfaces, which have their
         `vertices` (vertex, 3) [m] then; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`, and
         `rays` is the ray scene at any time. Nothing is told of times by one another: together they are quicker."""
         self._passed.clear()
-        step, found = max(1, FACES_AT_ONCE // max(rays.num_facets, 1)), list[Seen]()
+        step, found = times_at_once(rays.num_facets, self._viewpoint, vertices[0]), list[Seen]()
         for first in range(0, len(facets), step):
-            found += self._together(rays, facets[first : first + step], places, vertices[first : first + step])
+            some = slice(first, first + step)
+            seen, passing = self._together(rays, facets[some], places, vertices[some])
+            found += seen
+            self._passed |= zip(times[some], passing, strict=True)
         return found
 
     def _together(
@@ -125,8 +127,8 @@ class Sight:
         facets: Sequence[Facets],
         places: IntArray,
         vertices: Sequence[Sequence[FloatArray]],
-    ) -> list[Seen]:
-        """:meth:`__call__` at once."""
+    ) -> tuple[list[Seen], list[Passing]]:
+        """:meth:`__call__` at once, and the rays that just pass outlines."""
         count, surfaces = len(facets), len(self._surfaces.moving)
         offsets = [[points - self._viewpoint for points in there] for there in vertices]
         turned = [
@@ -135,7 +137,6 @@ class Sight:
         hiding = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
         looks = rays.looks(self._viewpoint, vertices, hiding=hiding)
         passing = self._past(looks, offsets, turned)
-        self._passed += zip(vertices, passing, strict=True)
         near = [lengths(each.centroids - self._viewpoint) < self._max_range for each in facets]
         facing = [np.flatnonzero(each.facing & there) for each, there in zip(facets, near, strict=True)]
         starts = np.cumsum([0, *(len(each) for each in facing)])
@@ -177,16 +178,16 @@ class Sight:
                 Seen(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut], outlines,
                      level[mine], missed[mine], len(some), sent)
             )  # fmt: skip
-        return every_seen
+        return every_seen, passing
 
     def _hiding(self, turned: Sequence[NDArray[np.bool_]], offsets: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """The moving faces that a ray from the viewpoint may come to first: of a closed surface that it is not within
-        those that look at it, which are `turned` (face,) that way."""
+        """The moving faces that a ray from the viewpoint may come to first: of what looks outward and is not around it
+        those that look at it, `turned` (face,) that way."""
         found, first = [np.zeros(0, np.intp)], 0
         for surface, towards, points in zip(self._surfaces.moving, turned, offsets, strict=True):
             low, high = bounds(points)
             outside = (low > 0).any() or (high < 0).any()
-            found.append(first + (np.flatnonzero(towards) if surface.closed and outside else np.arange(len(towards))))
+            found.append(first + np.flatnonzero(towards | ~(surface.outward & outside)))
             first += len(towards)
         return np.concatenate(found)
 
@@ -242,10 +243,10 @@ class Sight:
         if apart != self._apart:
             self._apart, self._static = apart, None
 
-    def passing(self, vertices: Sequence[FloatArray]) -> Passing:
-        """Rays that just pass the outlines of what moves, with its `vertices` (vertex, 3) [m] there, and of what stands
-        before it: of one of the times that were looked at last."""
-        return next(passing for known, passing in self._passed if known is vertices)
+    def passing(self, t: float) -> Passing:
+        """Rays that just pass the outlines of what moves, and of what stands before it, at one of the times [s] that
+        were looked at last."""
+        return self._passed[t]
 
     def _past(
         self, looks: Looks, offsets: Sequence[Sequence[FloatArray]], turned: Sequence[Sequence[NDArray[np.bool_]]]

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.tracing.smooth import Smoothing, smoothing
 
 if TYPE_CHECKING:
@@ -32,6 +36,9 @@ class Surface:
     """Number of its face 0 among all faces of the ray scene."""
     closed: bool
     """Whether it is known to enclose a volume, looking outwards: then a face that looks away is hidden by another."""
+    outward: NDArray[np.bool_]
+    """(face,) which faces are of parts that are closed and do look outwards, each part by itself: from outside, a ray
+    comes to one of them that looks at it before it comes to one that looks away."""
     smooth: Smoothing | None
     """Normals of the smooth surface that it samples; None where it is flat."""
     still: bool
@@ -55,6 +62,19 @@ def is_closed(faces: IntArray) -> bool:
     size = int(faces.max(initial=0)) + 1
     forward = np.sort(start * size + end)
     return bool(np.array_equal(forward, np.sort(end * size + start)) and len(np.unique(forward)) == len(forward))
+
+
+def look_outward(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
+    """(face,) which faces of a closed mesh, of vertices (vertex, 3) [m], are of connected parts of positive volume."""
+    links = coo_array(
+        (np.ones(2 * len(faces), np.int8), (np.tile(faces[:, 0], 2), faces[:, 1:].T.ravel())),
+        shape=(len(vertices), len(vertices)),
+    )
+    count, part = connected_components(links, directed=False)
+    a, b, c = np.moveaxis(columns(vertices - vertices.mean(axis=0), faces), 1, 0)
+    volume = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3))
+    own = part[faces[:, 0]]
+    return np.asarray((np.bincount(own, volume, count) > 0)[own])
 
 
 def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -> Surfaces:
@@ -81,6 +101,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
                 first_facet=facets,
                 # A room may look inwards or outwards: rays alone decide which of its faces are seen.
                 closed=False,
+                outward=np.zeros(len(thing.faces), np.bool_),
                 smooth=smoothing(np.asarray(thing.vertices, dtype=np.float64), thing.faces),
                 still=True,
             )
@@ -91,6 +112,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
     for actor in actors:
         still = getattr(actor, "static", False)
         labels = np.array([part(name) for name in actor.part_names], dtype=np.int32)
+        closed, points = not still and is_closed(actor.faces), actor.vertices(0.0)
         moving.append(
             Surface(
                 name=actor.name,
@@ -99,8 +121,9 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -
                 material=actor.properties,
                 parts=labels[actor.face_parts],
                 first_facet=facets,
-                closed=not still and is_closed(actor.faces),
-                smooth=smoothing(actor.vertices(0.0), actor.faces),
+                closed=closed,
+                outward=look_outward(points, actor.faces) if closed else np.zeros(len(actor.faces), np.bool_),
+                smooth=smoothing(points, actor.faces),
                 still=still,
             )
         )

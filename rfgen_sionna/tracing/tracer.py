@@ -334,8 +334,7 @@ class Tracer:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
             rays = self.rays_at(t)
             if t not in shares and self.actors:
-                vertices = self._vertices(t)
-                shares[t], count = static.visible(rays, hidden(), parts.passing(vertices))
+                shares[t], count = static.visible(rays, hidden(), parts.passing(t))
                 sent.append(count)
                 for each, by_time in zip(beyond, left, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))

@@ -95,3 +95,4 @@ def test_what_falls_between_rays_past_outlines_is_stated(t, monkeypatch):
     value, stated = walking(t, 1e-3)
     assert abs(value - best) > 1.5e-3 * abs(best)
     assert abs(value - best) < (stated + own) * abs(best)
+    assert stated < 10 * abs(value - best) / abs(best)

@@ -53,6 +53,27 @@ def test_what_is_seen_at_several_times_is_what_each_time_shows(post: bool, movin
     assert len(np.unique(found.sum(axis=1))) > 3
 
 
+@pytest.mark.parametrize("post", [False, True])
+def test_what_rays_hit_first_is_what_each_time_shows(post: bool):
+    """All around, and along and across the axis along which times stand side by side; among all faces."""
+    static = [(POST.vertices + np.array([-0.5, 0.1, 0]), POST.faces)] if post else []
+    rays = RayScene(static, list(zip(placed(0.0), FACES, strict=True)), origin=VIEWPOINT)
+    times = np.linspace(0.0, 0.5, 9)
+    every = [np.arange(len(FACES[0]) + len(FACES[1]))] * len(times)
+    looks = rays.looks(VIEWPOINT, [placed(t) for t in times], hiding=every)
+    rng = np.random.default_rng(1)
+    cone = np.array([3.0, 0, 0]) + rng.normal(size=(3000, 3)) * 0.4
+    directions = np.concatenate([cone, rng.normal(size=(2000, 3)), np.eye(3), -np.eye(3), np.eye(3) + 1e-12])
+    count = len(directions)
+    found = looks.first_facet(np.tile(directions, (len(times), 1)), np.repeat(np.arange(len(times)), count))
+    for k, t in enumerate(times):
+        rays.update(placed(t))
+        alone = rays.first_facet(VIEWPOINT, directions)
+        # Rays within 1e-5 of an edge may fall on either side of it: coordinates are float32.
+        assert np.count_nonzero(found[count * k : count * (k + 1)] != alone) <= 3
+    assert 0.1 < (found >= 0).mean() < 0.8
+
+
 def test_looks_are_from_one_place():
     rays = RayScene([], list(zip(placed(0.0), FACES, strict=True)), origin=VIEWPOINT)
     corners = placed(0.0)[0][FACES[0][:5]][None]

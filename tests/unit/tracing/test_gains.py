@@ -49,3 +49,14 @@ def test_rates_are_those_of_delays():
     assert found.shape == (3, 4, 40)
     np.testing.assert_allclose(found, (after - before) / (2 * step), rtol=0, atol=1e-5 / SPEED_OF_LIGHT)
     assert np.abs(found).max() > 1.0 / SPEED_OF_LIGHT
+
+
+def test_media_are_known_at_every_node_up_to_where_their_source_ends():
+    """A thickness for each material, whatever the number of nodes, and no permittivity asked for beyond the band."""
+    materials = [material_named(name, outside="raise") for name in ("skin", "glass", "plasterboard")]
+    media = Media.at(materials, np.array([96e9, 98e9, 100e9]), 2e9)
+    assert media.thickness.shape == media.smoothness.shape == (3,)
+    assert media.permittivity.shape == media.permeability.shape == media.raised.shape == (3, 3)
+    rise = (media.raised - media.permittivity) / (media.permittivity[1:] - media.permittivity[:-1])[[0, 1, 1]]
+    skin = rise[:, 0] * 2e9 / (1e-4 * np.array([96e9, 98e9, 100e9]))  # the slope over that from node to node
+    assert np.abs(skin - 1).max() < 0.05
