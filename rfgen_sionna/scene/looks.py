@@ -7,6 +7,7 @@ anything is built once for all times, one beside the other, and rays of all time
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -126,11 +127,23 @@ class Looks:
         along, ends = towards[:, self._axis], self._box[:, self._axis] + [-clear, clear]
         reach = ends[(along > 0).astype(np.intp)] / np.where(np.abs(along) > 1e-9, along, 1e-9)
         start = mi.Point3f(*(dr.opaque(mi.Float, float(each)) for each in self._viewpoint - self._origin))
-        rays = [mi.Ray3f(start, mi.Vector3f(*(upload(mi.Float, row) for row in towards.T))) for _ in range(2)]
+        along_rays = mi.Vector3f(*(upload(mi.Float, row) for row in towards.T))
+        rays = [mi.Ray3f(start, along_rays) for _ in range(2)]
         rays[0].maxt = upload(mi.Float, np.abs(reach))
         facet, _ = self._first_hits(False)(rays[0], upload(mi.UInt32, self._count * time), rays[1])
         found = facet.numpy().astype(np.int64)
         return np.where(found == NO_PRIMITIVE, -1, found - self._count * time)
+
+    @cached_property
+    def _numbers(self) -> tuple[Any, list[Any], Any]:
+        """On the device: faces of a time, the step [m] from one time to the next, and the number of each face."""
+        import drjit as dr
+        import mitsuba as mi
+
+        # One array for all numbers that change: each of its own would be one more launch.
+        step, gather = upload(mi.Float, self._step), dr.gather
+        steps: list[Any] = [gather(mi.Float, step, mi.UInt32(axis)) for axis in range(3)]
+        return dr.opaque(mi.UInt32, self._count), steps, upload(mi.UInt32, self._number)
 
     def _first_hits(self, bundled: bool) -> Callable[[Any, Any, Any | None], tuple[Any, Any]]:
         """Rays, facets of the times at which they are sent, and the rays that static objects are looked for with, to
@@ -138,10 +151,7 @@ class Looks:
         import drjit as dr
         import mitsuba as mi
 
-        layer, count = self._layer, dr.opaque(mi.UInt32, self._count)
-        step: list[Any] = [dr.opaque(mi.Float, float(each)) for each in self._step]
-        if layer is not None:
-            number = upload(mi.UInt32, self._number)
+        layer, (count, step, number) = self._layer, self._numbers
 
         def nearest(ray: Any, own: Any, static: Any | None) -> tuple[Any, Any]:
             look = own // count

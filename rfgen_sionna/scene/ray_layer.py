@@ -6,7 +6,7 @@ Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -50,13 +50,18 @@ class Layer:
                 self.scene = mi.load_dict(description)
         else:
             self.scene = mi.load_dict({"type": "scene", "mesh": mesh})
-        self._parameters = mi.traverse(self.scene)
-        self._key = _position_key(self._parameters)
+
+    @cached_property
+    def _parameters(self) -> Any:
+        """Of the scene; most are never moved."""
+        import mitsuba as mi
+
+        return mi.traverse(self.scene)
 
     def move(self, vertices: FloatArray) -> None:
         self.vertices = vertices
         with _ONE_THREAD.held():
-            self._parameters[self._key] = self._shifted()
+            self._parameters[_position_key(self._parameters)] = self._shifted()
             self._parameters.update()
 
     def _shifted(self) -> Any:

@@ -258,7 +258,9 @@ def facet_gains(
 
         total = whole(np.asarray(parts) ** 2, facet)
         terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
-    if axes is not None:  # the integral's slope over the wavenumber is that for media that stay the same
+    if (
+        axes is not None and media.drift
+    ):  # the integral's slope over the wavenumber is that for media that stay the same
         normal = cross / dr.maximum(dr.norm(cross), 1e-30)
         known = node, whole(material, facet), wavenumber, normal, middle - 0.5 * (t + r)
         terms[1] = terms[1] + terms[0].times(drift(dr, types, media, *known, (field_of_tx, field_of_rx)))

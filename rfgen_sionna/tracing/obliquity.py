@@ -73,7 +73,13 @@ class Media:
             fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * np.where(np.isfinite(index), index, 0.0) * slab
             thickness = np.where(fringe > MAX_FRINGE, np.inf, thickness)
         rough = np.array([each.scattering_coefficient for each in materials])
-        return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), permittivity[1])
+        raised = None if np.array_equal(*permittivity) else permittivity[1]
+        return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), raised)
+
+    @property
+    def drift(self) -> bool:
+        """Whether what they reflect changes over the band: permittivities do, or there are slabs."""
+        return self.raised is not None or bool(np.isfinite(self.thickness).any())
 
 
 class Medium(NamedTuple):

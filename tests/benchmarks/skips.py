@@ -72,7 +72,8 @@ def _patched(*targets: tuple[Any, str, Any]) -> Callable[[], Any]:
 
 def _open_surfaces(*arguments: Any) -> Any:
     found = _COLLECT(*arguments)
-    return replace(found, moving=tuple(replace(each, closed=False) for each in found.moving))
+    opened = (replace(each, closed=False, outward=np.zeros_like(each.outward)) for each in found.moving)
+    return replace(found, moving=tuple(opened))
 
 
 def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 8) -> tuple[Any, int]:
