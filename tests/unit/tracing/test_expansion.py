@@ -34,10 +34,11 @@ def test_polynomials_come_out_exactly(order, count):
 
 @pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("parts", [1, 3])
-def test_slopes_are_those_of_the_gains(bent, parts):
+@pytest.mark.parametrize("medium", ["skin", "glass"])
+def test_slopes_are_those_of_the_gains(bent, parts, medium):
     """Facets of a centimetre at 3 m: slopes against differences of gains, of all together within a hundredth of what
-    the gains change by over 5 GHz and 1 cm; those over the wavenumber, that skin's permittivity has a share in, within
-    a thousandth of themselves."""
+    the gains change by over 5 GHz and 1 cm; those over the wavenumber, that permittivities and slabs have a share in,
+    within a thousandth of themselves."""
     rng = np.random.default_rng(1)
     count = 100
     corners = np.array([3.0, 0, 0]) + rng.normal(size=(count, 1, 3)) * 0.3 + rng.normal(size=(count, 3, 3)) * 0.006
@@ -47,7 +48,7 @@ def test_slopes_are_those_of_the_gains(bent, parts):
     def gains(frequency, shift, **more):
         ends = [np.array([[0, y, 0]]) + 0.5 * shift for y in (-0.01, 0.01)]
         nodes = Nodes(*ends, np.array([frequency]))
-        media = Media.at((material("skin"),), nodes.frequency)
+        media = Media.at((material(medium),), nodes.frequency)
         index, pieces = np.zeros(count, np.int32), np.full(count, parts)
         return facet_gains(corners, index, media, nodes, across, across, pieces, True, bend=bend, **more)
 

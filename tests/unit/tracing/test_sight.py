@@ -1,7 +1,5 @@
 """What is seen of moving surfaces: the same together as one by one, whichever way their parts look."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import trimesh
@@ -39,16 +37,20 @@ def looked(radar, actors, times):
 
 
 def test_times_together_show_what_each_shows_alone(radar):
-    """A ball that passes before another: shares, pieces of facets in half shadow, outlines and levels."""
+    """A ball that passes before another: shares, pieces of facets in half shadow, outlines and levels.
+
+    Coordinates are float32: a ray past an edge may fall on the facet beside, and a few corners of sixteen thousand
+    facets, a third of a facet each, on the other side of an edge.
+    """
     times = np.linspace(0.0, 0.03, 7).tolist()
     actors = [actor(ball(0.1), "near", 1.5, 4.0), actor(ball(0.3), "far", 2.5)]
     together, run, tracer = looked(radar, actors, times)
     for t, each in zip(times, together, strict=True):
         (alone,) = run._see([t], tracer._vertices, tracer._rays)
         assert (each.fraction != alone.fraction).mean() < 0.05
-        assert np.abs(each.fraction - alone.fraction).mean() < 1e-4
+        assert np.abs(each.fraction - alone.fraction).sum() < 5 / 3
         assert np.abs(each.level / alone.level - 1).max() < 1e-4
-        assert np.allclose(each.outline, alone.outline, atol=2e-3)
+        assert np.allclose(each.outline, alone.outline, atol=run._sight._apart)
         assert abs(len(each.owner) - len(alone.owner)) <= 0.02 * len(alone.owner)
         assert each.looked_at == alone.looked_at
     assert len({each.fraction.sum() for each in together}) == len(times)
@@ -59,7 +61,7 @@ def test_very_many_times_stay_near_the_radar(radar):
     times = np.linspace(0.0, 0.03, 200).tolist()
     together, *_ = looked(radar, [actor(ball(0.1), "near", 1.5), actor(ball(0.3), "far", 2.5)], times)
     found = np.stack([each.fraction for each in together])  # nothing moves
-    assert np.abs(found - found[0]).mean(axis=1).max() < 1e-4
+    assert np.abs(found - found[0]).sum(axis=1).max() < 5 / 3
 
 
 def test_a_part_that_is_inside_out_hides_what_is_behind(radar):
@@ -97,4 +99,4 @@ def test_passing_rays_are_known_by_their_time(radar):
 
     traced = tracer.trace(0.0, 0.02, watch=watch)
     assert len(asked) == traced.report.instants
-    assert replace(traced.report) == tracer.trace(0.0, 0.02).report
+    assert traced.report == tracer.trace(0.0, 0.02).report
