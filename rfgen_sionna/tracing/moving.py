@@ -33,7 +33,7 @@ RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
-MEASURED_EVERY = 4
+MEASURED_EVERY = 5
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
 _LOG = logging.getLogger(__name__)
@@ -215,6 +215,8 @@ class MovingParts:
                 self._distance[index] = nearest
                 changed = True
         if changed:
+            # From the coarsest ones on: what was asked for elsewhere need not be here.
+            self._fineness[:] = 1.0
             self._split(poses[0])
             self._expansion, self._level = None, np.zeros(len(self._level))
 
@@ -392,11 +394,11 @@ class MovingParts:
     def _measure(
         self, facets: Facets, weight: FloatArray, gains: NDArray[np.complex128], reference: FloatArray
     ) -> float:
-        """Error of the worst surface at one place of the band for one pair, other ones from turn to turn."""
+        """Error of the worst surface for one pair, another one from turn to turn. Over the band: where the return fades
+        at one place of it, the error there tells little."""
         turn = self._turn // MEASURED_EVERY
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
-        probe = PROBES[[turn % len(PROBES)]]
-        held = Finer.of(self._band, facets, self._materials, weight, pair, probe, reference)
+        held = Finer.of(self._band, facets, self._materials, weight, pair, PROBES, reference)
         return float(held.of_expansion(gains[:, *pair], self._level).error.max(initial=0.0))
 
     def _paths(

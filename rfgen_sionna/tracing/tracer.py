@@ -18,7 +18,8 @@ from rfgen_sionna.tracing.bounces import Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghosts import Ghosts
-from rfgen_sionna.tracing.knots import choose_knots, gain_knots
+from rfgen_sionna.tracing.instants import choose_instants
+from rfgen_sionna.tracing.knots import choose_knots
 from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
@@ -267,14 +268,16 @@ class Tracer:
         self._positions.clear()
         moving = moving or self.follow()
         knots = instants = np.array([start])
+        turned = 0.0
         if self.actors:
             highest, faces = self._band.highest, [actor.faces for actor in self.actors]
             phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
             followed = moving.consider(self._vertices, (start, stop))
             knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
+            closed = [surface.closed for surface in self.surfaces.moving]
             given = self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-            instants = gain_knots(self._vertices, faces, *given, quiet=not moving.beside)
-        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, watch)
+            instants, turned = choose_instants(self._vertices, faces, closed, *given, beside=moving.beside)
+        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)
 
     @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:
@@ -315,9 +318,11 @@ class Tracer:
         knots: FloatArray,
         instants: FloatArray,
         parts: MovingParts,
+        turned: float = 0.0,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
-        """Delays at `knots`, visibility and gains at `instants` [s]."""
+        """Delays at `knots`, visibility and gains at `instants` [s], between which gains are `turned` too far by so
+        much."""
         static = self.static
         beyond = self.beyond
         shares: dict[float, Dimmed] = {}
@@ -370,7 +375,7 @@ class Tracer:
             instants=len(instants),
             knots=len(knots),
             error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
-            between=max(moving.between, float(np.linalg.norm([hiding.error, *unseen]))),
+            between=max(float(np.hypot(moving.between, turned)), float(np.linalg.norm([hiding.error, *unseen]))),
         )
         return Traced(self._still, shadows, moving.paths, moving.glanced, report, moving.places, moving.glanced_places)
 

@@ -8,7 +8,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import glances, knots
+from rfgen_sionna.tracing import glances, instants
 from rfgen_sionna.tracing.glances import choose, fine_times, left_out, missed_of
 from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
 
@@ -75,7 +75,7 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
     assert error < traced.report.between
     # With four instants: three tell of a plate that edges pass by many wavelengths that it is one, and not how much.
-    monkeypatch.setattr(knots, "QUIET_SPACING", 0.0)
+    monkeypatch.setattr(instants, "QUIET_SPACING", 0.0)
     monkeypatch.setattr(glances, "BETWEEN_PER_RTOL", np.inf)
     plain = tracer.trace(0.0, length)
     assert plain.glanced is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
-from rfgen_sionna.tracing.knots import choose_knots, gain_knots, spline_error
+from rfgen_sionna.tracing.knots import choose_knots, spline_error
 
 FREQUENCY = 77e9
 K = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT
@@ -75,24 +75,3 @@ def test_what_splines_miss_of_a_phasor(gaps, most, swing):
     missed = np.sqrt(np.mean(np.abs(found - np.exp(1j * swing * times)) ** 2))
     assert missed < most * spline_error(np.array(swing), gaps)
     assert missed > 0.3 * spline_error(np.array(swing), gaps)
-
-
-@pytest.mark.parametrize(
-    ("turn", "across", "stop", "gaps"),
-    [(0.0, 0.0, 0.02, 2), (2.0, 0.5, 0.02, 2), (30.0, 0.0, 0.02, 3), (0.0, 2.0, 0.02, 3), (0.0, 0.0, 0.03, 3)],
-)
-def test_instants_of_a_plate(turn, across, stop, gaps):
-    """Three while it hardly turns [rad/s] or goes across the view [m/s], over no more than twice the gap that is
-    allowed then; else four or more."""
-    faces = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
-
-    def positions(t):
-        cos, sin = np.cos(turn * t), np.sin(turn * t)
-        places = [[3 + y * sin, y * cos + across * t, z] for y in (-0.004, 0.004) for z in (-0.004, 0.004)]
-        return [np.array(places)]
-
-    times = np.linspace(0.0, stop, 4)
-    found = gain_knots(positions, [faces], np.zeros(3), times, 77e9, 0.03, 10e-3)
-    assert len(found) - 1 >= gaps
-    assert (len(found) == 3) == (gaps == 2)
-    assert found[[0, -1]] == pytest.approx(times[[0, -1]])

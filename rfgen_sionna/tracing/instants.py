@@ -1,0 +1,191 @@
+"""At how many instants gains and visibility are traced, so that splines through them follow a stretch of time.
+
+What a spline misses is reckoned with the faces of the meshes before anything is traced: without the phase of its middle
+a flat face returns the mean phasor over its surface, which has a closed form, and splines go through that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, knot_weights
+from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS
+from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
+
+QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
+"""Longest gap between three instants [s], and how far at most any vertex goes across the view in it [rad]: less than
+the width of an arm 4 m away, so that its shadow is not where none of them tells of it."""
+LITTLE = 0.08
+"""Error below which it is known how it falls with the gap."""
+ENOUGH, LEAST, AT_ONCE = 1000, 100, 100_000
+"""Faces of a mesh that tell how gains change, the strongest; the fewest, and these times the times at most."""
+MARGIN = 1.5
+"""Stated error over that of the faces: what frames of people miss is 0.4 to 1.7 times theirs."""
+FADED = 0.1
+"""The energy of all faces together, against that of all by themselves, below which no error is relative to it."""
+BESIDE = 0.25
+"""Share of the tolerance where mirrors and slabs show bodies from elsewhere, who may turn faster seen from there."""
+_PARTS = 4
+"""Parts of a gap at whose ends splines are tried."""
+
+
+class Instants(NamedTuple):
+    """When gains are traced."""
+
+    times: FloatArray
+    """(instant,) evenly spaced [s]"""
+    error: float
+    """Estimated error of the return between them for gains that turn with the body, relative to that of the worst mesh
+    [root mean square over time]."""
+
+
+def choose_instants(
+    positions: Callable[[float], Sequence[FloatArray]],
+    faces: Sequence[IntArray],
+    closed: Sequence[bool],
+    viewpoint: FloatArray,
+    knots: FloatArray,
+    frequency: float,
+    tolerance: float,
+    max_spacing: float,
+    beside: bool = False,
+) -> Instants:
+    """As few evenly spaced instants as follow the gains to a tolerance.
+
+    Parameters
+    ----------
+    positions
+        Time [s] to the (vertex, 3) positions [m] of each mesh; called at the `knots`.
+    faces
+        (face, 3) of each mesh.
+    closed
+        Whether each mesh is seen from outside alone: then faces that look away tell nothing.
+    viewpoint
+        (3,) phase centre of the radar [m].
+    knots
+        (knot,) of :func:`rfgen_sionna.tracing.knots.choose_knots` [s], between which splines follow each vertex.
+    frequency
+        Highest frequency of the band [Hz].
+    tolerance
+        Allowed error relative to the return [root mean square over time].
+    max_spacing
+        Longest gap [s], but of :data:`QUIET_SPACING` where three instants do.
+    beside
+        Whether mirrors or slabs show the meshes as well: then there are four instants at least, as what they show is
+        not looked at between instants.
+    """
+    if len(knots) == 1:
+        return Instants(knots, 0.0)
+    length = float(knots[-1] - knots[0])
+    places = [positions(float(t)) for t in knots]
+    meshes = [
+        _Faces([each[k] for each in places], own, shut, viewpoint, frequency)
+        for k, (own, shut) in enumerate(zip(faces, closed, strict=True))
+    ]
+    least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
+    most = max(least, int(length / MIN_SPACING))
+    allowed, gaps = BESIDE * tolerance if beside else tolerance, least
+
+    def missed(gaps: int) -> float:
+        return MARGIN * max((each.missed(gaps) for each in meshes), default=0.0)
+
+    quiet = not beside and length <= QUIET_GAPS * QUIET_SPACING and (error := missed(QUIET_GAPS)) <= allowed
+    if quiet and _most_turn(places, viewpoint) * (len(knots) - 1) / QUIET_GAPS <= QUIET_TURN:
+        gaps = QUIET_GAPS
+    else:
+        error = missed(gaps)
+    while error > allowed and gaps < most:
+        before, gaps = gaps, min(max(gaps + 1, int(np.ceil(gaps * (error / allowed) ** 0.25))), most)
+        # Little errors fall with the gap's fourth power.
+        error = error * (before / gaps) ** 4 if error <= LITTLE else missed(gaps)
+    return Instants(np.linspace(knots[0], knots[-1], gaps + 1), error)
+
+
+class _Faces:
+    """The faces of a mesh that return most, with its `vertices` (vertex, 3) [m] at evenly spaced times."""
+
+    def __init__(
+        self,
+        vertices: Sequence[FloatArray],
+        faces: IntArray,
+        closed: bool,
+        viewpoint: FloatArray,
+        frequency: float,
+    ) -> None:
+        middle, wavenumber = vertices[len(vertices) // 2], 4 * np.pi * frequency / SPEED_OF_LIGHT
+        size = _sizes(middle, faces, viewpoint)
+        if closed:
+            faces, size = faces[size > 0], size[size > 0]
+        size = np.abs(size)
+        phases = _turned(wavenumber * lengths(middle - viewpoint)[faces.T])
+        # The strongest first, nearly: where there are many times, the first ones tell.
+        order = np.argsort(-size / (1.0 + 3.0 * (phases**2).sum(axis=0)), kind="stable")[:ENOUGH]
+        self._size, ends = size[order], faces[order]
+        # Large ones are traced in pieces: one in the middle stands for all of a face.
+        bulge = phase_bulge(middle[ends], viewpoint, frequency)
+        self._share = np.sqrt(FACET_BULGE / np.maximum(bulge, FACET_BULGE))
+        self._phases = wavenumber * np.stack([self._away(each[ends] - viewpoint) for each in vertices])
+
+    def _away(self, corners: FloatArray) -> FloatArray:
+        """(corner, face) distances [m] of the corners of these pieces, of faces with `corners` (face, 3, 3) [m]."""
+        inner = middles(corners)[:, None]
+        return lengths(inner + self._share[:, None, None] * (corners - inner)).T
+
+    def missed(self, gaps: int) -> float:
+        """Error of a spline with so many `gaps`, of all faces side by side or of their sum, whichever is larger."""
+        count = min(len(self._size), max(LEAST, AT_ONCE // (_PARTS * gaps)))
+        if not count:
+            return 0.0
+        times = np.linspace(0.0, 1.0, _PARTS * gaps + 1)
+        weights = knot_weights(np.linspace(0.0, 1.0, len(self._phases)), times)
+        phases = np.tensordot(weights, self._phases[:, :, :count], 1)
+        gains = self._size[:count] * np.stack([_mean_phasor(_turned(each)) for each in phases])
+        missed = knot_weights(times[::_PARTS], times) @ gains[::_PARTS] - gains
+        carrier = np.exp(-1j * phases.mean(axis=1))
+        apart, errors = (float(np.mean((each.real**2 + each.imag**2).sum(axis=1))) for each in (gains, missed))
+        together, error = (float(np.mean(np.abs((each * carrier).sum(axis=1)) ** 2)) for each in (gains, missed))
+        if not apart:
+            return 0.0
+        return float(np.sqrt(max(errors / apart, error / max(together, FADED * apart))))
+
+
+def _turned(phases: FloatArray) -> FloatArray:
+    """(corner, face) `phases` [rad] against those of the middle."""
+    return np.asarray(phases - (phases[0] + phases[1] + phases[2]) / 3.0)
+
+
+def _mean_phasor(phases: FloatArray) -> ComplexArray:
+    """(face,) mean of exp(-j phi) over faces on which the phase phi is linear, with `phases` (corner, face) [rad]:
+    twice a divided difference (:mod:`rfgen_sionna.tracing.simplex`), here in its plainest form."""
+    a, b, c = np.sort(phases, axis=0)
+    first, last = (np.exp(-0.5j * (x + y)) * np.sinc((y - x) / (2 * np.pi)) for x, y in ((a, b), (b, c)))
+    spread = c - a
+    # Below that, what is lost of digits is more than what the mean phase misses: the square over 36.
+    narrow = spread < 1e-5
+    return np.asarray(np.where(narrow, np.exp(-1j * b), 2j * (last - first) / np.where(narrow, 1.0, spread)))
+
+
+def _most_turn(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:
+    """Largest angle [rad] that any vertex goes across the view from one of the `places` to the next."""
+    found = 0.0
+    for before, after in pairwise(places):
+        for old, new in zip(before, after, strict=True):
+            offset, step = old - viewpoint, new - old
+            square = np.maximum(np.einsum("vi,vi->v", offset, offset), 1e-12)
+            along = np.einsum("vi,vi->v", offset, step) / square
+            across = np.einsum("vi,vi->v", step, step) / square - along**2
+            found = max(found, float(across.max(initial=0.0)))
+    return float(np.sqrt(found))
+
+
+def _sizes(vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> FloatArray:
+    """(face,) what each face takes of the view, if it is small [sr]; below zero where it looks away."""
+    a, b, c = np.moveaxis(np.ascontiguousarray((vertices - viewpoint).T)[:, faces.T], 1, 0)
+    (x, y, z), (u, v, w) = b - a, c - a
+    volume = a[0] * (y * w - z * v) + a[1] * (z * u - x * w) + a[2] * (x * v - y * u)
+    return np.asarray(-0.5 * volume / np.maximum(np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2), 1e-9) ** 3)

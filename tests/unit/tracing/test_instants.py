@@ -1,0 +1,121 @@
+"""At how many instants gains are traced."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna.tracing.instants import MARGIN, _mean_phasor, choose_instants
+
+FREQUENCY, LENGTH = 77e9, 27.6e-3
+WAVENUMBER = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT
+PLATE = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
+
+
+def turning(turn, across=0.0, size=0.004, away=3.0):
+    """A plate that turns [rad/s] and goes across the view [m/s]."""
+
+    def positions(t):
+        cos, sin = np.cos(turn * t), np.sin(turn * t)
+        places = [[away + y * sin, y * cos + across * t, z] for y in (-size, size) for z in (-size, size)]
+        return [np.array(places)]
+
+    return positions
+
+
+def chosen(positions, faces=PLATE, stop=0.02, tolerance=0.03, closed=False, knots=4, **more):
+    times = np.linspace(0.0, stop, knots)
+    return choose_instants(positions, [faces], [closed], np.zeros(3), times, FREQUENCY, tolerance, 10e-3, **more)
+
+
+@given(st.tuples(*[st.floats(-20.0, 20.0)] * 3))
+@settings(max_examples=200, deadline=None)
+def test_the_mean_phasor_is_that_of_a_dense_sum(phases):
+    """By the midpoints of 300^2 triangles, whose error goes with the square of what is left of the phase in each."""
+    n = 300
+    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    up, down = i + j < n, i + j < n - 1
+    middles = (
+        np.concatenate([np.stack([i + 1 / 3, j + 1 / 3])[:, up], np.stack([i + 2 / 3, j + 2 / 3])[:, down]], axis=1) / n
+    )
+    u, v = middles
+    truth = np.exp(-1j * (u * phases[0] + v * phases[1] + (1 - u - v) * phases[2])).mean()
+    assert _mean_phasor(np.array(phases)[:, None])[0] == pytest.approx(truth, abs=1e-3)
+
+
+@pytest.mark.parametrize("phases", [(0.3, 0.3, 0.3), (1.0, 1.0, 4.0), (1.0, 1.0 + 1e-6, 1.0 - 2e-6), (0.0, 1e-4, 2e-4)])
+def test_equal_phases_are_no_exception(phases):
+    near = np.array(phases) + np.array([1e-3, -1e-3, 2e-3])
+    found = _mean_phasor(np.array([phases, near]).T)
+    assert np.isfinite(found).all()
+    assert abs(found[0] - found[1]) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("turn", "across", "stop", "gaps"),
+    [(0.0, 0.0, 0.02, 2), (8.0, 2.0, 0.02, 2), (80.0, 0.0, 0.02, 3), (0.0, 8.0, 0.02, 3), (0.0, 0.0, 0.03, 3)],
+)
+def test_instants_of_a_plate(turn, across, stop, gaps):
+    """Three while it hardly turns [rad/s] or goes across the view [m/s], over no more than twice the gap that is
+    allowed then; else four or more."""
+    found = chosen(turning(turn, across), stop=stop).times
+    assert len(found) - 1 >= gaps
+    assert (len(found) == 3) == (gaps == 2)
+    assert found[[0, -1]] == pytest.approx([0.0, stop])
+
+
+@pytest.mark.parametrize("turn", [3.0, 10.0, 30.0, 100.0])
+@pytest.mark.parametrize("tolerance", [0.03, 0.003])
+def test_a_spline_through_them_misses_no_more_than_stated(turn, tolerance):
+    """Of a plate that turns: its gain without the phase of its middle, at 200 times."""
+    positions = turning(turn, size=0.01)
+    found = chosen(positions, tolerance=tolerance, knots=25)
+    times = np.linspace(0.0, 0.02, 200)
+
+    def gain(t):
+        phases = WAVENUMBER * np.linalg.norm(positions(t)[0], axis=1)[PLATE.T]
+        return _mean_phasor(phases - phases.mean(axis=0)).sum()
+
+    truth = np.array([gain(t) for t in times])
+    missed = knot_weights(found.times, times) @ np.array([gain(t) for t in found.times]) - truth
+    error = np.sqrt((np.abs(missed) ** 2).mean() / (np.abs(truth) ** 2).mean())
+    assert error <= found.error * 1.05
+    assert found.error <= tolerance
+    assert error > found.error / (8 * MARGIN) or len(found.times) <= 4
+
+
+def test_a_tenth_of_the_tolerance_takes_a_little_less_than_twice_the_instants():
+    few, many = (len(chosen(turning(100.0, size=0.02), tolerance=each, knots=25).times) - 1 for each in (1e-2, 1e-3))
+    assert 1.5 * few < many < 2.0 * few + 1
+
+
+def test_what_looks_away_tells_nothing_of_a_closed_body():
+    """Beside a plate that stands and looks at the radar, one that turns: with its back to it, or its front."""
+    still, turned = turning(0.0), turning(30.0)
+    towards = PLATE if trimesh.Trimesh(still(0.0)[0], PLATE).face_normals[0, 0] < 0 else PLATE[:, ::-1]
+
+    def positions(t):
+        return [np.concatenate([*still(t), *turned(t)])]
+
+    def error(of_turned, closed):
+        return chosen(positions, np.concatenate([towards, of_turned + 4]), tolerance=1.0, closed=closed).error
+
+    assert error(towards[:, ::-1], closed=True) < 1e-6
+    assert error(towards, closed=True) == pytest.approx(error(towards, closed=False))
+    assert error(towards, closed=True) == pytest.approx(error(towards[:, ::-1], closed=False), rel=0.01)
+    assert error(towards, closed=True) > 1e-3
+
+
+def test_mirrors_ask_for_four_and_for_a_quarter_of_the_error():
+    found = chosen(turning(30.0, size=0.01), beside=True)
+    assert len(found.times) >= 4
+    assert found.error <= 0.25 * 0.03
+
+
+def test_nothing_and_no_time():
+    assert len(choose_instants(lambda t: [], [], [], np.zeros(3), np.array([0.5]), FREQUENCY, 0.03, 0.01).times) == 1
+    empty = chosen(lambda t: [np.zeros((0, 3))], np.zeros((0, 3), np.int32))
+    assert empty.error == 0.0
+    assert len(empty.times) == 3
