@@ -21,7 +21,7 @@ from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.targets import Targets
 from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, Lit, crossed, inset, lit_parts, points_of
 
-MISSED_PER_RTOL = 0.4
+MISSED_PER_RTOL = 0.3
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
 interfering, per unit of the tolerance."""
 _BENT = 0.1
