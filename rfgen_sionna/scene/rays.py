@@ -231,6 +231,7 @@ class RayScene:
         vertices: Sequence[Sequence[FloatArray]],
         corners: FloatArray | None = None,
         hiding: Sequence[NDArray[np.intp]] | None = None,
+        among: NDArray[np.intp] | None = None,
     ) -> Looks:
         """What hides facets from the viewpoint at several times, at which the moving objects have their `vertices`: for
         every time those of :meth:`update`.
@@ -241,6 +242,7 @@ class RayScene:
             corners: (time, facet, 3, 3) [m] of the facets that are looked at; None is some of the moving faces.
             hiding: of every time, which faces of the moving objects may come before them, counted through all of these
                 objects; None is that it is to be found out from the corners.
+            among: the faces that this is to be found out of; None is all.
 
         Raises:
             ValueError: neither is given.
@@ -254,8 +256,9 @@ class RayScene:
         if hiding is None:
             if corners is None:
                 raise ValueError("corners and hiding are None: one of them is needed")
-            found = before(faces, [each - viewpoint for each in placed], corners - viewpoint)
-            hiding = [found] * len(placed)
+            some = faces if among is None else faces[among]
+            found = before(some, [each - viewpoint for each in placed], corners - viewpoint)
+            hiding = [found if among is None else among[found]] * len(placed)
         points = np.zeros((0, 3)) if corners is None else corners.reshape(-1, 3)
         return Looks(static, self.origin, faces, self._num_static, viewpoint, placed, hiding, points)
 

@@ -191,6 +191,16 @@ class Sight:
             first += len(towards)
         return np.concatenate(found)
 
+    def hiding(self, vertices: Sequence[Sequence[FloatArray]]) -> NDArray[np.intp]:
+        """The moving faces that a ray from the viewpoint may come to first at one of the times at which the moving
+        surfaces have these `vertices` (vertex, 3) [m], or between them: few turn this way and away again."""
+        found = np.zeros(sum(len(surface.faces) for surface in self._surfaces.moving), np.bool_)
+        for there in vertices:
+            offsets = [points - self._viewpoint for points in there]
+            turned = [outline.towards(each) for outline, each in zip(self._outlines, offsets, strict=True)]
+            found[self._hiding(turned, offsets)] = True
+        return np.flatnonzero(found)
+
     def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
         """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
         `outline` (facet,) [rad] falls on each, and `level` (surface,) is that of all facets. `facets` are those of one

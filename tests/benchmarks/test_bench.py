@@ -219,6 +219,19 @@ def test_before_its_fastest_setting_the_baseline_counts_as_that_good() -> None:
     assert comparison.front(rows, lambda row: row["e"]) == [(1, 3), (3, 1)]
 
 
+def test_each_way_of_the_baseline_has_a_curve_of_its_own() -> None:
+    """Where one is a hair quicker, and both are as good, no step comes of it."""
+
+    def ratio(jittered: float) -> float:
+        rows = [{"way": "tracer", "method": "tracer", "rtol": 1e-2, "seconds": 0.01, "relative": 0.01}]
+        for method, quicker in (("fixed", 1.0), ("jittered", jittered)):
+            for seconds, error in ((0.1, 0.5), (1.0, 0.3 if method == "fixed" else 0.26), (10.0, 0.02)):
+                rows.append({"way": "a", "method": method, "seconds": quicker * seconds, "relative": error, "rays": 1})
+        return float(comparison.compare_frames(rows, 1e-2)["a"]["equal_error_ratio"])
+
+    assert ratio(0.99) == pytest.approx(ratio(1.01), rel=0.03)
+
+
 def test_rays_are_compared_at_equal_error() -> None:
     rows = [{"method": "u", "rays": rays, "relative": 1 / rays} for rays in (100, 10_000)]
     rows += [{"method": "a", "rtol": 1e-2, "rays": 50, "relative": error} for error in (1e-3, 1e-5)]
