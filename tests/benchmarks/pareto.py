@@ -54,7 +54,9 @@ def ladders(subject: Subject, band: int, quick: bool, seed: int) -> Iterator[lis
     few = quick or band != 77
     if subject.name == "sphere" if few else subject.scene is None and subject.name != "car":
         yield [lambda r=r: Tubes(subject, r) for r in ((0.03,) if few else (0.03, 0.01))]
-        yield [lambda n=n: Tubes(subject, level=n) for n in ((6, 7) if few else (5, 6, 7))]
+        # Of a person until uniform ones are so many that the share of adaptive ones is told.
+        most = 10 if subject.name == "person" and not few else 8
+        yield [lambda n=n: Tubes(subject, level=n) for n in range(6 if few else 5, most)]
     corner = subject.least_bounces > 1
     if not corner:
         yield [lambda n=n: Beams(subject, n) for n in ((64, 128, 256) if few else (64, 128, 256, 512))]
