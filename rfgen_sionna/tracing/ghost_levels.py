@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,37 +45,79 @@ def ghost_levels(
         2 leaves out those by the mirror twice.
     """
     found = np.zeros((len(mirrors), 2))
-    points = points[:: max(1, len(points) // SAMPLES)]
-    view, reach = np.asarray(radar.position), radar.max_range
-
-    def listens(offset: FloatArray) -> FloatArray:
-        return np.sqrt(importance(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)))
-
-    distance = np.maximum(np.linalg.norm(points - view, axis=1), 1e-6)
-    near = listens(points - view) / distance
-    direct = float((near**2).max())
-    rows = []
-    for number, mirror in enumerate(mirrors):
-        before = mirror.height(points) > ON_MIRROR
-        if not before.any():
-            continue
-        crossing = mirror.crossings(view, points[before])
-        place = crossing @ mirror.axes.T
-        if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
-            continue
-        length = np.linalg.norm(points[before] - mirror.image(view), axis=1)
-        cos = (mirror.height(points[before]) + mirror.height(view)) / length
-        once = near[before] * (0.5 * (length + distance[before]) < reach)
-        rows.append(
-            np.stack([np.full(len(length), number), cos, listens(crossing - view) / length, once, length < reach])
-        )
-    if not rows or direct <= 0:
-        return found
-    index, cos, way, once, twice = np.concatenate(rows, axis=1)
-    number = index.astype(np.int32)
-    frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _PLACES
-    way = way * strongest_reflection([mirror.material for mirror in mirrors], number, cos, frequencies)
-    np.maximum.at(found[:, 0], number, 2.0 * way * once / direct)
-    if max_bounces > 2:
-        np.maximum.at(found[:, 1], number, way**2 * twice / direct)
+    shown = _Shown.of(radar, importance, mirrors, points)
+    if shown is not None:
+        once = shown.way * shown.near * (0.5 * (shown.length + shown.distance) < radar.max_range)
+        found[:, 0] = 2.0 * once.max(axis=1) / shown.direct
+        if max_bounces > 2:
+            found[:, 1] = (shown.way**2 * (shown.length < radar.max_range)).max(axis=1) / shown.direct
     return found
+
+
+def levels_across(
+    radar: Radar,
+    importance: Callable[[FloatArray], FloatArray],
+    mirrors: Sequence[Mirror],
+    points: FloatArray,
+) -> FloatArray:
+    """(mirror, mirror) returns by way of one mirror there and of another back, both ways round together, as those of
+    :func:`ghost_levels`; 0 where the second does not come after the first."""
+    found = np.zeros((len(mirrors), len(mirrors)))
+    shown = _Shown.of(radar, importance, mirrors, points)
+    if shown is not None:
+        for one in np.flatnonzero(shown.way.any(axis=1)):
+            others = slice(one + 1, None)
+            reached = 0.5 * (shown.length[one] + shown.length[others]) < radar.max_range
+            level = (shown.way[one] * shown.way[others] * reached).max(axis=1, initial=0.0)
+            found[one, others] = 2.0 * level / shown.direct
+    return found
+
+
+class _Shown(NamedTuple):
+    """What mirrors show of some vertices."""
+
+    way: FloatArray
+    """(mirror, vertex) field by way of a mirror, one way; 0 where it does not show the vertex."""
+    length: FloatArray
+    """(mirror, vertex) of that way [m]."""
+    near: FloatArray
+    """(vertex,) field of the straight way."""
+    distance: FloatArray
+    """(vertex,) of it [m]."""
+    direct: float
+    """Largest direct return of one of them."""
+
+    @staticmethod
+    def of(
+        radar: Radar, importance: Callable[[FloatArray], FloatArray], mirrors: Sequence[Mirror], points: FloatArray
+    ) -> _Shown | None:
+        """None where no mirror shows any, or none can be seen directly."""
+        points = points[:: max(1, len(points) // SAMPLES)]
+        view = np.asarray(radar.position)
+
+        def listens(offset: FloatArray) -> FloatArray:
+            return np.sqrt(importance(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)))
+
+        distance = np.maximum(np.linalg.norm(points - view, axis=1), 1e-6)
+        near = listens(points - view) / distance
+        direct = float((near**2).max(initial=0.0))
+        way, lengths, rows = np.zeros((len(mirrors), len(points))), np.zeros((len(mirrors), len(points))), []
+        for number, mirror in enumerate(mirrors):
+            before = np.flatnonzero(mirror.height(points) > ON_MIRROR)
+            if not len(before):
+                continue
+            crossing = mirror.crossings(view, points[before])
+            place = crossing @ mirror.axes.T
+            if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
+                continue
+            length = np.linalg.norm(points[before] - mirror.image(view), axis=1)
+            way[number, before], lengths[number, before] = listens(crossing - view) / length, length
+            cos = (mirror.height(points[before]) + mirror.height(view)) / length
+            rows.append(np.stack([np.full(len(before), number), before, cos]))
+        if not rows or direct <= 0:
+            return None
+        index, vertex, cos = np.concatenate(rows, axis=1)
+        number, column = index.astype(np.int32), vertex.astype(np.intp)
+        frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _PLACES
+        way[number, column] *= strongest_reflection([mirror.material for mirror in mirrors], number, cos, frequencies)
+        return _Shown(way, lengths, near, distance, direct)

@@ -1,15 +1,16 @@
 """Ghosts: what moves, seen by way of the flat surfaces of the static scene.
 
 A plane mirror makes an image of the radar, and the facet integral is then that between the images of the elements and
-the elements themselves: radar, mirror, body, radar; the same backwards; and by the mirror both times. Which mirrors
-matter is estimated from their Fresnel coefficients, spreading and antenna pattern; the integral is as accurate as a
-weaker return needs.
+the elements themselves: radar, mirror, body, radar; the same backwards; and by a mirror both times, the same one or
+another. Which mirrors matter is estimated from their Fresnel coefficients, spreading and antenna pattern; the integral
+is as accurate as a weaker return needs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.ghost_levels import ghost_levels
+from rfgen_sionna.tracing.ghost_levels import ghost_levels, levels_across
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns, image_tolerance
 from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight
@@ -61,7 +62,8 @@ class Ghosts:
         self._viewpoint = np.asarray(radar.position)
         self._kept: NDArray[np.intp] = np.zeros(0, np.intp)
         self._used = np.zeros((0, 2), np.bool_)
-        self._level = np.zeros((0, 2))
+        self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror there, the other back
+        self._level = np.zeros(0)  # (mirror,) of the strongest ghost by way of it
         names = surfaces.object_names, surfaces.part_names
         self._returns = ImageReturns(surfaces.moving, names, radar, rtol, lambda _: self.mirrors)
 
@@ -83,30 +85,31 @@ class Ghosts:
         """Choose the mirrors that matter while the (vertex, 3) positions [m] of the actors are those of `poses`."""
         if not self.mirrors:
             return
-        levels = np.max(
-            [
-                ghost_levels(self._radar, self._probe.importance, self.mirrors, points, self._max_bounces)
-                for pose in poses
-                for points in pose
-            ],
-            axis=0,
-        )
-        order = np.argsort(levels, axis=None)
-        total = np.cumsum(levels.ravel()[order])
-        used = np.zeros(levels.size, np.bool_)
-        used[order[total > SKIPPED * self._rtol]] = True
-        used = used.reshape(levels.shape) & (levels > 0)
-        if (used & ~self._used if self._used.size else used).any():
+        known, each_pose = (self._radar, self._probe.importance, self.mirrors), list(chain(*poses))
+        levels = np.max([ghost_levels(*known, points, self._max_bounces) for points in each_pose], axis=0)
+        across = np.zeros((len(levels), len(levels)))
+        if self._max_bounces > 2:
+            across = np.max([levels_across(*known, points) for points in each_pose], axis=0)
+        every = np.concatenate([levels.ravel(), across.ravel()])
+        order = np.argsort(every)
+        used = np.zeros(every.size, np.bool_)
+        used[order[np.cumsum(every[order]) > SKIPPED * self._rtol]] = True
+        used &= every > 0
+        single, both = used[: levels.size].reshape(levels.shape), used[levels.size :].reshape(across.shape)
+        pairs = np.argwhere(both)
+        new = (single & ~self._used if self._used.size else single).any()
+        if new or not set(map(tuple, pairs.tolist())) <= set(map(tuple, self._pairs.tolist())):
             self.forget()
-        self._used, self._level = used, levels
-        self._kept = np.flatnonzero(used.any(axis=1))
+        self._used, self._pairs = single, pairs
+        self._level = np.maximum(levels.max(axis=1), np.maximum(across.max(axis=0), across.max(axis=1)))
+        self._kept = np.flatnonzero(single.any(axis=1) | both.any(axis=0) | both.any(axis=1))
 
     def images(self, vertices: Sequence[FloatArray]) -> list[list[tuple[FloatArray, float]]]:
         """For every actor its images in the mirrors in use and the tolerance of their returns."""
         found = []
         for points in vertices:
             found.append(
-                [(self.mirrors[m].image(points), image_tolerance(self._rtol, self._level[m].max())) for m in self._kept]
+                [(self.mirrors[m].image(points), image_tolerance(self._rtol, self._level[m])) for m in self._kept]
             )
         return found
 
@@ -121,7 +124,7 @@ class Ghosts:
 
     def see(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> MirroredView:
         """What the mirrors in use show of the facets, of which `fraction` (facet,) is seen directly."""
-        return self._sight(rays, facets, fraction, self._kept, self._used)
+        return self._sight(rays, facets, fraction, self._kept, self._used, self._pairs)
 
     @cached_property
     def _sight(self) -> MirrorSight:
@@ -143,12 +146,19 @@ class Ghosts:
         paths, error = [], 0.0
         for way in WAYS:
             tx, rx = way
-            shares = np.stack([each.twice if tx and rx else each.once for each in seen])
+            shares, both = (
+                np.stack([each.twice if tx and rx else each.once for each in seen]),
+                np.stack((self._kept,) * 2),
+            )
+            if tx and rx and len(self._pairs):
+                across = np.stack([each.across for each in seen])
+                shares = np.concatenate([shares, across, across], axis=1)  # either first
+                both = np.concatenate([both, self._pairs.T, self._pairs.T[::-1]], axis=1)
             row, column = np.nonzero((shares > 0).any(axis=0))
             if len(row) == 0:
                 continue
-            mirror: NDArray[np.int32] = self._kept[row].astype(np.int32)
-            shown = [MirroredFacets.of(each, column, mirror, mirror) for each in facets]
+            first, last = both[:, row].astype(np.int32)
+            shown = [MirroredFacets.of(each, column, first, last) for each in facets]
             more, missed = self._returns(way, knots, instants, shown, shares[:, row, column], column, centroids, usual)
             paths.append(more)
             error += missed

@@ -14,7 +14,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.ghost_levels import ON_MIRROR
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.surfaces import Surfaces
-from rfgen_sionna.tracing.visibility import MirrorView, mirrored_fraction
+from rfgen_sionna.tracing.visibility import MirrorView, mirrored_fraction, seen_by_both
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,8 @@ class MirroredView:
     """(mirror, facet) share seen both directly and by the mirror."""
     twice: FloatArray
     """(mirror, facet) share seen by the mirror."""
+    across: FloatArray
+    """(pair, facet) share seen by each of two mirrors."""
     looked_at: int
     rays: int
 
@@ -35,6 +37,7 @@ class MirrorSight:
     def __init__(self, mirrors: Sequence[Mirror], surfaces: Surfaces, viewpoint: FloatArray, max_range: float) -> None:
         self._mirrors, self._viewpoint, self._max_range = tuple(mirrors), viewpoint, max_range
         self._closed = np.array([surface.closed for surface in surfaces.moving], dtype=np.bool_)
+        self._images = np.array([mirror.image(viewpoint) for mirror in mirrors]).reshape(-1, 3)
         # Which mirror each face of the ray scene belongs to, -1 for none.
         self._owner = np.full(sum(len(each.faces) for each in (*surfaces.static, *surfaces.moving)), -1, np.int32)
         for number, mirror in enumerate(mirrors):
@@ -47,13 +50,16 @@ class MirrorSight:
         fraction: FloatArray,
         kept: NDArray[np.intp],
         used: NDArray[np.bool_],
+        pairs: NDArray[np.intp],
     ) -> MirroredView:
         """What the mirrors `kept`, numbers of them, show of the facets.
 
-        `fraction` (facet,) is seen directly; `used` (mirror, 2) says of all mirrors whether they count once and twice.
+        `fraction` (facet,) is seen directly; `used` (mirror, 2) says of all mirrors whether they count once and twice,
+        and `pairs` (pair, 2) which two of them count together, one there and the other back.
         """
         shape = (len(kept), len(facets))
-        once, twice = np.zeros(shape), np.zeros(shape)
+        once, twice, points = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.uint16)
+        lengths, paired = np.full(shape, np.inf), np.isin(kept, pairs)
         centre, view, reach = facets.centroids, self._viewpoint, self._max_range
         radius = np.linalg.norm(facets.corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
         edges = facets.corners[:, 1:] - facets.corners[:, :1]
@@ -63,19 +69,22 @@ class MirrorSight:
         rows, columns = [], []
         for row, which in enumerate(kept):
             mirror = self._mirrors[which]
-            image = mirror.image(view)
+            image = self._images[which]
             length = np.linalg.norm(centre - image, axis=1)
             faces = ~closed | (np.einsum("fi,fi->f", normal, image - centre) > 0)
             wanted = (used[which, 0] & (fraction > 0) & (length + distance < 2 * reach)) | (
                 used[which, 1] & (length < reach)
             )
+            if paired[row]:  # with a nearer one it may be within the window
+                wanted |= length < 2 * reach
+                lengths[row] = length
             index = np.flatnonzero(faces & wanted & (mirror.height(centre) > ON_MIRROR))
             index = index[mirror.spans(mirror.crossings(view, centre[index]), radius[index])]
             rows.append(np.full(len(index), row))
             columns.append(index)
         place, column = np.concatenate(rows), np.concatenate(columns)
         if len(column) == 0:
-            return MirroredView(once, twice, 0, 0)
+            return MirroredView(once, twice, np.zeros((len(pairs), len(facets))), 0, 0)
         number = kept[place]
         shown = MirrorView(
             np.stack([mirror.normal for mirror in self._mirrors])[number],
@@ -84,6 +93,11 @@ class MirrorSight:
             self._owner,
         )
         found = mirrored_fraction(rays, view, facets.corners[column], facets.number[column], fraction[column], shown)
-        once[place, column] = np.where(used[number, 0], found.once, 0.0)
-        twice[place, column] = np.where(used[number, 1], found.twice, 0.0)
-        return MirroredView(once, twice, len(column), found.rays)
+        length = np.linalg.norm(facets.centroids[column] - self._images[number], axis=1)
+        near = length + distance[column] < 2 * reach
+        once[place, column] = np.where(used[number, 0] & near, found.once, 0.0)
+        twice[place, column] = np.where(used[number, 1] & (length < reach), found.twice, 0.0)
+        points[place, column] = found.points
+        one, other = np.searchsorted(kept, pairs).T
+        across = seen_by_both(points[one], points[other]) * (lengths[one] + lengths[other] < 2 * reach)
+        return MirroredView(once, twice, across, len(column), found.rays)

@@ -47,6 +47,8 @@ class MirroredVisibility:
     """(facet,) share of the area that is seen both directly and by the mirror, 0 … 1."""
     twice: FloatArray
     """(facet,) share that is seen by the mirror."""
+    points: NDArray[np.uint16]
+    """(facet,) which of the points `FINE` that is, a bit for each: all or none where guiding rays agree."""
     rays: int
 
 
@@ -62,7 +64,8 @@ def mirrored_fraction(
     """
     count = 0
 
-    def shares(index: NDArray[np.intp], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def shares(index: NDArray[np.intp], weights: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """The share seen both ways, and (sample, facet) which points the mirror shows."""
         nonlocal count
         targets = np.tensordot(weights, corners[index], axes=(1, 1)).reshape(-1, 3)  # sample by sample
         lane = np.tile(index, len(weights))
@@ -89,13 +92,22 @@ def mirrored_fraction(
         once[sent] = ~rays.occluded(viewpoint, targets[sent], facet[lane])
         count += len(sent)
         shape = len(weights), len(index)
-        return once.reshape(shape).mean(axis=0), twice.reshape(shape).mean(axis=0)
+        return once.reshape(shape).mean(axis=0), twice.reshape(shape)
 
-    once, twice = shares(np.arange(len(corners)), GUIDE)
+    once, by_points = shares(np.arange(len(corners)), GUIDE)
+    twice = by_points.mean(axis=0)
     mixed = (twice > 0) & (twice < 1) | (once != twice) & (once > 0)
     step = (twice[1:] != twice[:-1]) & (view.mirror[1:] == view.mirror[:-1])
     mixed[1:] |= step
     mixed[:-1] |= step
+    points = np.where(twice > 0, ~np.uint16(0), np.uint16(0))
     index = np.flatnonzero(mixed)
-    once[index], twice[index] = shares(index, FINE)
-    return MirroredVisibility(once, twice, count)
+    once[index], by_points = shares(index, FINE)
+    twice[index] = by_points.mean(axis=0)
+    points[index] = (by_points << np.arange(len(FINE), dtype=np.uint16)[:, None]).sum(axis=0, dtype=np.uint16)
+    return MirroredVisibility(once, twice, points, count)
+
+
+def seen_by_both(one: NDArray[np.uint16], other: NDArray[np.uint16]) -> FloatArray:
+    """Share of the points `FINE` that are among both of two choices of :attr:`MirroredVisibility.points`."""
+    return np.asarray(np.bitwise_count(one & other) / len(FINE))

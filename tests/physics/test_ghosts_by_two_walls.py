@@ -1,0 +1,214 @@
+"""Ghosts by one wall on the way there and by another on the way back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.mirror_sight import MirrorSight
+from rfgen_sionna.tracing.visibility import FINE, seen_by_both
+from tests.physics.test_ghosts import (
+    BALL,
+    ISOTROPIC,
+    RADIUS,
+    SIDE,
+    channel,
+    decibels,
+    of,
+    sphere,
+    sphere_return,
+    wall_reflection,
+)
+from tests.reference.physical_optics import Wall, po_gain
+from tests.sionna.rectangles import scene_of
+
+OTHER = -1.2  # the other wall's y
+VIEW = np.array([0.0, 0.0, 1.0])
+IMAGES = {side: VIEW + np.array([0, 2 * wall, 0]) for side, wall in ((1, SIDE), (-1, OTHER))}
+FAR = np.array([5.0, 0.2, 1.0])  # where the images are 58 degrees apart: beyond 90 physical optics errs by 1 dB
+
+
+def corridor(left, right, thickness=0.1):
+    def wall(y, material):
+        return [[-1.0, y, -1], [4.0, y, -1], [4.0, y, 3], [-1.0, y, 3]], material, thickness
+
+    return load_scene(scene_of(77e9, left=wall(SIDE, left), right=wall(OTHER, right)).sionna)
+
+
+def across(paths):
+    """Paths by (first, last) wall, 1 for the left and -1 for the right one, of those by one of each."""
+    sides = [np.where(np.abs(each[:, 0, 1] / each[:, 0, 0]) > 0.5, np.sign(each[:, 0, 1]), 0) for each in
+             (paths.direction, paths.arrival)]  # fmt: skip
+    return {(first, last): paths.select((sides[0] == first) & (sides[1] == last)) for first, last in ((1, -1), (-1, 1))}
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return Radar.load("awr1843", position=VIEW, overrides=ISOTROPIC)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return Actor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
+
+
+@pytest.mark.parametrize(("left", "right"), [("pec", "pec"), ("pec", "concrete"), ("concrete", "wood")])
+def test_they_are_as_far_and_as_strong_as_between_the_two_images(radar, left, right):
+    """Half a decibel for each element pair; delays to what the ball's facets are from its specular point."""
+    scene, ball = corridor(left, right), Actor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
+    found = across(of(Simulator(scene, radar, [ball], rtol=2e-3, max_bounces=None).paths()))
+    gamma = 1.0
+    for name, wall in (("left", SIDE), ("right", OTHER)):
+        cos = abs(2 * wall - FAR[1]) / np.hypot(2 * wall - FAR[1], FAR[0])
+        material = next(each.properties for each in scene.objects if each.name == name)
+        gamma *= wall_reflection(material, cos, radar.center_frequency)
+    for (first, last), paths in found.items():
+        level, length = sphere_return(FAR, IMAGES[first], IMAGES[last], RADIUS, radar.wavelength)
+        assert abs(decibels(channel(paths) / (gamma * level))).max() < 0.5
+        assert set(paths.bounces) == {3}
+        strongest = np.argmax(np.abs(paths.a[0, 0, :, 0]))
+        assert SPEED_OF_LIGHT * paths.tau[0, 0, strongest, 0] == pytest.approx(length, abs=0.04)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
+    """A tilted box, two different slabs, elements at 45 degrees: to what the report states, of the strongest return."""
+    rng = np.random.default_rng(seed)
+    radar = Radar.load("awr1843", overrides=ISOTROPIC, position=VIEW, orientation=(0.3, 0.1, 0.4 * seed))
+    if seed:
+        radar = replace(radar, tx_polarization="+45", rx_polarization="V")
+    scene = corridor("glass", "concrete", thickness=0.006)
+    box = trimesh.creation.box(rng.uniform(4, 9, 3) * radar.wavelength)
+    actor = Actor.from_mesh(
+        box,
+        material=["pec", "skin"][seed],
+        position=(1.2, 0.3, 0.9),
+        orientation=Rotation.random(random_state=seed).as_euler("ZYX"),
+        name="ball",
+    )
+    simulator = Simulator(scene, radar, [actor], rtol=3e-3, max_bounces=None)
+    error = simulator.tracer.trace(0.0, 0.0).report.error
+    paths = of(simulator.paths())
+    found = across(paths)
+    corners = actor.vertices(0.0)[actor.faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    walls = {}
+    for side, y in ((1, SIDE), (-1, OTHER)):
+        material = next(each.properties for each in scene.objects if each.name == ("left" if side > 0 else "right"))
+        eps = complex(material.relative_permittivity(radar.center_frequency))
+        walls[side] = Wall(np.array([0, y, 0]), np.array([0, 1.0, 0]), eps, material.thickness)
+    own = complex(actor.properties.relative_permittivity(radar.center_frequency))
+    for tx, rx in ((0, 0), (2, 3)):
+        total, truth = 0.0, 0.0
+        for (first, last), some in found.items():
+            lit = np.all(
+                [np.einsum("fi,fi->f", cross, IMAGES[end] - corners[:, 0]) > 0 for end in (first, last)], axis=0
+            )
+            elements = radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
+            truth += po_gain(corners[lit], *elements, own, n=100, tx_wall=walls[first], rx_wall=walls[last])
+            total += channel(some)[tx, rx] if some.num_paths else 0.0
+        assert abs(truth) > 0
+        assert abs(total - truth) < error * np.abs(channel(paths)).max() + 0.02 * abs(truth)
+
+
+def test_changing_tx_and_rx_over_exchanges_them(ball):
+    radar = Radar.load("awr1843", position=VIEW, overrides=ISOTROPIC)
+    place = np.array([[0.0, 0.03, 0.01]])
+    one = replace(
+        radar,
+        tx_positions=place,
+        rx_positions=-place,
+        tx_names=("T",),
+        rx_names=("R",),
+        tx_polarization="+45",
+        rx_polarization="V",
+        waveform=replace(radar.waveform, tx_order=(0,)),
+    )
+    other = replace(one, tx_positions=-place, rx_positions=place, tx_polarization="V", rx_polarization="+45")
+    scene = corridor("concrete", "glass")
+    here, there = (
+        across(of(Simulator(scene, each, [ball], rtol=1e-2, max_bounces=None).paths())) for each in (one, other)
+    )
+    for way in here:
+        assert abs(channel(here[way]) / channel(there[way[::-1]]) - 1).max() < 1e-9
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_what_stands_before_one_of_the_walls_removes_both_ways_round(radar, side):
+    wall = SIDE if side > 0 else OTHER
+    crossing = np.array([wall / (2 * wall - BALL[1]) * BALL[0], wall, 1.0])
+    ball = Actor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
+    board = Actor.from_mesh(
+        trimesh.creation.box((0.2, 0.2, 0.3)), material="wood", position=0.5 * (crossing + BALL), name="board"
+    )
+    free, hidden = (
+        of(Simulator(corridor("pec", "pec"), radar, actors, rtol=1e-2, max_bounces=None).paths())
+        for actors in ([ball], [ball, board])
+    )
+    for way, paths in across(free).items():
+        assert abs(channel(across(hidden)[way])[0, 0]) < 1e-2 * abs(channel(paths)[0, 0])
+
+
+def test_two_bounces_have_none(radar, ball):
+    paths = of(Simulator(corridor("pec", "pec"), radar, [ball], rtol=1e-2, max_bounces=2).paths())
+    assert all(each.num_paths == 0 for each in across(paths).values())
+
+
+def test_over_time_they_follow_both_images(radar):
+    """Across the corridor at 1 m/s the delay changes by one image's rate and the other's, which nearly cancel."""
+    velocity = np.array([0.0, 1.0, 0.0])
+    actor = Actor.from_mesh(sphere(4, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
+    simulator = Simulator(corridor("metal", "metal"), radar, [actor], rtol=1e-2, max_bounces=None)
+    traced = simulator.tracer.trace(0.0, radar.waveform.frame_length).moving
+    for knot, t in enumerate(traced.times):
+        corners = actor.vertices(float(t))[actor.faces]
+        for (first, last), paths in across(traced).items():
+            assert paths.num_paths
+            centroids = corners[paths.facet].mean(axis=1)
+            length, rate = 0.0, 0.0
+            for side, element in ((first, radar.tx_world[1]), (last, radar.rx_world[2])):
+                wall, flip = (SIDE if side > 0 else OTHER), np.array([1, -1, 1.0])
+                offset = centroids * flip + [0, 2 * wall, 0] - element
+                distance = np.linalg.norm(offset, axis=1)
+                length, rate = length + distance, rate + offset @ (velocity * flip) / distance
+            np.testing.assert_allclose(SPEED_OF_LIGHT * paths.tau[1, 2, :, knot], length, rtol=0, atol=1e-6)
+            np.testing.assert_allclose(SPEED_OF_LIGHT * paths.tau_rate[1, 2, :, knot], rate, rtol=0, atol=2e-3)
+
+
+def test_of_facets_in_half_shadow_counts_what_both_walls_show():
+    """The points that one shows and those that the other does, together: not the product of their shares."""
+    some = np.array([0b1111, 0b1111, 0xFFFF, 0], np.uint16)
+    other = np.array([0b0011, 0b110000, 0b1111, 0xFFFF], np.uint16)
+    np.testing.assert_allclose(seen_by_both(some, other), np.array([2, 0, 4, 0]) / len(FINE))
+
+
+def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
+    """Of a ball with a rod in the light of one of the images."""
+    kept = []
+    plain = MirrorSight.__call__
+
+    def watched(self, rays, facets, fraction, chosen, used, pairs):
+        every = np.ones_like(used)
+        found = plain(self, rays, facets, fraction, chosen, every, pairs)
+        kept.append((found, np.searchsorted(chosen, pairs)))
+        return found
+
+    monkeypatch.setattr(MirrorSight, "__call__", watched)
+    board = Actor.from_mesh(
+        trimesh.creation.box((0.02, 0.02, 0.3)),
+        material="wood",
+        position=BALL + np.array([-0.15, 0.21, 0]),
+        name="board",
+    )
+    Simulator(corridor("pec", "pec"), radar, [ball, board], rtol=1e-2, max_bounces=None).paths()
+    found, pairs = kept[-1]
+    assert len(pairs)
+    least = np.minimum(found.twice[pairs[:, 0]], found.twice[pairs[:, 1]])
+    assert (found.across <= least + 1e-12).all()
+    assert ((found.across > 0) & (found.across < 1)).any()
