@@ -205,8 +205,6 @@ class Bounces:
                     if other < number or (walls and (wall[number] or other not in across[number])):
                         continue
                     both = np.intersect1d(first, last, assume_unique=True)
-                    if walls and number != other:  # by two walls a body is not followed
-                        both = both[self._still[facets.surface[both]]]
                     found = shower.land(self._strong(both, facets, number, other), number, other)
                     twice.append(found)
                     if other != number:

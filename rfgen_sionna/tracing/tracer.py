@@ -40,9 +40,9 @@ PHASE_PER_RTOL = 0.5
 """Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`: at 1e-3 no instant is off by
 0.1 degrees."""
 GAIN_PER_RTOL = 3.0
-"""Relative error of the gains between instants [root mean square over the facets] per unit of `rtol`."""
+"""Relative error of the gains between instants [root mean square over time] per unit of `rtol`, as it is stated."""
 VISIBILITY_SPACING = 10e-3
-"""Longest gap [s] between instants at which gains and visibility are traced, but of three; delays may have more."""
+"""Longest gap [s] between four instants and more at which gains and visibility are traced; delays may have more."""
 
 MOST_BOUNCES = 3
 """Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
@@ -68,10 +68,11 @@ class TraceReport:
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
     kept by each of the two."""
     between: float
-    """Estimated error between the times that things were looked at, for shadows of actors that move on. Of the direct
-    return of an actor it is relative to itself, or where it fades to what it was
-    (:mod:`rfgen_sionna.tracing.glances`): above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be
-    do not suffice. Of the static scene it is relative to what its `error` is
+    """Estimated error between the times that things were looked at, for shadows of actors that move on and for gains
+    that turn with them. Of the direct return of an actor it is relative to itself, or where it fades to what it was, of
+    shadows (:mod:`rfgen_sionna.tracing.glances`) above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there
+    may be do not suffice, of gains (:mod:`rfgen_sionna.tracing.instants`) up to `GAIN_PER_RTOL` of it; the root of the
+    sum of their squares. Of the static scene it is relative to what its `error` is
     (:mod:`rfgen_sionna.tracing.static_glances`). The larger of the two; what mirrors and slabs show of actors is
     not in it."""
 
