@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
@@ -45,7 +45,7 @@ def corners_of(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.asarray(np.take(vertices, faces, axis=0))
 
 
-def columns(vertices: FloatArray, faces: IntArray) -> FloatArray:
+def columns(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> FloatArray:
     """(axis, corner, face) positions of the faces' corners, axis by axis: long rows are quick to reckon with."""
     return np.asarray(np.take(np.ascontiguousarray(vertices.T), faces.T, axis=1))
 

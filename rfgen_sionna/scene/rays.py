@@ -225,13 +225,17 @@ class RayScene:
         index[index == NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
+    @property
+    def moving_faces(self) -> NDArray[np.uint32]:
+        """(face, 3) of all moving objects, which count their vertices one after the other."""
+        return np.zeros((0, 3), np.uint32) if self._moving is None else self._moving.faces
+
     def looks(
         self,
         viewpoint: FloatArray,
         vertices: Sequence[Sequence[FloatArray]],
         corners: FloatArray | None = None,
         hiding: Sequence[NDArray[np.intp]] | None = None,
-        among: NDArray[np.intp] | None = None,
     ) -> Looks:
         """What hides facets from the viewpoint at several times, at which the moving objects have their `vertices`: for
         every time those of :meth:`update`.
@@ -242,7 +246,6 @@ class RayScene:
             corners: (time, facet, 3, 3) [m] of the facets that are looked at; None is some of the moving faces.
             hiding: of every time, which faces of the moving objects may come before them, counted through all of these
                 objects; None is that it is to be found out from the corners.
-            among: the faces that this is to be found out of; None is all.
 
         Raises:
             ValueError: neither is given.
@@ -251,14 +254,13 @@ class RayScene:
         def static(ray: Any, count: int, bundled: bool) -> tuple[Any, Any]:
             return self._nearest(ray, count, moving=False, bundled=bundled)[:2]
 
-        faces = np.zeros((0, 3), np.uint32) if self._moving is None else self._moving.faces
+        faces = self.moving_faces
         placed = [np.concatenate([np.zeros((0, 3)), *each]) for each in vertices]
         if hiding is None:
             if corners is None:
                 raise ValueError("corners and hiding are None: one of them is needed")
-            some = faces if among is None else faces[among]
-            found = before(some, [each - viewpoint for each in placed], corners - viewpoint)
-            hiding = [found if among is None else among[found]] * len(placed)
+            found = before(faces, [each - viewpoint for each in placed], corners - viewpoint)
+            hiding = [found] * len(placed)
         points = np.zeros((0, 3)) if corners is None else corners.reshape(-1, 3)
         return Looks(static, self.origin, faces, self._num_static, viewpoint, placed, hiding, points)
 

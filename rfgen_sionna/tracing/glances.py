@@ -297,8 +297,7 @@ class Glances:
         outline = np.max([each.outline for each in at_instants], axis=0)
         level = np.min([each.level for each in seen], axis=0)
         bends = [each.facets.bend for each in at_instants if each.facets.bend is not None]
-        told = instants[[0, len(instants) // 2, -1]]
-        rounds, hiding = chosen.rounds, self._sight.hiding([positions(t) for t in told.tolist()])
+        rounds = chosen.rounds
         while True:
             times = fine_times(instants, rounds)
             fresh = np.setdiff1d(times, known)
@@ -307,7 +306,7 @@ class Glances:
                 some = fresh[begin : begin + step]
                 there = np.stack([corners(t) for t in some.tolist()])
                 facets = first.at(there, Bend.blended(bends, knot_weights(instants, some)))
-                looks = rays.looks(self._viewpoint, [positions(t) for t in some.tolist()], there, among=hiding)
+                looks = self._sight.looks(rays, [positions(t) for t in some.tolist()], there)
                 found = self._sight.glance(looks, facets, places, outline, level)
                 known, looked = np.concatenate([known, some]), Seen.joined([looked, found])
             # All that is known is at these times, though not in their order.

@@ -22,7 +22,8 @@ from rfgen_sionna.tracing.reflected import Via
 
 @dataclass(frozen=True)
 class MirroredFacets(Facets):
-    """Facets, each as one mirror shows it: a facet that several show is there several times."""
+    """Facets, each as one mirror shows it, or one on the way there and one back: what several show is there several
+    times."""
 
     first: IntArray
     """(facet,) index of the mirror on the way from Tx."""

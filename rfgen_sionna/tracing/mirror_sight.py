@@ -76,7 +76,7 @@ class MirrorSight:
                 used[which, 1] & (length < reach)
             )
             if paired[row]:  # with a nearer one it may be within the window
-                wanted |= length < 2 * reach
+                wanted |= length + distance < 2 * reach  # no mirror's way is shorter than the straight one
                 lengths[row] = length
             index = np.flatnonzero(faces & wanted & (mirror.height(centre) > ON_MIRROR))
             index = index[mirror.spans(mirror.crossings(view, centre[index]), radius[index])]

@@ -81,8 +81,7 @@ class Outline:
 
     def towards(self, vertices: FloatArray) -> NDArray[np.bool_]:
         """(face,) whether each looks at the viewpoint, for `vertices` (vertex, 3) [m] seen from there."""
-        a, b, c = np.moveaxis(columns(vertices, self._faces), 1, 0)
-        return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0)
+        return look_at_the_viewpoint(vertices, self._faces)
 
     def passing(
         self, vertices: FloatArray, apart: float = APART, towards: NDArray[np.bool_] | None = None
@@ -110,6 +109,12 @@ class Outline:
         far = lengths(stop)[edge] * np.sin((1.0 - share) * angle[edge])
         points = start[edge] + (near / np.maximum(near + far, 1e-300))[:, None] * (stop - start)[edge]
         return points + CLEARANCE * lengths(points)[:, None] * out[edge], (angle / np.maximum(count, 1))[edge]
+
+
+def look_at_the_viewpoint(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> NDArray[np.bool_]:
+    """(face,) whether each of `faces` (face, 3) does, for `vertices` (vertex, 3) [m] seen from there."""
+    a, b, c = np.moveaxis(columns(vertices, faces), 1, 0)
+    return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0)
 
 
 class Places:

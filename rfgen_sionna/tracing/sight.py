@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.looks import Looks, times_at_once
+from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places
+from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
 
@@ -185,21 +185,24 @@ class Sight:
         those that look at it, `turned` (face,) that way."""
         found, first = [np.zeros(0, np.intp)], 0
         for surface, towards, points in zip(self._surfaces.moving, turned, offsets, strict=True):
-            low, high = bounds(points)
-            outside = (low > 0).any() or (high < 0).any()
-            found.append(first + np.flatnonzero(towards | ~(surface.outward & outside)))
+            found.append(first + np.flatnonzero(towards | ~surface.outward | _surrounds(points)))
             first += len(towards)
         return np.concatenate(found)
 
-    def hiding(self, vertices: Sequence[Sequence[FloatArray]]) -> NDArray[np.intp]:
-        """The moving faces that a ray from the viewpoint may come to first at one of the times at which the moving
-        surfaces have these `vertices` (vertex, 3) [m], or between them: few turn this way and away again."""
-        found = np.zeros(sum(len(surface.faces) for surface in self._surfaces.moving), np.bool_)
-        for there in vertices:
-            offsets = [points - self._viewpoint for points in there]
-            turned = [outline.towards(each) for outline, each in zip(self._outlines, offsets, strict=True)]
-            found[self._hiding(turned, offsets)] = True
-        return np.flatnonzero(found)
+    def looks(self, rays: RayScene, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Looks:
+        """What may hide some facets at several times, at which the moving surfaces have their `vertices` (vertex, 3)
+        [m] and the facets their `corners` (time, facet, 3, 3) [m]: of what comes before them, the faces that a ray may
+        come to first then. `rays` is the ray scene at any time."""
+        offsets = [[points - self._viewpoint for points in there] for there in vertices]
+        placed = [np.concatenate([np.zeros((0, 3)), *there]) for there in offsets]
+        found = before(rays.moving_faces, placed, corners - self._viewpoint)
+        ends, surfaces = rays.moving_faces[found], self._surfaces.moving
+        owner = np.repeat(np.arange(len(surfaces)), [len(each.faces) for each in surfaces])[found]
+        outward, hiding = np.concatenate([each.outward for each in surfaces])[found], []
+        for points, there in zip(placed, offsets, strict=True):
+            around = np.array([_surrounds(each) for each in there])
+            hiding.append(found[~outward | around[owner] | look_at_the_viewpoint(points, ends)])
+        return rays.looks(self._viewpoint, vertices, corners, hiding)
 
     def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
         """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
@@ -286,6 +289,12 @@ class Sight:
         return [
             Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
         ]
+
+
+def _surrounds(points: FloatArray) -> bool:
+    """Whether the viewpoint may be within something with these `points` (vertex, 3) [m], seen from there."""
+    low, high = bounds(points)
+    return not bool((low > 0).any() or (high < 0).any())
 
 
 def static_outlines(

@@ -64,10 +64,9 @@ def least_error(some: Sequence[Sequence[Point]], seconds: float) -> float:
 
 
 def least_time(some: Sequence[Sequence[Point]], error: float) -> tuple[float, bool]:
-    """Seconds after which the first of some curves is at `error`, and whether one gets there; if not, a lower bound."""
-    found = [time_at(each, error) for each in some]
-    reached = [seconds for seconds, reaches in found if reaches]
-    return (min(reached), True) if reached else (min(seconds for seconds, _ in found), False)
+    """Seconds after which the first of some curves is at `error`, and whether one gets there; a lower bound where one
+    that does not ends before: it might have, with a little more."""
+    return min(time_at(each, error) for each in some)
 
 
 def shortfall(row: Row) -> float:

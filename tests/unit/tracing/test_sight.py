@@ -100,3 +100,40 @@ def test_passing_rays_are_known_by_their_time(radar):
     traced = tracer.trace(0.0, 0.02, watch=watch)
     assert len(asked) == traced.report.instants
     assert traced.report == tracer.trace(0.0, 0.02).report
+
+
+@pytest.mark.parametrize("spin", [0.0, 314.0, 628.0])
+@pytest.mark.parametrize("kind", ["closed", "open", "a part inside out", "around the radar"])
+def test_what_is_looked_at_again_is_hidden_by_all_that_a_ray_may_come_to(radar, kind, spin):
+    """A body before a plate, which turns by up to two turns in the stretch [rad/s]: rays to the plate come to what they
+    come to in the ray scene, at each of the times."""
+    body = ball(2.0 if kind == "around the radar" else 0.1)
+    if kind == "a part inside out":
+        body = trimesh.util.concatenate([body, ball(0.05, -0.3, inverted=True)])
+    if kind == "open":
+        body.update_faces(body.triangles_center[:, 0] > -0.02)
+    plate = trimesh.creation.box((0.002, 0.8, 0.8)).subdivide_to_size(0.1)
+    place = 0.0 if kind == "around the radar" else 1.0
+    turning = Actor.from_mesh(
+        body, material="pec", name="body", trajectory=lambda t: ((place, 0.0, 0.0), (spin * t, 0.0, 0.0))
+    )
+    actors = [turning, actor(plate, "plate", 3.0)]
+    tracer = Tracer(None, radar, actors, 1e-2)
+    run = tracer.follow()
+    tracer.trace(0.0, 0.0, run)
+    times = np.linspace(0.0, 0.02, 17).tolist()
+    first = len(body.faces)
+    vertices = [tracer._vertices(t) for t in times]
+    corners = np.stack([there[1][actors[1].faces] for there in vertices])
+    looks = run._sight.looks(tracer._rays, vertices, corners)
+    number = looks.numbered(first + np.arange(len(actors[1].faces), dtype=np.int32), len(times))
+    middle = np.full((len(number), 3), 1 / 3)
+    seen = looks.targets(run._viewpoint, corners.reshape(-1, 3, 3), number).seen(np.arange(len(number)), middle)
+    differ = 0
+    for k, t in enumerate(times):
+        rays = tracer.rays_at(t)
+        own = slice(k * len(actors[1].faces), (k + 1) * len(actors[1].faces))
+        alone = ~rays.occluded(run._viewpoint, corners[k].mean(axis=1), first + np.arange(len(actors[1].faces)))
+        differ += np.count_nonzero(seen[own] != alone)
+    assert differ <= 2  # coordinates are float32
+    assert seen.any() == (kind != "around the radar")
