@@ -6,8 +6,8 @@ person a few facets of thousands, behind the arm that swings. By how much spline
 leaving each instant out in turn. Those that matter are looked at in between as well, and go by paths of their own.
 
 Instants tell of edges that they see. What hides a facet for less than the time between two of them, a rod of 2 cm at
-4 m/s, may be missed by all; and what ghosts and slabs show of actors follows its instants alone. Of what actors hide of
-the static scene :mod:`rfgen_sionna.tracing.static_glances` takes care.
+1.5 m/s, may be missed by all; and what ghosts and slabs show of actors follows its instants alone. Of what actors hide
+of the static scene :mod:`rfgen_sionna.tracing.static_glances` takes care.
 """
 
 from __future__ import annotations
