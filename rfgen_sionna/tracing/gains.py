@@ -8,7 +8,7 @@ polarisation on both sides reciprocity leaves even powers of the difference of T
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -22,7 +22,7 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weights
-from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
 
@@ -391,23 +391,6 @@ class BandTracer:
             weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
         nodes = self._nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
         return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank), wanted)
-
-
-def by_curvature(
-    curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool, Into | None], FacetGains]
-) -> FacetGains:
-    """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index, whether these are curved, and
-    what they are written into.
-
-    Large flat facets are integrated point by point, which curved ones, that are small, don't need.
-    """
-    if curved is None or curved.all() or not curved.any():
-        return gains(slice(None), curved is not None and bool(curved.any()), None)
-    into = Into(len(curved))
-    for kind in (False, True):
-        into.index = np.flatnonzero(curved == kind)
-        found = gains(into.index, kind, into)
-    return found
 
 
 def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:

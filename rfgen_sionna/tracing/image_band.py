@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.gains import BandTracer, by_curvature
+from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.reflected import Via

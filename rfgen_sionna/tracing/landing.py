@@ -14,9 +14,8 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import cut
-from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, facet_gains
+from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.gains import by_curvature
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.plates import Plate
