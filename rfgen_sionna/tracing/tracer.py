@@ -126,7 +126,7 @@ class Tracer:
     second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`), and so do flat parts of anything: corner reflectors,
     boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
     Of further bounces those from bent surface to bent surface are not traced, nor bodies by two different walls where
-    one of the ways goes through a slab, nor bent parts of the static scene by two of them.
+    one of the ways goes through a slab.
 
     Parameters
     ----------

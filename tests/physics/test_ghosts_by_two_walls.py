@@ -25,6 +25,7 @@ from tests.physics.test_ghosts import (
     sphere_return,
     wall_reflection,
 )
+from tests.physics.test_moving_radar_ghosts import scene_with_mesh
 from tests.reference.physical_optics import Wall, po_gain
 from tests.sionna.rectangles import scene_of
 
@@ -237,3 +238,15 @@ def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
     least = np.minimum(found.twice[pairs[:, 0]], found.twice[pairs[:, 1]])
     assert (found.across <= least + 1e-12).all()
     assert ((found.across > 0) & (found.across < 1)).any()
+
+
+def test_round_furniture_has_those_of_an_actor(radar):
+    """The same ball as part of the scene: to a tolerance that is relative to what the room returns."""
+    scene = scene_with_mesh(sphere(4, 0.1).apply_translation(FAR), corridor("pec", "pec"))
+    stays = Simulator(scene, radar, [], rtol=1e-3, max_bounces=3).paths()
+    actor = Actor.from_mesh(sphere(4, 0.1), material="pec", position=FAR, name="ball")
+    moves = of(Simulator(corridor("pec", "pec"), radar, [actor], rtol=1e-3, max_bounces=3).paths())
+    for way, paths in across(moves).items():
+        found = across(of(stays, "thing"))[way]
+        assert found.num_paths
+        assert abs(channel(found) - channel(paths)).max() < 0.02 * abs(channel(paths)).max()

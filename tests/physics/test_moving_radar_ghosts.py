@@ -145,14 +145,14 @@ def test_corner_reflectors_that_stay_return_the_same_to_a_radar_that_passes(kind
     assert abs(sums[0] - sums[1]).max() < 0.01 * abs(sums[1]).max()
 
 
-def scene_with_mesh(mesh):
-    """A scene of one metal thing."""
+def scene_with_mesh(mesh, scene=None):
+    """A scene of one metal thing, and of what is in a `scene`."""
     import mitsuba as mi
     import sionna.rt as rt
 
     from rfgen_sionna.scene.radio_materials import sionna_material
 
-    scene = load_scene(None)
+    scene = scene or load_scene(None)
     scene.tune(77e9)
     made = mi.Mesh("thing", len(mesh.vertices), len(mesh.faces))
     parameters = mi.traverse(made)
