@@ -73,7 +73,7 @@ class TraceReport:
 
     Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.glances`), where it
     fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
-    suffice. For gains (:mod:`rfgen_sionna.tracing.instants`) it is reckoned with the strongest faces of a mesh, and
+    suffice. For gains (:mod:`rfgen_sionna.tracing.instants`) it is reckoned with some faces of a mesh, and
     above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. Of the static
     scene it is relative to what its `error` is (:mod:`rfgen_sionna.tracing.static_glances`). The larger of the two;
     what mirrors and slabs show of actors is not in it.
@@ -125,8 +125,8 @@ class Tracer:
     and where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a
     second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`), and so do flat parts of anything: corner reflectors,
     boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
-    Of further bounces those from bent surface to bent surface are not traced, nor bodies by two different walls where
-    one of the ways goes through a slab.
+    Of further bounces those from bent surface to bent surface are not traced, nor, to a radar that
+    stands, actors by two different walls where one of the ways goes through a slab.
 
     Parameters
     ----------

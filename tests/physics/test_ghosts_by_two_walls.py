@@ -246,6 +246,8 @@ def test_round_furniture_has_those_of_an_actor(radar):
     stays = Simulator(scene, radar, [], rtol=1e-3, max_bounces=3).paths()
     actor = Actor.from_mesh(sphere(4, 0.1), material="pec", position=FAR, name="ball")
     moves = of(Simulator(corridor("pec", "pec"), radar, [actor], rtol=1e-3, max_bounces=3).paths())
+    two = Simulator(scene, radar, [], rtol=1e-3, max_bounces=2).paths()
+    assert all(each.num_paths == 0 for each in across(of(two, "thing")).values())
     for way, paths in across(moves).items():
         found = across(of(stays, "thing"))[way]
         assert found.num_paths

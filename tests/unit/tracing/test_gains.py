@@ -7,7 +7,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.tracing import gains
-from rfgen_sionna.tracing.facet import Nodes, facet_gains
+from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.smooth import Bend
 
@@ -30,7 +30,7 @@ def test_flat_and_curved_facets_come_back_in_their_order(runs: int):
             bend=bend.take(index) if bent else None, into=into,
         )  # fmt: skip
 
-    found = gains.by_curvature(curved, of)
+    found = by_curvature(curved, of)
     assert asked == ([False] if runs == 1 else [False, True])
     for k in rng.permutation(len(curved))[:20]:
         alone = of(slice(k, k + 1), bool(curved[k]), None)

@@ -168,3 +168,53 @@ def test_nothing_and_no_time():
     empty = chosen(lambda t: [np.zeros((0, 3))], np.zeros((0, 3), np.int32))
     assert empty.error == 0.0
     assert len(empty.times) == 3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_large_face_tells_among_thousands_of_small_ones(seed):
+    """A plate of two triangles that turns beside a ball that stands, in whatever order the faces come: as many instants
+    as for the plate alone, but for what the ball returns as well."""
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.1)
+    moved = turning(3.0, size=0.5)
+
+    def positions(t):
+        return [np.concatenate([ball.vertices + np.array([3.0, 2.0, 0.0]), moved(t)[0]])]
+
+    faces = np.concatenate([ball.faces, PLATE + len(ball.vertices)]).astype(np.int32)
+    faces = faces[np.random.default_rng(seed).permutation(len(faces))]
+    alone = chosen(moved, tolerance=1e-3, knots=25)
+    found = chosen(positions, faces, tolerance=1e-3, knots=25)
+    assert len(found.times) >= len(alone.times) - 1
+    assert found.error > 0.2 * alone.error
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_others_stand_for_all(seed):
+    """Four thousand small plates, half of which turn: what is stated is what all of them side by side miss."""
+    rng = np.random.default_rng(seed)
+    count = 4000
+    places = np.array([4.0, 0.0, 0.0]) + rng.uniform(-0.5, 0.5, (count, 1, 3))
+    shapes = 0.004 * rng.normal(size=(count, 3, 3))
+    speed = np.where(rng.random(count) < 0.5, 40.0, 0.0)
+
+    def positions(t):
+        cos, sin = np.cos(speed * t), np.sin(speed * t)
+        zero, one = np.zeros(count), np.ones(count)
+        turn = np.moveaxis(np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]), 2, 0)
+        return [(places + shapes @ turn).reshape(-1, 3)]
+
+    faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    found = chosen(positions, faces, tolerance=0.01, knots=25)
+    times = np.linspace(0.0, 0.02, 101)
+
+    def gains(t):
+        away = positions(t)[0]
+        phases = WAVENUMBER * np.linalg.norm(away, axis=1)[faces.T]
+        a, b, c = np.moveaxis(away.reshape(-1, 3, 3), 1, 0)
+        area = np.abs(np.einsum("fi,fi->f", a, np.cross(b - a, c - a))) / np.linalg.norm(a, axis=1) ** 3
+        return area * _mean_phasor(phases - phases.mean(axis=0))
+
+    truth = np.stack([gains(t) for t in times])
+    missed = knot_weights(found.times, times) @ np.stack([gains(t) for t in found.times]) - truth
+    error = np.sqrt((np.abs(missed) ** 2).sum() / (np.abs(truth) ** 2).sum())
+    assert 0.5 * found.error < MARGIN * error < 1.6 * found.error
