@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.looks import Looks, before
+from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays
 from rfgen_sionna.scene.targets import CHUNK, NO_PRIMITIVE, SELF_GAP, Targets
@@ -234,8 +234,8 @@ class RayScene:
         self,
         viewpoint: FloatArray,
         vertices: Sequence[Sequence[FloatArray]],
+        hiding: Sequence[NDArray[np.intp]],
         corners: FloatArray | None = None,
-        hiding: Sequence[NDArray[np.intp]] | None = None,
     ) -> Looks:
         """What hides facets from the viewpoint at several times, at which the moving objects have their `vertices`: for
         every time those of :meth:`update`.
@@ -243,26 +243,16 @@ class RayScene:
         Args:
             viewpoint: (3,) [m].
             vertices: of every time, (vertex, 3) [m] of each moving object.
+            hiding: of every time, which of the :attr:`moving_faces` may come before the facets.
             corners: (time, facet, 3, 3) [m] of the facets that are looked at; None is some of the moving faces.
-            hiding: of every time, which faces of the moving objects may come before them, counted through all of these
-                objects; None is that it is to be found out from the corners.
-
-        Raises:
-            ValueError: neither is given.
         """
 
         def static(ray: Any, count: int, bundled: bool) -> tuple[Any, Any]:
             return self._nearest(ray, count, moving=False, bundled=bundled)[:2]
 
-        faces = self.moving_faces
         placed = [np.concatenate([np.zeros((0, 3)), *each]) for each in vertices]
-        if hiding is None:
-            if corners is None:
-                raise ValueError("corners and hiding are None: one of them is needed")
-            found = before(faces, [each - viewpoint for each in placed], corners - viewpoint)
-            hiding = [found] * len(placed)
         points = np.zeros((0, 3)) if corners is None else corners.reshape(-1, 3)
-        return Looks(static, self.origin, faces, self._num_static, viewpoint, placed, hiding, points)
+        return Looks(static, self.origin, self.moving_faces, self._num_static, viewpoint, placed, hiding, points)
 
     def _nearest(
         self, ray: Any, count: int, static: bool = True, moving: bool = True, bundled: bool = False

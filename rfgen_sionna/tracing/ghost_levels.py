@@ -20,18 +20,28 @@ _PLACES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which mirrors reflect; a slab's coefficients change over it."""
 
 
+class GhostLevels(NamedTuple):
+    """Returns by way of mirrors, relative to the direct return without shadows."""
+
+    alone: FloatArray
+    """(mirror, 2) by each mirror once, both ways round together, and twice."""
+    across: FloatArray
+    """(mirror, mirror) by one there and by another back, both ways round together; 0 where the second does not come
+    after the first."""
+
+
 def ghost_levels(
     radar: Radar,
     importance: Callable[[FloatArray], FloatArray],
     mirrors: Sequence[Mirror],
     points: FloatArray,
     max_bounces: int,
-) -> FloatArray:
-    """(mirror, 2) returns by way of each mirror once, both ways round together, and twice.
+) -> GhostLevels:
+    """How strong the ghosts of a body are.
 
-    They are relative to the direct return without shadows: Fresnel coefficients, spreading and antenna pattern of
-    the vertex where they are largest. The body itself counts as returning as much to every side; a ghost that lies
-    outside of a mirror's rectangle or beyond the range window has level 0.
+    By Fresnel coefficients, spreading and antenna pattern of the vertex where they are largest. The body itself counts
+    as returning as much to every side; a ghost that lies outside of a mirror's rectangle or beyond the range window has
+    level 0.
 
     Parameters
     ----------
@@ -42,34 +52,21 @@ def ghost_levels(
     points
         (vertex, 3) vertices of the body [m].
     max_bounces
-        2 leaves out those by the mirror twice.
+        2 leaves out those by mirrors both ways.
     """
-    found = np.zeros((len(mirrors), 2))
+    found = GhostLevels(np.zeros((len(mirrors), 2)), np.zeros((len(mirrors), len(mirrors))))
     shown = _Shown.of(radar, importance, mirrors, points)
-    if shown is not None:
-        once = shown.way * shown.near * (0.5 * (shown.length + shown.distance) < radar.max_range)
-        found[:, 0] = 2.0 * once.max(axis=1) / shown.direct
-        if max_bounces > 2:
-            found[:, 1] = (shown.way**2 * (shown.length < radar.max_range)).max(axis=1) / shown.direct
-    return found
-
-
-def levels_across(
-    radar: Radar,
-    importance: Callable[[FloatArray], FloatArray],
-    mirrors: Sequence[Mirror],
-    points: FloatArray,
-) -> FloatArray:
-    """(mirror, mirror) returns by way of one mirror there and of another back, both ways round together, as those of
-    :func:`ghost_levels`; 0 where the second does not come after the first."""
-    found = np.zeros((len(mirrors), len(mirrors)))
-    shown = _Shown.of(radar, importance, mirrors, points)
-    if shown is not None:
+    if shown is None:
+        return found
+    once = shown.way * shown.near * (0.5 * (shown.length + shown.distance) < radar.max_range)
+    found.alone[:, 0] = 2.0 * once.max(axis=1) / shown.direct
+    if max_bounces > 2:
+        found.alone[:, 1] = (shown.way**2 * (shown.length < radar.max_range)).max(axis=1) / shown.direct
         for one in np.flatnonzero(shown.way.any(axis=1)):
             others = slice(one + 1, None)
             reached = 0.5 * (shown.length[one] + shown.length[others]) < radar.max_range
             level = (shown.way[one] * shown.way[others] * reached).max(axis=1, initial=0.0)
-            found[one, others] = 2.0 * level / shown.direct
+            found.across[one, others] = 2.0 * level / shown.direct
     return found
 
 

@@ -19,7 +19,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.ghost_levels import ghost_levels, levels_across
+from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns, image_tolerance
 from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight
@@ -85,11 +85,9 @@ class Ghosts:
         """Choose the mirrors that matter while the (vertex, 3) positions [m] of the actors are those of `poses`."""
         if not self.mirrors:
             return
-        known, each_pose = (self._radar, self._probe.importance, self.mirrors), list(chain(*poses))
-        levels = np.max([ghost_levels(*known, points, self._max_bounces) for points in each_pose], axis=0)
-        across = np.zeros((len(levels), len(levels)))
-        if self._max_bounces > 2:
-            across = np.max([levels_across(*known, points) for points in each_pose], axis=0)
+        known = self._radar, self._probe.importance, self.mirrors
+        each_pose = [ghost_levels(*known, points, self._max_bounces) for points in chain(*poses)]
+        levels, across = (np.max(some, axis=0) for some in zip(*each_pose, strict=True))
         every = np.concatenate([levels.ravel(), across.ravel()])
         order = np.argsort(every)
         used = np.zeros(every.size, np.bool_)

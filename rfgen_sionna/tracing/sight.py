@@ -135,7 +135,7 @@ class Sight:
             [outline.towards(each) for outline, each in zip(self._outlines, there, strict=True)] for there in offsets
         ]
         hiding = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
-        looks = rays.looks(self._viewpoint, vertices, hiding=hiding)
+        looks = rays.looks(self._viewpoint, vertices, hiding)
         passing = self._past(looks, offsets, turned)
         near = [lengths(each.centroids - self._viewpoint) < self._max_range for each in facets]
         facing = [np.flatnonzero(each.facing & there) for each, there in zip(facets, near, strict=True)]
@@ -202,7 +202,7 @@ class Sight:
         for points, there in zip(placed, offsets, strict=True):
             around = np.array([_surrounds(each) for each in there])
             hiding.append(found[~outward | around[owner] | look_at_the_viewpoint(points, ends)])
-        return rays.looks(self._viewpoint, vertices, corners, hiding)
+        return rays.looks(self._viewpoint, vertices, hiding, corners)
 
     def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
         """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much

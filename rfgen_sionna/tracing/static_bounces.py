@@ -21,7 +21,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import areas
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.ghost_levels import ghost_levels, levels_across
+from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
@@ -178,16 +178,15 @@ def trace_shown(
         index = bent[facets.surface[bent] == number]
         mirrors = [plate for m in wide if (plate := plates[m]) is not None]
         relative = ghost_levels(radar, band.importance, mirrors, points[number], most)
-        for m, (by_one, by_two) in zip(wide, showing.levels[number] * relative, strict=True):
+        for m, (by_one, by_two) in zip(wide, showing.levels[number] * relative.alone, strict=True):
             if by_one > allowed:
                 once.append(land(index, by_one, m, DIRECT))
             if by_two > allowed:
                 twice.append(land(index, by_two, m, m))
-        if most > 2:
-            by_each = showing.levels[number] * levels_across(radar, band.importance, mirrors, points[number])
-            for one, other in np.argwhere(by_each > allowed).tolist():
-                found = land(index, by_each[one, other], wide[one], wide[other])
-                twice += [found, found.swapped()]
+        by_each = showing.levels[number] * relative.across
+        for one, other in np.argwhere(by_each > allowed).tolist():
+            found = land(index, by_each[one, other], wide[one], wide[other])
+            twice += [found, found.swapped()]
     landings = showing.joined(once), showing.joined(twice)
     return _integrated(showing, surfaces, radar, static, rtol, shower, plates, landings)
 

@@ -176,7 +176,8 @@ def test_ghosts_are_the_dense_quadrature_with_the_wall_s_own_fields(seed):
     assert np.sqrt(np.mean(np.abs(missed.sum(axis=1)) ** 2)) < error * levels.max()
 
 
-def test_tx_and_rx_changed_over_exchange_the_two_ways_and_leave_the_sum(ball):
+def changed_over():
+    """Two radars of one Tx and one Rx, of different polarisation, that are one another's with both changed over."""
     radar = Radar.load("awr1843", position=(0, 0, 1), overrides=ISOTROPIC)
     place = np.array([[0.0, 0.03, 0.01]])
     one = replace(
@@ -190,6 +191,11 @@ def test_tx_and_rx_changed_over_exchange_the_two_ways_and_leave_the_sum(ball):
         waveform=replace(radar.waveform, tx_order=(0,)),
     )
     other = replace(one, tx_positions=-place, rx_positions=place, tx_polarization="V", rx_polarization="+45")
+    return one, other
+
+
+def test_tx_and_rx_changed_over_exchange_the_two_ways_and_leave_the_sum(ball):
+    one, other = changed_over()
     scene = side_wall("concrete")
     here, there = (
         ways(of(Simulator(scene, each, [ball], rtol=1e-2, max_bounces=None).paths())) for each in (one, other)

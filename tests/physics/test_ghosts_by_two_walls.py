@@ -18,6 +18,7 @@ from tests.physics.test_ghosts import (
     ISOTROPIC,
     RADIUS,
     SIDE,
+    changed_over,
     channel,
     decibels,
     of,
@@ -144,19 +145,7 @@ def test_a_radar_that_moves_sees_those_of_one_that_stands_there(radar, ball):
 
 
 def test_changing_tx_and_rx_over_exchanges_them(ball):
-    radar = Radar.load("awr1843", position=VIEW, overrides=ISOTROPIC)
-    place = np.array([[0.0, 0.03, 0.01]])
-    one = replace(
-        radar,
-        tx_positions=place,
-        rx_positions=-place,
-        tx_names=("T",),
-        rx_names=("R",),
-        tx_polarization="+45",
-        rx_polarization="V",
-        waveform=replace(radar.waveform, tx_order=(0,)),
-    )
-    other = replace(one, tx_positions=-place, rx_positions=place, tx_polarization="V", rx_polarization="+45")
+    one, other = changed_over()
     scene = corridor("concrete", "glass")
     here, there = (
         across(of(Simulator(scene, each, [ball], rtol=1e-2, max_bounces=None).paths())) for each in (one, other)

@@ -5,7 +5,7 @@ import pytest
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import load_scene, tabulated
-from rfgen_sionna.tracing.ghost_levels import ghost_levels, levels_across
+from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.sionna.rectangles import scene_of
 
@@ -32,7 +32,7 @@ def test_levels_go_with_the_spreading_of_each_way(known):
     """Of walls of metal, relative to the direct return; by two of them, and once, both ways round count."""
     straight, by = lengths()
     left, right = by["left"], by["right"]
-    levels, across = ghost_levels(*known, POINT, 3), levels_across(*known, POINT)
+    levels, across = ghost_levels(*known, POINT, 3)
     ordered = sorted(levels.tolist())
     for found, length in zip(ordered, sorted(by.values(), reverse=True), strict=True):
         assert found == pytest.approx([2 * straight / length, (straight / length) ** 2], rel=1e-6)
@@ -45,18 +45,18 @@ def test_beyond_the_range_window_there_are_none(known, monkeypatch, beyond, once
     """Half of the whole way counts, by each wall, and by one there and the other back."""
     _, by = lengths()
     monkeypatch.setattr(Radar, "max_range", property(lambda _: float(np.mean(list(by.values()))) + beyond))
-    levels, across = ghost_levels(*known, POINT, 3), levels_across(*known, POINT)
+    levels, across = ghost_levels(*known, POINT, 3)
     assert np.count_nonzero(levels, axis=0).tolist() == [once, twice]
     assert np.count_nonzero(across) == both
 
 
 def test_two_bounces_are_by_one_wall_once(known):
-    levels = ghost_levels(*known, POINT, 2)
+    levels, across = ghost_levels(*known, POINT, 2)
     assert (levels[:, 0] > 0).all()
     assert not levels[:, 1].any()
+    assert not across.any()
 
 
 def test_what_is_behind_a_wall_or_nowhere_has_none(known):
     for points in (POINT + np.array([0, 2.0, 0]), np.zeros((0, 3))):
-        across = levels_across(*known, points)
-        assert not across.any()
+        assert not ghost_levels(*known, points, 3).across.any()
