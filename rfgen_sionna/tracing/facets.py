@@ -78,7 +78,14 @@ class Facets:
 
     def pulled(self, pull: FloatArray | None) -> Facets:
         """The same facets with this :attr:`pull`, by way of their centroids."""
-        found = replace(self, pull=pull, aim=None)
+        return self._with(pull=pull, aim=None)
+
+    def bent(self, bend: Bend) -> Facets:
+        """The same facets with this :attr:`bend`."""
+        return self._with(bend=bend)
+
+    def _with(self, **changed: Any) -> Facets:
+        found = replace(self, **changed)
         if "centroids" in self.__dict__:  # they are known
             found.__dict__["centroids"] = self.centroids
         return found
@@ -164,26 +171,22 @@ def stack_facets(
     pieces: Sequence[Tessellation],
     vertices: Sequence[FloatArray],
     viewpoint: FloatArray,
-    everywhere: bool = True,
     parts_of: Sequence[IntArray] | None = None,
 ) -> Facets:
-    """All pieces of all surfaces, in their order, for the vertices [m] given. Not `everywhere`, those that look away
-    from the viewpoint are left flat. They are integrated in `parts_of` (facet,) each surface; None: as many as they are
-    made for."""
+    """All pieces of all surfaces, in their order, for the vertices [m] given, left flat: :func:`bent` bends them. They
+    are integrated in `parts_of` (facet,) each surface; None: as many as they are made for."""
     curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     facing = [np.zeros(0, np.bool_)]
-    bends, bent = [Bend(np.zeros((0, 3, 3)))], [np.zeros(0, np.bool_)]
+    bends = [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c, p = piece.corners(points, surface.faces), columns(points, surface.faces)
         a, b, d = np.moveaxis(p - viewpoint[:, None, None], 1, 0)
         volume = sum(a[i] * (b[i - 2] * d[i - 1] - b[i - 1] * d[i - 2]) for i in range(3))
         towards = np.asarray(volume < 0)
         if curved:
-            flat = surface.closed and not everywhere
-            bends.append(piece.bend(points, surface.faces, surface.smooth, np.flatnonzero(towards) if flat else None))
-            bent.append(np.full(len(c), surface.smooth is not None))
+            bends.append(np.full(len(c), surface.smooth is not None))
         towards = towards[piece.face]
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
@@ -200,9 +203,29 @@ def stack_facets(
         facing=_stacked(facing),
         parts=_stacked(parts),
         place=_stacked(place),
-        bend=(bends[1] if len(bends) == 2 else Bend.stack(bends)) if curved else None,
-        curved=_stacked(bent) if curved else None,
+        curved=_stacked(bends) if curved else None,
     )
+
+
+def bent(
+    facets: Sequence[Facets],
+    surfaces: Sequence[Surface],
+    pieces: Sequence[Tessellation],
+    vertices: Sequence[Sequence[FloatArray]],
+    chosen: NDArray[np.intp] | None = None,
+) -> list[Facets]:
+    """The same `facets` at several times, bent as the surfaces are that they are all of, which have their `vertices`
+    (vertex, 3) [m] then; others than those that `chosen` counts out, ascending, may be left flat."""
+    if facets[0].curved is None:
+        return list(facets)
+    bends, first = [], 0
+    for surface, piece, points in zip(surfaces, pieces, zip(*vertices, strict=True), strict=True):
+        last = first + len(piece.face)
+        mine = None if chosen is None else chosen[slice(*np.searchsorted(chosen, [first, last]))] - first
+        bends.append(piece.bends(points, surface.faces, surface.smooth, mine))
+        first = last
+    every = [own[0] if len(own) == 1 else Bend.stack(own) for own in zip(*bends, strict=True)]
+    return [each.bent(own) for each, own in zip(facets, every, strict=True)]
 
 
 def _stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:

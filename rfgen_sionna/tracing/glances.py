@@ -26,8 +26,9 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, spline_error
+from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, Splined, spline_error
 from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns
+from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
 
@@ -192,6 +193,20 @@ def missed_of(
     return np.asarray(np.maximum(apart, rms(together) ** 2))
 
 
+def moved(first: Seen, last: Seen, viewpoint: FloatArray, wavenumber: float) -> FloatArray:
+    """(surface,) how much of what each surface returns without interfering may come or go from one instant to the next
+    for shadows' edges that move on, at most: what facets may return when an edge cuts them, by the share that changes,
+    side by side. A line between both misses half of that at most."""
+    chosen = np.flatnonzero((first.fraction > 0) | (last.fraction > 0))
+    facets = first.facets
+    most, cut, _ = returns_at_most(np.take(facets.corners, chosen, axis=0) - viewpoint, wavenumber)
+    before, after = first.fraction[chosen], last.fraction[chosen]
+    weight, surface, count = np.maximum(first.weight, last.weight)[chosen], facets.surface[chosen], len(first.level)
+    change = np.bincount(surface, weight * cut * np.abs(after - before), count)
+    level = np.sqrt(np.bincount(surface, 0.5 * (before**2 + after**2) * (weight * most) ** 2, count))
+    return np.where(level > 0, change / np.where(level > 0, level, 1.0), 0.0)
+
+
 def most_rounds(instants: int, most: int = MOST) -> int:
     """Times from one to the next of so many instants, at most: `most`, twice as many of those further apart."""
     return most if instants - 1 > QUIET_GAPS else 2 * most
@@ -280,7 +295,7 @@ class Glances:
         instants: FloatArray,
         seen: Sequence[Seen],
         expansion: Expansion,
-        positions: Callable[[float], Sequence[FloatArray]],
+        positions: Splined,
         corners: Callable[[float], FloatArray],
         rays: RayScene,
     ) -> Followed:
@@ -301,6 +316,7 @@ class Glances:
         while True:
             times = fine_times(instants, rounds)
             fresh = np.setdiff1d(times, known)
+            positions.look_up(fresh)
             step = times_at_once(rays.num_facets, self._viewpoint, positions(float(instants[0])))
             for begin in range(0, len(fresh), step):
                 some = fresh[begin : begin + step]

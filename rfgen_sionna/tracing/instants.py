@@ -14,13 +14,16 @@ from typing import NamedTuple
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, knot_weights
-from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.scene.mesh import columns, lengths, middles
+from rfgen_sionna.tracing.faint import mean_phasor, solid_angles
 from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS
 from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
 
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
 """Longest gap between three instants [s], and how far at most any vertex goes across the view in it [rad]: no further
 than an arm is wide 4 m away. What is narrower, or further off, may pass between two of them unseen."""
+PAIR_SPACING, PAIR_TURN = 28e-3, 10e-3
+"""The same of two instants."""
 STRONGEST, OTHERS = 500, 250
 """Faces of a mesh that tell how gains change, those that may return most, and so many that stand for all others."""
 MANY = 10_000
@@ -55,6 +58,7 @@ def choose_instants(
     tolerance: float,
     max_spacing: float,
     beside: bool = False,
+    pair: bool = False,
 ) -> Instants:
     """As few evenly spaced instants as follow the gains to a tolerance.
 
@@ -75,10 +79,12 @@ def choose_instants(
     tolerance
         Allowed error relative to the return [root mean square over time].
     max_spacing
-        Longest gap [s], but of :data:`QUIET_SPACING` where three instants do.
+        Longest gap [s], but of :data:`QUIET_SPACING` where three instants do, and of :data:`PAIR_SPACING` where two do.
     beside
         Whether mirrors or slabs show the meshes as well: then there are four instants at least, as what they show is
         not looked at between instants.
+    pair
+        Whether two instants may do: nothing is left out then to tell what shadows that pass in between change.
     """
     if len(knots) == 1:
         return Instants(knots, 0.0)
@@ -95,9 +101,12 @@ def choose_instants(
     def missed(gaps: int) -> float:
         return MARGIN * max((each.missed(gaps) for each in meshes), default=0.0)
 
-    quiet = not beside and length <= QUIET_GAPS * QUIET_SPACING and (error := missed(QUIET_GAPS)) <= allowed
-    if quiet and _most_turn(places, viewpoint) * (len(knots) - 1) / QUIET_GAPS <= QUIET_TURN:
-        gaps = QUIET_GAPS
+    turn = _most_turn(places, viewpoint) * (len(knots) - 1) if not beside else np.inf
+    few = (1, PAIR_SPACING, PAIR_TURN), (QUIET_GAPS, QUIET_SPACING, QUIET_TURN)
+    for some, spacing, most_turn in few if pair else few[1:]:
+        if length <= some * spacing and turn <= some * most_turn and (error := missed(some)) <= allowed:
+            gaps = some
+            break
     else:
         error = missed(gaps)
     while error > allowed and gaps < most:
@@ -127,13 +136,15 @@ class _Faces:
         # What glints or shows itself at one end alone counts as well; of very many faces others do then.
         poses = (vertices[0], vertices[-1]) if len(faces) < MANY else (vertices[len(vertices) // 2],)
         for points in poses:
-            angle, width, near = _sizes(points, faces, viewpoint)
-            angle = np.maximum(angle, 0.0) if closed else np.abs(angle)
+            corners = columns(points - viewpoint, faces)
+            angle = solid_angles(corners)
+            some = np.flatnonzero(angle > 0 if closed else angle != 0)
+            corners, angle = np.take(corners, some, axis=2), np.abs(angle[some])
             # Large faces are traced in pieces: about k width^2 / (4 distance) is how far the phase bulges.
-            square = np.minimum(8.0 * FACET_BULGE * near / np.maximum(wavenumber * width**2, 1e-300), 1.0)
-            turns = (_turned(wavenumber * lengths(points - viewpoint)[faces.T]) ** 2).sum(axis=0)
-            np.maximum(strength, angle * np.sqrt(square) / (1.0 + 3.0 * square * turns), out=strength)
-            np.maximum(size, angle, out=size)
+            width, near = _width_and_distance(corners)
+            share = np.sqrt(np.minimum(8.0 * FACET_BULGE * near / np.maximum(wavenumber * width**2, 1e-300), 1.0))
+            found = angle * share * mean_phasor(corners, 0.5 * wavenumber * share)
+            strength[some], size[some] = np.maximum(strength[some], found), np.maximum(size[some], angle)
         order = np.argsort(-strength)
         order = order[: int(np.count_nonzero(strength))]
         rest = order[STRONGEST:]
@@ -201,16 +212,11 @@ def _most_turn(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) ->
     return float(np.sqrt(found))
 
 
-def _sizes(vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of each face (face,) the solid angle [sr], below zero where it looks away (Van Oosterom and Strackee, 1983), the
-    longest edge and the distance of the nearest corner [m]."""
-    places = np.ascontiguousarray((vertices - viewpoint).T)
-    a, b, c = np.moveaxis(places[:, faces.T], 1, 0)
-    far = np.sqrt(places[0] ** 2 + places[1] ** 2 + places[2] ** 2)[faces.T]
-    volume = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
-    along = [x[0] * y[0] + x[1] * y[1] + x[2] * y[2] for x, y in ((b, c), (c, a), (a, b))]
-    total = far[0] * far[1] * far[2] + along[0] * far[0] + along[1] * far[1] + along[2] * far[2]
-    square = np.maximum.reduce([far[i - 2] ** 2 + far[i - 1] ** 2 - 2.0 * along[i] for i in range(3)])
-    return -2.0 * np.arctan2(volume, total), np.sqrt(np.maximum(square, 0.0)), np.minimum.reduce(far)
+def _width_and_distance(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(face,) longest edge, and how far the nearest corner is, of faces with `corners` (axis, corner, face) [m]."""
+    square = np.zeros(corners.shape[2])
+    for k in range(3):
+        x, y, z = corners[:, k] - corners[:, k - 1]
+        np.maximum(square, x * x + y * y + z * z, out=square)
+    x, y, z = corners[0] ** 2 + corners[1] ** 2 + corners[2] ** 2
+    return np.sqrt(square), np.sqrt(np.minimum(np.minimum(x, y), z))

@@ -22,6 +22,9 @@ RIM_GAPS = 5
 QUIET_GAPS, QUIET_ERROR = 2, 0.046
 """The fewest gaps that gains are known over, and what the parabola through three instants errs by for a swing of 1 rad
 between them [root mean square over time]; it grows with the swing's third power."""
+PAIR_ERROR = 0.091
+"""What a line between two instants errs by for a swing of 1 rad from one to the other: an eighth of the swing's square
+half way, times the root of 8 / 15."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
@@ -98,9 +101,37 @@ def choose_knots(
         count = 2 * count - 1
 
 
+class Splined:
+    """Positions [m] of meshes between `knots` [s], by splines through those there: as right as delays are, and several
+    times quicker to have than where bodies are posed anew."""
+
+    def __init__(self, knots: FloatArray, positions: Callable[[float], Sequence[FloatArray]]) -> None:
+        self._knots = knots
+        self._known = {float(t): positions(float(t)) for t in knots}
+
+    def __call__(self, t: float) -> Sequence[FloatArray]:
+        """(vertex, 3) of each mesh at a time [s]; it is kept in mind."""
+        if t not in self._known:
+            self.look_up(np.array([t]))
+        return self._known[t]
+
+    def look_up(self, times: FloatArray) -> None:
+        """Have them at these times [s]."""
+        fresh = np.array([t for t in times.tolist() if t not in self._known])
+        if not len(fresh):
+            return
+        weights = knot_weights(self._knots, fresh)
+        at_knots = zip(*(self._known[float(t)] for t in self._knots), strict=True)
+        meshes = [np.tensordot(weights, np.stack(each), 1) for each in at_knots]
+        for number, t in enumerate(fresh.tolist()):
+            self._known[t] = [each[number] for each in meshes]
+
+
 def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
     """What splines with so many gaps err by between instants, at phasors that swing by so much [rad] over a gap: root
     mean square over time."""
+    if gaps == 1:
+        return np.asarray(PAIR_ERROR * swing**2)
     if gaps <= QUIET_GAPS:
         return np.asarray(QUIET_ERROR * swing**3)
     return np.asarray((RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR) * swing**4)
@@ -109,6 +140,8 @@ def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
 def most_swing(tolerance: float, gaps: int) -> float:
     """Phase [rad] by which a phasor may swing from instant to instant for a spline with so many gaps to err by
     `tolerance` at most."""
+    if gaps == 1:
+        return float((tolerance / PAIR_ERROR) ** 0.5)
     if gaps <= QUIET_GAPS:
         return float((tolerance / QUIET_ERROR) ** (1 / 3))
     return float((tolerance / RIM_ERROR) ** 0.25)

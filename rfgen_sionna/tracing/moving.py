@@ -10,22 +10,23 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer, finer
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
-from rfgen_sionna.tracing.facets import RATE_STEP, Facets, facet_paths, over_time, stack_facets
+from rfgen_sionna.tracing.facets import RATE_STEP, Facets, bent, facet_paths, over_time, stack_facets
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
-from rfgen_sionna.tracing.glances import Followed, Glances, fine_times
+from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Followed, Glances, fine_times, moved
+from rfgen_sionna.tracing.knots import Splined
 from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.patches import Patches
 from rfgen_sionna.tracing.returns import FacetReturns
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.sight import Seen, Sight
-from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.surfaces import Surface, Surfaces
 from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 from rfgen_sionna.tracing.veils import Veiled, Veils
 
@@ -36,6 +37,8 @@ MAX_ROUNDS = 5
 MEASURED_EVERY = 5
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
+PAIR, UNSTEADY = 2, 5
+"""The fewest instants of a stretch, and in how many stretches no pair is tried after one in which shadows moved."""
 _LOG = logging.getLogger(__name__)
 
 Positions = Callable[[float], Sequence[FloatArray]]
@@ -62,6 +65,8 @@ class MovingTrace:
     until the next stretch is traced."""
     glanced_places: Callable[[float], FloatArray]
     """The same of `glanced`."""
+    instants: FloatArray
+    """(instant,) at which gains were traced [s]."""
 
 
 class MovingParts:
@@ -102,7 +107,7 @@ class MovingParts:
         self._level = np.zeros(len(surfaces.moving))
         self._interference = np.zeros(len(surfaces.moving))
         self._error = self._last = 0.0
-        self._turn = 0
+        self._turn = self._unsteady = 0
 
     def trace(
         self,
@@ -112,9 +117,12 @@ class MovingParts:
         rays: Callable[[float], RayScene],
         ray_scene: RayScene,
     ) -> MovingTrace:
-        """Paths with delays at `knots` and gains traced at `instants` [s]; `rays` gives the `ray_scene` as it is at an
-        instant."""
-        middle = len(instants) // 2
+        """Paths with delays at `knots` and gains traced at `instants` [s]; where shadows move, two of them are not
+        enough. `rays` gives the `ray_scene` as it is at an instant."""
+        self._unsteady -= 1
+        if len(instants) == PAIR and self._unsteady > 0:
+            instants = _three(instants)
+        middle, steady = len(instants) // 2, 0.0
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
         self._follow(positions, knots)
@@ -124,6 +132,11 @@ class MovingParts:
             afresh = attempt == 0 or kept_on
             expansion = self._expansion or self._refine(float(instants[middle]), positions, rays, ray_scene, afresh)
             seen = self._see(instants.tolist(), positions, ray_scene)
+            if len(instants) == PAIR:
+                steady = self._changed(*seen)
+                if steady > BETWEEN_PER_RTOL * self._rtol:
+                    instants, middle, steady, self._unsteady = _three(instants), 1, 0.0, UNSTEADY
+                    seen = self._see(instants.tolist(), positions, ray_scene)
             whole = [self._from_all_sides(each.facets) for each in seen]
             mirrored: list[MirroredView] = []
             bounced: list[list[Bounced]] = [[] for _ in bounces]
@@ -154,16 +167,17 @@ class MovingParts:
         shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
         weight = seen[middle].weight[kept]
         chosen = self._glances.choose(facets, references, values, shares, weight, expansion, self._level)
-        glanced, followed, between = None, kept[chosen.facets], chosen.error()
+        glanced, followed, between = None, kept[chosen.facets], max(chosen.error(), steady)
         looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [*seen, *mirrored, *chain(*bounced), *veiled]
         if len(followed):
+            placed = Splined(knots, positions)
             found = self._glances.follow(
-                chosen, followed, self._places[followed], instants, seen, expansion, positions,
-                lambda t: self._corners(positions(t), followed), ray_scene,
+                chosen, followed, self._places[followed], instants, seen, expansion, placed,
+                lambda t: self._corners(placed(t), followed), ray_scene,
             )  # fmt: skip
             # As many knots as delays ask for, the times among them.
             often = fine_times(found.times, -(-(len(knots) - 1) // (len(found.times) - 1)))
-            glanced = self._paths(often, found.times, positions, found.facets, found.coefficients, followed, {})
+            glanced = self._paths(often, found.times, placed, found.facets, found.coefficients, followed, {})
             between = found.error
             looked.append(found)
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
@@ -200,7 +214,13 @@ class MovingParts:
             sum(each.rays for each in looked),
             lambda t: self._centroids(positions(t), led),
             lambda t: self._centroids(positions(t), followed),
+            instants,
         )
+
+    def _changed(self, first: Seen, last: Seen) -> float:
+        """Error between two instants for shadows that move on, at most, of the worst surface."""
+        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        return float((0.5 * self._interference * moved(first, last, self._viewpoint, wavenumber)).max(initial=0.0))
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
         """New facets where an actor has come nearer by a fifth or gone twice as far, or where its range decides what is
@@ -266,7 +286,13 @@ class MovingParts:
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
         surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
         self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
-        self._sight.look_for(corners)
+        firsts = np.cumsum([0, *(len(each.face) for each in self._pieces)])
+        of_bent = [
+            first + piece.pieces
+            for piece, first, surface in zip(self._pieces, firsts.tolist(), self._surfaces.moving, strict=False)
+            if surface.smooth is not None
+        ]
+        self._sight.look_for(corners, np.concatenate([np.zeros(0, np.intp), *of_bent]))
         self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
 
     def _turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:
@@ -378,11 +404,20 @@ class MovingParts:
         return np.asarray(error)
 
     def _see(self, times: Sequence[float], positions: Positions, ray_scene: RayScene) -> list[Seen]:
-        vertices = [positions(t) for t in times]
-        known = self._surfaces.moving, self._pieces
-        everywhere, parts = self.beside, self._parts
-        facets = [stack_facets(*known, each, self._viewpoint, everywhere, parts) for each in vertices]
-        return self._sight(ray_scene, facets, self._places, times, vertices)
+        vertices, everything = [positions(t) for t in times], self.beside
+        facets = [stack_facets(*self._known, each, self._viewpoint, self._parts) for each in vertices]
+        if everything:
+            facets = bent(facets, *self._known, vertices)
+        seen = self._sight(ray_scene, facets, self._places, times, vertices, everything)
+        if everything:
+            return seen
+        kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
+        facets = bent([each.facets for each in seen], *self._known, vertices, kept)
+        return [replace(each, facets=own) for each, own in zip(seen, facets, strict=True)]
+
+    @property
+    def _known(self) -> tuple[tuple[Surface, ...], list[Tessellation]]:
+        return self._surfaces.moving, self._pieces
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
@@ -461,3 +496,8 @@ class MovingParts:
         for piece, points, surface in zip(self._pieces, vertices, self._surfaces.moving, strict=True):
             yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
             first += len(piece.face)
+
+
+def _three(instants: FloatArray) -> FloatArray:
+    """Two instants and the one half way."""
+    return np.linspace(instants[0], instants[-1], 3)

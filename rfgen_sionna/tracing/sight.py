@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, faintest, loudness
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
@@ -21,6 +22,9 @@ from rfgen_sionna.tracing.surfaces import Surfaces
 
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
+_ROUNDS, _FAINTER = 3, 2.0
+"""How often it is reckoned anew which facets are too faint, at most, and by what factor they may return more than is
+allowed for less to be seen of a surface than was thought."""
 _PER_FACET, _SMALL = 0.3, 0.1
 """Angle between them at a tolerance of 1 %, over the width of facets such that smaller ones make up so small a share of
 the view."""
@@ -87,6 +91,18 @@ class Seen:
         )
 
 
+class _Facing(NamedTuple):
+    """Facets that look at the radar, within the range window."""
+
+    chosen: NDArray[np.intp]
+    """(chosen,) ascending."""
+    weight: FloatArray
+    """(chosen,) that of :class:`Seen`."""
+
+    def of(self, some: NDArray[np.intp]) -> _Facing:
+        return _Facing(self.chosen[some], self.weight[some])
+
+
 class Sight:
     """Looks at moving surfaces from one place, as far as the range window."""
 
@@ -100,6 +116,8 @@ class Sight:
         self._passed: dict[float, Passing] = {}
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._of_bent = np.zeros(0, np.intp)
+        self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
     def __call__(
         self,
@@ -108,15 +126,79 @@ class Sight:
         places: IntArray,
         times: Sequence[float],
         vertices: Sequence[Sequence[FloatArray]],
+        everything: bool = True,
     ) -> list[Seen]:
         """What is seen at several `times` [s] of `facets`, at each all those of the moving surfaces, which have their
         `vertices` (vertex, 3) [m] then; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`, and
-        `rays` is the ray scene at any time. Nothing is told of times by one another: together they are quicker."""
+        `rays` is the ray scene at any time. Not `everything`, facets that return next to nothing at all these times
+        (:mod:`rfgen_sionna.tracing.faint`) are not looked at. Else nothing is told of times by one another: together
+        they are quicker."""
+        facing = [self._facing(each) for each in facets]
+        if everything:
+            return self._at_all_times(rays, facets, places, times, vertices, facing)
+        surfaces, surface = len(self._surfaces.moving), facets[0].surface
+        louds, most = [], np.zeros(len(surface))
+        total = np.full(surfaces, np.inf)
+        for each, there in zip(facets, facing, strict=True):
+            loud, there_most = self._loud(each, there)
+            louds.append(loud)
+            most[there.chosen] = np.maximum(most[there.chosen], there_most)
+            total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
+        for _ in range(_ROUNDS):
+            faint, left = faintest(most, surface, FAINT_PER_RTOL * self._rtol * self._shown * total)
+            kept = [there.of(np.flatnonzero(~faint[there.chosen])) for there in facing]
+            found = self._at_all_times(rays, facets, places, times, vertices, kept)
+            shown = np.full(surfaces, np.inf)
+            for seen, there, loud in zip(found, facing, louds, strict=True):
+                energy = np.bincount(surface[there.chosen], (loud * seen.fraction[there.chosen]) ** 2, surfaces)
+                shown = np.minimum(shown, np.sqrt(energy))
+            enough = left <= _FAINTER * FAINT_PER_RTOL * self._rtol * shown
+            self._shown = np.minimum(np.where(total > 0, shown / np.where(total > 0, total, 1.0), 1.0), 1.0)
+            if enough.all():
+                break
+        beyond = np.where(shown > 0, left / np.where(shown > 0, shown, 1.0), 0.0)
+        return [replace(each, missed=np.hypot(each.missed, beyond)) for each in found]
+
+    def _facing(self, facets: Facets) -> _Facing:
+        chosen = np.flatnonzero(facets.facing)
+        offset = np.take(facets.centroids, chosen, axis=0) - self._viewpoint
+        distance = lengths(offset)
+        near = distance < self._max_range
+        if not near.all():
+            chosen, offset, distance = chosen[near], offset[near], distance[near]
+        return _Facing(chosen, self._importance(offset / np.maximum(distance, 1e-12)[:, None]))
+
+    def _loud(self, facets: Facets, facing: _Facing) -> tuple[FloatArray, FloatArray]:
+        """(chosen,) about what those `facing` return, antennas included, and what they may: over a facet that is
+        integrated in parts the phase bends, so that one part alone may return most, and of pieces of bent faces corners
+        do not tell it."""
+        chosen = facing.chosen
+        corners = np.ascontiguousarray((np.take(facets.corners, chosen, axis=0) - self._viewpoint).T)
+        loud = facing.weight * loudness(corners, self._wavenumber)
+        most, bent = loud.copy(), np.flatnonzero((parts := facets.parts[chosen]) > 1)
+        if len(bent):
+            few = np.take(corners, bent, axis=2)
+            most[bent] = facing.weight[bent] * loudness(few, self._wavenumber / parts[bent])
+        if len(self._of_bent):
+            pieces = np.isin(chosen, self._of_bent, assume_unique=True)
+            loud[pieces], most[pieces] = 0.0, np.inf
+        return loud, most
+
+    def _at_all_times(
+        self,
+        rays: RayScene,
+        facets: Sequence[Facets],
+        places: IntArray,
+        times: Sequence[float],
+        vertices: Sequence[Sequence[FloatArray]],
+        facing: Sequence[_Facing],
+    ) -> list[Seen]:
+        """:meth:`__call__` of those `facing`, as many times at once as there may be."""
         self._passed.clear()
         step, found = times_at_once(rays.num_facets, self._viewpoint, vertices[0]), list[Seen]()
         for first in range(0, len(facets), step):
             some = slice(first, first + step)
-            seen, passing = self._together(rays, facets[some], places, vertices[some])
+            seen, passing = self._together(rays, facets[some], places, vertices[some], facing[some])
             found += seen
             self._passed |= zip(times[some], passing, strict=True)
         return found
@@ -127,8 +209,9 @@ class Sight:
         facets: Sequence[Facets],
         places: IntArray,
         vertices: Sequence[Sequence[FloatArray]],
+        looked: Sequence[_Facing],
     ) -> tuple[list[Seen], list[Passing]]:
-        """:meth:`__call__` at once, and the rays that just pass outlines."""
+        """:meth:`__call__` at once of what is to be `looked` at, and the rays that just pass outlines."""
         count, surfaces = len(facets), len(self._surfaces.moving)
         offsets = [[points - self._viewpoint for points in there] for there in vertices]
         turned = [
@@ -137,8 +220,7 @@ class Sight:
         hiding = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
         looks = rays.looks(self._viewpoint, vertices, hiding)
         passing = self._past(looks, offsets, turned)
-        near = [lengths(each.centroids - self._viewpoint) < self._max_range for each in facets]
-        facing = [np.flatnonzero(each.facing & there) for each, there in zip(facets, near, strict=True)]
+        facing = [each.chosen for each in looked]
         starts = np.cumsum([0, *(len(each) for each in facing)])
         time = np.repeat(np.arange(count, dtype=np.int32), np.diff(starts))
         corners = np.empty((starts[-1], 3, 3))
@@ -150,12 +232,7 @@ class Sight:
 
         number, group = every("number") + np.int64(rays.num_facets) * time, every("surface") + surfaces * time
         place = np.concatenate([places[some] for some in facing]) + (int(places.max(initial=-1)) + 1) * time[:, None]
-        weight = np.concatenate(
-            [
-                self._importance(each.directions(self._viewpoint, some))
-                for each, some in zip(facets, facing, strict=True)
-            ]
-        )
+        weight = np.concatenate([each.weight for each in looked])
         # By all that falls on them at their time.
         hit = [np.where(each.hit < 0, -1, each.hit + rays.num_facets * k) for k, each in enumerate(passing)]
         fallen = Passing(
@@ -250,8 +327,10 @@ class Sight:
         error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
         return found, guides, np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0), level
 
-    def look_for(self, corners: Sequence[FloatArray]) -> None:
-        """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface."""
+    def look_for(self, corners: Sequence[FloatArray], of_bent: NDArray[np.intp]) -> None:
+        """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface, of
+        which `of_bent` are pieces of bent faces."""
+        self._of_bent = of_bent
         apart = apart_for(corners, self._viewpoint, self._rtol)
         if apart != self._apart:
             self._apart, self._static = apart, None
@@ -271,6 +350,7 @@ class Sight:
             past, stands_for = static_outlines(self._surfaces, self._viewpoint, self._apart)
             self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
+
         found = []
         for there, towards in zip(offsets, turned, strict=True):
             before = np.zeros(len(static), np.bool_)

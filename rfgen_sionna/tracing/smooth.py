@@ -67,53 +67,71 @@ class Smoothing:
 
     def bend(self, vertices: FloatArray, faces: IntArray, shown: NDArray[np.intp] | None = None) -> Bend:
         """How the faces are bent, for vertices (vertex, 3) [m]; others than those that `shown` counts out are left
-        flat.
+        flat."""
+        return self.bends([vertices], faces, shown)[0]
+
+    def bends(
+        self, vertices: Sequence[FloatArray], faces: IntArray, shown: NDArray[np.intp] | None = None
+    ) -> list[Bend]:
+        """:meth:`bend` at several times.
 
         These are the :func:`edge_rises` of :meth:`normals`, by Dr.Jit: of what is reckoned anew at every instant they
         would take the longest.
         """
-        count = len(faces) if shown is None else len(shown)
+        count, times, size = len(faces) if shown is None else len(shown), len(vertices), len(faces)
         if not count:
-            return Bend(np.zeros((len(faces), 3, 3)))
+            return [Bend(np.zeros((size, 3, 3))) for _ in range(times)]
         dr, types = drjit_types()
         Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
-        places, ends = upload(Float, vertices), upload(UInt32, faces)
+        places, ends = upload(Float, vertices[0] if times == 1 else joined(vertices)), upload(UInt32, faces)
+        # So many vertices, normals, faces that are shown, and faces there are of each time.
+        points, groups, lanes, every = (
+            dr.opaque(UInt32, each) for each in (len(vertices[0]), self.gather.shape[0], count, size)
+        )
         members, starts = upload(UInt32, self.gather.indices), upload(UInt32, self.gather.indptr)
 
         def vector(flat: Any, index: Any) -> Any:
             return Array3(*(dr.gather(Float, flat, 3 * index + axis) for axis in range(3)))
 
-        def vertex(face: Any, corner: Any) -> Any:
-            return vector(places, dr.gather(UInt32, ends, 3 * face + corner))
+        def vertex(time: Any, face: Any, corner: Any) -> Any:
+            return vector(places, time * points + dr.gather(UInt32, ends, 3 * face + corner))
 
         def add(each: Any, total: Any) -> tuple[Any, Any]:
             corner = dr.gather(UInt32, members, each)
             face, begin = corner // 3, corner % 3
-            here = vertex(face, begin)
-            one, other = vertex(face, (begin + 1) % 3) - here, vertex(face, (begin + 2) % 3) - here
+            here, one, other = (vertex(time, face, (begin + k) % 3) for k in range(3))
+            one, other = one - here, other - here
             weight = 1.0 / dr.maximum(dr.squared_norm(one) * dr.squared_norm(other), 1e-60)
             return each + 1, total + weight * dr.cross(one, other)
 
-        normal = dr.arange(UInt32, self.gather.shape[0])
+        lane = dr.arange(UInt32, times * self.gather.shape[0])
+        time, normal = lane // groups, lane % groups
         last = dr.gather(UInt32, starts, normal + 1)
-        begun = dr.gather(UInt32, starts, normal), dr.zeros(Array3, self.gather.shape[0])
+        begun = dr.gather(UInt32, starts, normal), dr.zeros(Array3, times * self.gather.shape[0])
         total = dr.while_loop(begun, lambda each, _: each < last, add)[1]
         total /= dr.maximum(dr.norm(total), 1e-300)
         normals = dr.ravel(total)
-        face = dr.arange(UInt32, count) if shown is None else upload(UInt32, shown)
-        group, rises = upload(UInt32, self.group), dr.zeros(Float, 9 * len(faces))
+        lane = dr.arange(UInt32, times * count)
+        later, face = lane // lanes, lane % lanes
+        if shown is not None:
+            face = dr.gather(UInt32, upload(UInt32, shown), face)
+        group, rises = upload(UInt32, self.group), dr.zeros(Float, 9 * times * size)
         dr.eval(normals, rises)
         for edge in range(3):
             (here, first), (there, second) = (
-                (vertex(face, end), vector(normals, dr.gather(UInt32, group, 3 * face + end)))
+                (
+                    vertex(later, face, end),
+                    vector(normals, later * groups + dr.gather(UInt32, group, 3 * face + end)),
+                )
                 for end in ((edge + 1) % 3, (edge + 2) % 3)
             )
             mean = first + second
             length = dr.maximum(dr.norm(mean), 1e-9)
             rise = mean * (dr.dot(second - first, there - here) / (2.0 * length * (2.0 + length)))
             for axis in range(3):
-                dr.scatter(rises, rise[axis], 9 * face + 3 * edge + axis, mode=dr.ReduceMode.Permute)
-        return Bend(rises.numpy().reshape(-1, 3, 3))
+                place = 9 * (later * every + face) + 3 * edge + axis
+                dr.scatter(rises, rise[axis], place, mode=dr.ReduceMode.Permute)
+        return [Bend(each) for each in rises.numpy().reshape(times, size, 3, 3)]
 
 
 def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:

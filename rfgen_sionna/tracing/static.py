@@ -17,7 +17,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, Finer, finer
 from rfgen_sionna.tracing.cones import Spheres, behind, spheres
-from rfgen_sionna.tracing.facets import Facets, facet_paths, stack_facets
+from rfgen_sionna.tracing.facets import Facets, bent, facet_paths, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.outlines import Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
@@ -362,7 +362,8 @@ def _seen_facets(
             surfaces.static_vertices, surfaces.static, (rtol * fineness).tolist(), strict=True
         )
     ]
-    facets = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
+    flat = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
+    (facets,) = bent([flat], surfaces.static, pieces, [surfaces.static_vertices])
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
     facets = facets.pulled(band.pull(facets))

@@ -100,22 +100,32 @@ class Tessellation:
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
 
-    def bend(
-        self, vertices: FloatArray, faces: IntArray, smooth: Smoothing | None, shown: NDArray[np.intp] | None = None
-    ) -> Bend:
-        """How the facets are bent, for the mesh's (vertex, 3) positions [m]; those of other faces than `shown` counts
-        out are left flat."""
+    def bends(
+        self,
+        vertices: Sequence[FloatArray],
+        faces: IntArray,
+        smooth: Smoothing | None,
+        chosen: NDArray[np.intp] | None = None,
+    ) -> list[Bend]:
+        """How the facets are bent at several times, for the mesh's (vertex, 3) positions [m] then; others than those
+        that `chosen` counts out may be left flat."""
+        count, pieces = len(self.face), self.pieces
         if smooth is None:
-            return Bend(np.zeros((len(self.face), 3, 3)))
-        bend = smooth.bend(vertices, faces, shown)
-        if not self.are_the_faces(len(faces)):
-            bend = bend.take(self.face)
-        pieces = self.pieces
-        if len(pieces) == 0:
-            return bend
-        some, lifts = bend.take(pieces).within(self.weights[pieces]), np.zeros((len(self.face), 3, 3))
-        bend.rises[pieces], lifts[pieces] = some.rises, some.lifts
-        return Bend(bend.rises, lifts)
+            return [Bend(np.zeros((count, 3, 3))) for _ in vertices]
+        whole = self.are_the_faces(len(faces))
+        shown = chosen
+        if not whole and chosen is not None:
+            shown = np.unique(self.face[chosen]).astype(np.intp)
+        found = smooth.bends(vertices, faces, shown)
+        if not whole:
+            found = [bend.take(self.face) for bend in found]
+        if len(pieces):
+            weights = self.weights[pieces]
+            for number, bend in enumerate(found):
+                own, lifts = bend.take(pieces).within(weights), np.zeros((count, 3, 3))
+                bend.rises[pieces], lifts[pieces] = own.rises, own.lifts
+                found[number] = Bend(bend.rises, lifts)
+        return found
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
         """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""

@@ -282,7 +282,9 @@ class Tracer:
             knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
             closed = [surface.closed for surface in self.surfaces.moving]
             given = self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-            instants, turned = choose_instants(self._vertices, faces, closed, *given, beside=moving.beside)
+            instants, turned = choose_instants(
+                self._vertices, faces, closed, *given, beside=moving.beside, pair=not self.surfaces.static
+            )
         return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)
 
     @one_blas_thread()
@@ -355,6 +357,7 @@ class Tracer:
             return rays
 
         moving = parts.trace(knots, instants, self._vertices, look, self._rays)
+        instants = moving.instants
         for t in instants.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
                 look(t)

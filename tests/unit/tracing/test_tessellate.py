@@ -26,7 +26,7 @@ def test_facets_lie_where_their_faces_do(order, reach):
     assert (len(pieces.face) == 0) == (reach == 2.5)
     corners = pieces.corners(vertices, faces)
     assert np.allclose(corners, pieces.weights @ vertices[faces[pieces.face]], rtol=0, atol=1e-12)
-    bend, of_faces = pieces.bend(vertices, faces, smooth), smooth.bend(vertices, faces)
+    bend, of_faces = pieces.bends([vertices], faces, smooth)[0], smooth.bend(vertices, faces)
     assert bend.rises.shape == corners.shape
     whole = np.setdiff1d(np.arange(len(pieces.face)), pieces.pieces)
     assert np.array_equal(bend.rises[whole], of_faces.rises[pieces.face[whole]])

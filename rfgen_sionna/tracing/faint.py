@@ -1,0 +1,66 @@
+"""Facets that return next to nothing beside the others of their surface.
+
+Most of what a body returns comes from where it mirrors the radar, and most of its facets lie aslant: about how much
+each returns follows from its corners, before it is looked at or integrated. The faintest are left out, until all of
+them together would matter.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray
+
+FAINT_PER_RTOL = 0.2
+"""What facets that are left out return, one by one and by :func:`loudness`, over what all do, per unit of the
+tolerance. They do return up to twice that."""
+
+
+def loudness(corners: FloatArray, wavenumber: float | FloatArray) -> FloatArray:
+    """(facet,) about what facets with `corners` (axis, corner, facet) [m] from the radar return, up to a factor that
+    all share: their solid angle times the mean phasor over each, by the `wavenumber` [rad/m] of all or of each."""
+    return np.asarray(np.abs(solid_angles(corners)) * mean_phasor(corners, wavenumber))
+
+
+def solid_angles(corners: FloatArray) -> FloatArray:
+    """(facet,) [sr] that they take far off, below zero where they look away."""
+    a, one, other = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    volume = sum(a[i] * (one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2]) for i in range(3))
+    x, y, z = corners[:, 0] + corners[:, 1] + corners[:, 2]
+    square = np.maximum(x * x + y * y + z * z, 1e-18)  # of three times the distance of the middle
+    return np.asarray(-13.5 * volume / (square * np.sqrt(square)))
+
+
+def mean_phasor(corners: FloatArray, wavenumber: float | FloatArray) -> FloatArray:
+    """(facet,) about how long the mean phasor over each is, there and back, by the `wavenumber` [rad/m] of all or of
+    each (facet,).
+
+    With phases a < b < c at the corners that is 2 / (c - a) times the difference of two phasors, of the lengths
+    sinc((b - a) / 2) and sinc((c - b) / 2) (:mod:`rfgen_sionna.tracing.simplex`): an edge that lies across the wave's
+    way returns more than a corner does.
+    """
+    x, y, z = np.sqrt(corners[0] ** 2 + corners[1] ** 2 + corners[2] ** 2)
+    near, far = np.minimum(np.minimum(x, y), z), np.maximum(np.maximum(x, y), z)
+    # Half the phases, as the way is there and back.
+    total, first = wavenumber * (far - near), wavenumber * (x + y + z - 2.0 * near - far)
+    edges = np.sqrt(1.0 / (1.0 + first**2) + 1.0 / (1.0 + (total - first) ** 2))
+    return np.asarray(np.minimum(1.0, edges / np.maximum(total, 1e-9)))
+
+
+def faintest(
+    loud: FloatArray, surface: NDArray[np.integer[Any]], allowed: FloatArray
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """(facet,) which facets of each `surface` (facet,) are so faint, by how `loud` (facet,) they are, that all of them
+    together return no more than is `allowed` (surface,) if they do not interfere; and (surface,) what they return."""
+    found, left = np.zeros(len(loud), np.bool_), np.zeros(len(allowed))
+    for number, most in enumerate(allowed.tolist()):
+        some = np.flatnonzero((loud < most) & (loud > 0) & (surface == number))
+        some = some[np.argsort(loud[some])]
+        energy = np.cumsum(loud[some] ** 2)
+        count = int(np.searchsorted(energy, most**2, "right"))
+        found[some[:count]] = True
+        left[number] = np.sqrt(energy[count - 1]) if count else 0.0
+    return found, left

@@ -1,0 +1,101 @@
+"""Facets that return next to nothing are left out: how much the return changes, and what is stated of it."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.scene import Actor
+from rfgen_sionna.tracing import sight
+from rfgen_sionna.tracing.tracer import Tracer
+
+FREQUENCIES = 11
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+
+
+def channel(tracer, traced, name):
+    """(pair, frequency) of one object over the band, antennas included."""
+    paths = traced.moving
+    mine = np.flatnonzero(paths.object_id == paths.object_names.index(name))
+    u = np.linspace(-1.0, 1.0, FREQUENCIES)
+    frequency = paths.frequency + paths.half_band * u
+    orders = [paths.a, *([] if paths.dispersion is None else paths.dispersion)]
+    gains = sum(each[:, :, mine, 0, None] * u**k for k, each in enumerate(orders))
+    turns = np.mod(frequency * paths.tau[:, :, mine, 0, None], 1.0)
+    weight = tracer._band.importance(paths.direction[mine, 0])
+    return (gains * np.exp(-2j * np.pi * turns) * weight[:, None]).sum(axis=2).reshape(-1, FREQUENCIES)
+
+
+def lumpy(subdivisions=5):
+    """A body with bumps, of 20,480 facets, that mirrors the radar in a few places."""
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
+    x, y, z = mesh.vertices.T
+    radius = 0.3 + 0.02 * np.sin(7 * x + 1) * np.cos(6 * y) + 0.015 * np.cos(9 * z + x)
+    mesh.vertices *= radius[:, None]
+    return mesh
+
+
+def screen(half):
+    """A metal disc that is seen edge on nowhere."""
+    return trimesh.creation.cylinder(half, 0.002, sections=48, transform=trimesh.transformations.rotation_matrix(
+        np.pi / 2, (0, 1, 0)))  # fmt: skip
+
+
+def both(radar, actors, rtol, monkeypatch, name="body"):
+    """With such facets and without: (error relative to what is returned with them, stated error, facets integrated)."""
+    found = []
+    for share in (0.0, sight.FAINT_PER_RTOL):
+        monkeypatch.setattr(sight, "FAINT_PER_RTOL", share)
+        tracer = Tracer(None, radar, actors, rtol)
+        traced = tracer.trace(0.0, 0.0)
+        found.append((channel(tracer, traced, name), traced.report.error, traced.moving.num_paths))
+    (whole, _, most), (some, stated, fewer) = found
+    error = np.sqrt((np.abs(some - whole) ** 2).mean() / (np.abs(whole) ** 2).mean())
+    return error, stated, fewer / most
+
+
+@pytest.mark.parametrize(("rtol", "fewer"), [(0.1, 0.7), (1e-2, 0.95), (1e-3, 1.0)])
+def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer, monkeypatch):
+    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    error, stated, share = both(radar, [body], rtol, monkeypatch)
+    assert error < 0.5 * rtol
+    assert error < stated
+    assert share < fewer
+
+
+@pytest.mark.parametrize("rtol", [0.1, 1e-2])
+def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
+    """A disc before the body hides all but its rim, which is faint beside what would be seen without it: none of the
+    rim is left out by what is hidden."""
+    disc = Actor.from_mesh(screen(0.235), material="pec", position=(2.4, 0, 1), name="disc")
+    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    error, stated, _ = both(radar, [body, disc], rtol, monkeypatch)
+    assert error < rtol
+    assert error < stated
+
+
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
+    """The same: by all that looks at the radar, seen or not, too much would be left out."""
+    monkeypatch.setattr(sight, "_ROUNDS", rounds)
+    rtol = 0.1
+    disc = Actor.from_mesh(screen(0.25), material="pec", position=(2.4, 0, 1), name="disc")
+    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    tracer = Tracer(None, radar, [body, disc], rtol)
+    run = tracer.follow()
+    positions = tracer._vertices
+    run._follow(positions, np.zeros(1))
+    run._turn_to([positions(0.0)])
+    (seen,) = run._see([0.0], positions, tracer._rays)
+    facing = run._sight._facing(seen.facets)
+    loud, most = run._sight._loud(seen.facets, facing)
+    mine = seen.facets.surface[facing.chosen] == 0
+    left = np.linalg.norm(most[mine & (seen.weight[facing.chosen] == 0)])
+    shown = np.linalg.norm((loud * seen.fraction[facing.chosen])[mine])
+    assert left > 0
+    assert (left < sight._FAINTER * sight.FAINT_PER_RTOL * rtol * shown) == (rounds == 3)
+    assert seen.missed[0] >= left / shown * (1 - 1e-9)

@@ -1,0 +1,65 @@
+"""About what facets return, and which of them are left out."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rfgen_sionna.tracing.faint import faintest, loudness, mean_phasor, solid_angles
+from rfgen_sionna.tracing.instants import _mean_phasor
+
+WAVENUMBER = 2 * np.pi / 3.9e-3
+
+
+def triangles(seed, count=400, size=0.02, away=1.0):
+    """(axis, corner, facet) [m] of all shapes, from edge-on to face-on."""
+    rng = np.random.default_rng(seed)
+    return np.array([away, 0, 0])[:, None, None] + size * rng.normal(size=(3, 3, count)) * rng.random(count)
+
+
+@given(st.integers(0, 10_000), st.floats(1e-4, 0.1))
+@settings(max_examples=100, deadline=None)
+def test_a_mean_phasor_is_at_most_1_7_times_what_is_told_of_it(seed, size):
+    """A difference of two phasors, each no longer than 1.2 / sqrt(1 + x^2): at most sqrt(2) times their root sum."""
+    corners = triangles(seed, size=size)
+    phases = 2 * WAVENUMBER * np.sqrt((corners**2).sum(axis=0))
+    truth, told = np.abs(_mean_phasor(phases - phases[0])), mean_phasor(corners, WAVENUMBER)
+    assert (truth <= 1.2 * np.sqrt(2.0) * told + 1e-6).all()
+    assert 0.3 < np.sqrt((truth**2).sum() / (told**2).sum()) < 1.7
+
+
+def test_solid_angles_are_those_far_off():
+    """Of small triangles by Van Oosterom and Strackee's formula; what looks away is below zero."""
+    corners = triangles(0, size=1e-3)
+    a, b, c = np.moveaxis(corners, 1, 0)
+    x, y, z = (np.linalg.norm(each, axis=0) for each in (a, b, c))
+    volume = np.einsum("if,if->f", a, np.cross(b, c, axis=0))
+    total = x * y * z + (a * b).sum(axis=0) * z + (b * c).sum(axis=0) * x + (c * a).sum(axis=0) * y
+    assert solid_angles(corners) == pytest.approx(-2 * np.arctan2(volume, total), rel=0.02, abs=1e-12)
+    assert np.allclose(solid_angles(corners[:, ::-1]), -solid_angles(corners), rtol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [1, 2])
+def test_which_corner_comes_first_makes_no_difference(turn):
+    corners = triangles(1)
+    assert np.allclose(loudness(np.roll(corners, turn, axis=1), WAVENUMBER), loudness(corners, WAVENUMBER), rtol=1e-9)
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 1.0), st.integers(1, 3))
+@settings(max_examples=100, deadline=None)
+def test_the_faintest_return_no_more_than_is_allowed(seed, share, surfaces):
+    """Of each surface by itself; one more would be too many."""
+    rng = np.random.default_rng(seed)
+    loud, surface = rng.exponential(size=500) ** 2, rng.integers(0, surfaces, 500)
+    loud[rng.random(500) < 0.1] = 0.0  # what is not known to be faint
+    allowed = share * np.sqrt(np.bincount(surface, loud**2, surfaces))
+    found, left = faintest(loud, surface, allowed)
+    assert not found[loud == 0].any()
+    for number in range(surfaces):
+        mine = surface == number
+        assert left[number] == pytest.approx(np.linalg.norm(loud[mine & found]))
+        assert left[number] <= allowed[number] * (1 + 1e-12)
+        rest = loud[mine & ~found & (loud > 0)]
+        if len(rest):
+            assert np.hypot(left[number], rest.min()) > allowed[number] * (1 - 1e-12)
+            assert loud[mine & found].max(initial=0.0) <= rest.min()
