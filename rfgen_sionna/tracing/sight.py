@@ -117,6 +117,8 @@ class Sight:
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._of_bent = np.zeros(0, np.intp)
+        # What is rough scatters from all of its facets, however they lie.
+        self._glossy = np.array([surface.material.scattering_coefficient == 0 for surface in surfaces.moving], float)
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
     def __call__(
@@ -144,15 +146,16 @@ class Sight:
             louds.append(loud)
             most[there.chosen] = np.maximum(most[there.chosen], there_most)
             total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
+        share = FAINT_PER_RTOL * self._rtol * self._glossy
         for _ in range(_ROUNDS):
-            faint, left = faintest(most, surface, FAINT_PER_RTOL * self._rtol * self._shown * total)
+            faint, left = faintest(most, surface, share * self._shown * total)
             kept = [there.of(np.flatnonzero(~faint[there.chosen])) for there in facing]
             found = self._at_all_times(rays, facets, places, times, vertices, kept)
             shown = np.full(surfaces, np.inf)
             for seen, there, loud in zip(found, facing, louds, strict=True):
                 energy = np.bincount(surface[there.chosen], (loud * seen.fraction[there.chosen]) ** 2, surfaces)
                 shown = np.minimum(shown, np.sqrt(energy))
-            enough = left <= _FAINTER * FAINT_PER_RTOL * self._rtol * shown
+            enough = left <= _FAINTER * share * shown
             self._shown = np.minimum(np.where(total > 0, shown / np.where(total > 0, total, 1.0), 1.0), 1.0)
             if enough.all():
                 break

@@ -17,14 +17,14 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, Finer, finer
 from rfgen_sionna.tracing.cones import Spheres, behind, spheres
-from rfgen_sionna.tracing.facets import Facets, bent, facet_paths, stack_facets
+from rfgen_sionna.tracing.facets import Facets, facet_paths
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.outlines import Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.sight import static_outlines
+from rfgen_sionna.tracing.static_facets import static_facets
 from rfgen_sionna.tracing.surfaces import Surfaces
-from rfgen_sionna.tracing.tessellate import tessellate
 
 MAX_ROUNDS = 4
 """How often the facets are made finer before the tolerance is given up with a warning."""
@@ -120,6 +120,8 @@ class StaticTrace:
     """Facets that are hidden, or in part."""
     hidden_fraction: FloatArray
     """(hidden,) visible share of those."""
+    tolerance: FloatArray
+    """(surface,) that facets are made for."""
     returns: Returns
 
     @cached_property
@@ -255,7 +257,7 @@ def trace_static(
         past, span = static_outlines(surfaces, viewpoint)
         passing, rays_sent = Passing(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
-        seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, fineness, max_range, passing)
+        seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, passing)
         facets, rays_sent = seen.facets, rays_sent + seen.rays
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
         held = Finer.of(band, facets, materials, weight)
@@ -310,6 +312,7 @@ def trace_static(
         seen.whole,
         seen.hidden,
         seen.hidden_fraction,
+        rtol * fineness,
         Returns(band, materials, expansion, rough, _wavenumber(band), rtol, seen.level),
     )
 
@@ -340,30 +343,13 @@ def _seen_facets(
     band: BandTracer,
     viewpoint: FloatArray,
     rtol: float,
-    fineness: FloatArray,
+    tolerance: FloatArray,
     max_range: float,
     passing: Passing | None,
 ) -> _Seen:
-    """The facets that are seen, made for `rtol` times the `fineness` (surface,) of each surface, and of those that are
-    seen in part the pieces that are; and those that are hidden, or in part, with their visible share."""
-    pieces = [
-        tessellate(
-            points,
-            surface.faces,
-            viewpoint,
-            band.highest,
-            tolerance,
-            band.importance,
-            max_range,
-            band.half_band,
-            smooth=surface.smooth,
-        )
-        for points, surface, tolerance in zip(
-            surfaces.static_vertices, surfaces.static, (rtol * fineness).tolist(), strict=True
-        )
-    ]
-    flat = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
-    (facets,) = bent([flat], surfaces.static, pieces, [surfaces.static_vertices])
+    """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
+    the pieces that are; and those that are hidden, or in part, with their visible share."""
+    facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
     facets = facets.pulled(band.pull(facets))

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import areas
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.ghost_levels import ghost_levels
+from rfgen_sionna.tracing.ghost_levels import GhostLevels, ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
@@ -30,6 +31,7 @@ from rfgen_sionna.tracing.obliquity import strongest_reflection
 from rfgen_sionna.tracing.plates import Plate, find_flats, meeting, wide_plates
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.static import StaticTrace
+from rfgen_sionna.tracing.static_facets import static_facets
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 PLATE = 1.0
@@ -90,14 +92,15 @@ class Showing:
     """What plates may show, and how; that is another thing where slabs are seen through."""
 
     facets: Facets
+    """What the radar sees directly, and may see by one plate as well."""
     levels: FloatArray
     """(surface,) what each of the bent ones returns directly."""
-    shower: Callable[[Sequence[Plate | None], IntArray], Shower]
-    """Made for the plates, and the number of the plate of each face of the ray scene."""
+    shower: Callable[[Sequence[Plate | None], IntArray, Facets], Shower]
+    """Made for the plates, the number of the plate of each face of the ray scene, and what is looked at."""
     band: Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand]
     joined: Callable[[Sequence[Landing]], Landing]
-    landed: Callable[[Landing, bool], LandedFacets]
-    """All entries, the ways swapped or not."""
+    landed: Callable[[Facets, Landing, bool], LandedFacets]
+    """All entries, the ways swapped or not, of what was looked at."""
     made: Callable[[RadarPaths, float, int, tuple[Landing, ...], Shower], StaticBounces]
 
 
@@ -106,15 +109,15 @@ def trace_static_bounces(
 ) -> StaticBounces | None:
     """Paths of two, and with `most` of 3 of three, bounces within the static scene, of which `rays` holds nothing else;
     None where there are none."""
-    view, facets = np.asarray(radar.position), static.facets
+    view = np.asarray(radar.position)
 
-    def shower(plates: Sequence[Plate | None], owner: IntArray) -> Shower:
+    def shower(plates: Sequence[Plate | None], owner: IntArray, facets: Facets) -> Shower:
         return Shower(rays, plates, owner, view, facets, radar.max_range)
 
-    def landed(landing: Landing, swapped: bool) -> LandedFacets:
+    def landed(facets: Facets, landing: Landing, swapped: bool) -> LandedFacets:
         return LandedFacets.landed(facets, landing.keys, landing, swapped)
 
-    showing = Showing(facets, static.levels, shower, LandingBand, joined, landed, StaticBounces)
+    showing = Showing(static.facets, static.levels, shower, LandingBand, joined, landed, StaticBounces)
     return trace_shown(showing, surfaces, radar, band, static, rtol, most)
 
 
@@ -134,13 +137,25 @@ def trace_shown(
     if not possible or len(facets) == 0:
         return None
     allowed = SKIPPED * rtol * static.level
-    shower = showing.shower(plates, owner)
     own = owner[facets.number]
     order = np.argsort(own, kind="stable")
     starts = np.searchsorted(own[order], np.arange(-1, len(flats) + 1))
     of_flat = [order[starts[f + 1] : starts[f + 2]] for f in range(len(flats))]
     bent = order[starts[0] : starts[1]]
     levels = _Images(plates, possible, radar, band)
+    mirrors = [plate for m in wide if (plate := plates[m]) is not None]
+    round_ones = [
+        _Round(number, showing.levels[number], ghost_levels(radar, band.importance, mirrors, points[number], most))
+        for number in np.unique(facets.surface[bent]).tolist()
+    ]
+    # By two plates they are seen from elsewhere: their far side, too.
+    twice_shown = [each.number for each in round_ones if each.by_two.max(initial=0.0) > allowed]
+    if twice_shown:
+        around = static_facets(surfaces, band, view, static.tolerance, radar.max_range, twice_shown)
+        around = around.take(np.flatnonzero(owner[around.number] < 0))
+        facets = Facets.joined([facets, around])
+    every = np.arange(len(showing.facets), len(facets))
+    shower = showing.shower(plates, owner, facets)
 
     @cache
     def lit(mirror: int) -> NDArray[np.bool_]:
@@ -174,21 +189,37 @@ def trace_shown(
                 for f, level in _above(allowed, others, levels(others, m, other)):
                     found = land(of_flat[f], level, m, other)
                     twice += [found] if other == m else [found, found.swapped()]
-    for number in np.unique(facets.surface[bent]):
-        index = bent[facets.surface[bent] == number]
-        mirrors = [plate for m in wide if (plate := plates[m]) is not None]
-        relative = ghost_levels(radar, band.importance, mirrors, points[number], most)
-        for m, (by_one, by_two) in zip(wide, showing.levels[number] * relative.alone, strict=True):
-            if by_one > allowed:
-                once.append(land(index, by_one, m, DIRECT))
-            if by_two > allowed:
-                twice.append(land(index, by_two, m, m))
-        by_each = showing.levels[number] * relative.across
-        for one, other in np.argwhere(by_each > allowed).tolist():
-            found = land(index, by_each[one, other], wide[one], wide[other])
-            twice += [found, found.swapped()]
+    for each in round_ones:
+        index = bent[facets.surface[bent] == each.number]
+        for m, level in zip(wide, each.by_one.tolist(), strict=True):
+            if level > allowed:
+                once.append(land(index, level, m, DIRECT))
+        index = every[facets.surface[every] == each.number]
+        for one, other in np.argwhere(each.by_two > allowed).tolist():
+            found = land(index, each.by_two[one, other], wide[one], wide[other])
+            twice += [found] if one == other else [found, found.swapped()]
     landings = showing.joined(once), showing.joined(twice)
-    return _integrated(showing, surfaces, radar, static, rtol, shower, plates, landings)
+    return _integrated(showing, facets, surfaces, radar, static, rtol, shower, plates, landings)
+
+
+class _Round(NamedTuple):
+    """A surface that is bent, and what mirrors show of it."""
+
+    number: int
+    level: float
+    """What it returns directly."""
+    ghosts: GhostLevels
+    """Relative to that."""
+
+    @property
+    def by_one(self) -> FloatArray:
+        """(mirror,) levels of both ways round."""
+        return self.level * self.ghosts.alone[:, 0]
+
+    @property
+    def by_two(self) -> FloatArray:
+        """(mirror, mirror) levels by the same mirror there and back, and by two."""
+        return self.level * (np.diag(self.ghosts.alone[:, 1]) + self.ghosts.across)
 
 
 def _above(allowed: float, flats: NDArray[np.intp], levels: FloatArray) -> list[tuple[int, float]]:
@@ -199,6 +230,7 @@ def _above(allowed: float, flats: NDArray[np.intp], levels: FloatArray) -> list[
 
 def _integrated(
     showing: Showing,
+    facets: Facets,
     surfaces: Surfaces,
     radar: Radar,
     static: StaticTrace,
@@ -207,7 +239,6 @@ def _integrated(
     plates: Sequence[Plate | None],
     landings: tuple[Landing, Landing],
 ) -> StaticBounces | None:
-    facets = showing.facets
     mirrors = tuple(plate or next(each for each in plates if each is not None) for plate in plates)
     names = surfaces.object_names, surfaces.part_names
     returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, showing.band)
@@ -217,7 +248,7 @@ def _integrated(
         landing = landings[1] if all(way) else landings[0]
         if len(landing.facet) == 0:
             continue
-        shown = showing.landed(landing, way == (False, True))
+        shown = showing.landed(facets, landing, way == (False, True))
 
         def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
             return facets.centroids[chosen]

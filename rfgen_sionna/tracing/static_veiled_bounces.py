@@ -57,9 +57,8 @@ def trace_static_veiled_bounces(
     # Nothing of what moves is gone through: any vertices of it will do.
     vertices = [*surfaces.static_vertices, *(np.zeros((int(each.faces.max()) + 1, 3)) for each in surfaces.moving)]
     view, least = np.asarray(radar.position), SKIPPED * rtol
-    facets = _whole(static)
 
-    def shower(plates: Sequence[Plate | None], owner: IntArray) -> VeiledShower:
+    def shower(plates: Sequence[Plate | None], owner: IntArray, facets: Facets) -> VeiledShower:
         walk = Walk(rays, vertices, [each.faces for each in every], gone_through, least**2)
         return VeiledShower(walk, gone_through, least, rays, plates, owner, view, facets, radar.max_range)
 
@@ -69,13 +68,13 @@ def trace_static_veiled_bounces(
     def joined(landings: Sequence[Landing]) -> Landing:
         return VeiledLanding.joined(cast(Sequence[VeiledLanding], landings))
 
-    def landed(landing: Landing, swapped: bool) -> LandedFacets:
+    def landed(facets: Facets, landing: Landing, swapped: bool) -> LandedFacets:
         veiled = cast(VeiledLanding, landing)
         (found,) = VeiledLandedFacets.over_time([facets], veiled.keys, [veiled], swapped)
         return found
 
     levels = static.levels if through is None else np.maximum(static.levels, _levels(surfaces, through))
-    showing = Showing(facets, levels, shower, made_of, joined, landed, StaticVeiledBounces)
+    showing = Showing(_whole(static), levels, shower, made_of, joined, landed, StaticVeiledBounces)
     return trace_shown(showing, surfaces, radar, band, static, rtol, most)
 
 

@@ -110,7 +110,7 @@ class Tessellation:
         """How the facets are bent at several times, for the mesh's (vertex, 3) positions [m] then; others than those
         that `chosen` counts out may be left flat."""
         count, pieces = len(self.face), self.pieces
-        if smooth is None:
+        if smooth is None or not count:
             return [Bend(np.zeros((count, 3, 3))) for _ in vertices]
         whole = self.are_the_faces(len(faces))
         shown = chosen
@@ -133,6 +133,10 @@ class Tessellation:
         shape = len(chosen), len(vertices)
         rows = csr_array((weights.ravel(), ends.ravel(), np.arange(0, 3 * len(chosen) + 1, 3)), shape=shape)
         return np.asarray(rows @ np.asarray(vertices, np.float64))
+
+
+NOTHING = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))
+"""No facets of a surface."""
 
 
 def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:

@@ -241,3 +241,22 @@ def test_round_furniture_has_those_of_an_actor(radar):
         found = across(of(stays, "thing"))[way]
         assert found.num_paths
         assert abs(channel(found) - channel(paths)).max() < 0.02 * abs(channel(paths)).max()
+
+
+def test_what_the_radar_does_not_see_of_round_furniture_is_shown_by_a_wall(radar):
+    """A wall aslant behind a ball shows the radar its far side, there and back, 108 degrees from the near one: as of an
+    actor, and as strong as a sphere that is seen from the image."""
+    wall = [[3.2, -0.2, -1], [1.0, 2.0, -1], [1.0, 2.0, 3], [3.2, -0.2, 3]]
+    behind = load_scene(scene_of(77e9, wall=(wall, "pec", 0.1)).sionna)
+    place = np.array([2.0, 0.0, 1.0])
+    scene = scene_with_mesh(sphere(4, 0.1).apply_translation(place), behind)
+    actor = Actor.from_mesh(sphere(4, 0.1), material="pec", position=place, name="ball")
+    found = [
+        of(Simulator(scene, radar, [], rtol=1e-3, max_bounces=3).paths(), "thing"),
+        of(Simulator(behind, radar, [actor], rtol=1e-3, max_bounces=3).paths()),
+    ]
+    twice, expected = (channel(each.select(each.bounces == 3)) for each in found)
+    assert abs(twice - expected).max() < 0.02 * abs(expected).max()
+    image = np.array([3.0, 3.0, 1.0])
+    level, _ = sphere_return(place, image, image, 0.1, radar.wavelength)
+    assert abs(decibels(twice / level)).max() < 0.5

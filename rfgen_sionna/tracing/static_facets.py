@@ -1,0 +1,44 @@
+"""Facets of the static scene."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.tracing.facets import Facets, bent, stack_facets
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.tessellate import NOTHING, tessellate
+
+
+def static_facets(
+    surfaces: Surfaces,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    tolerance: FloatArray,
+    max_range: float,
+    chosen: Collection[int] | None = None,
+) -> Facets:
+    """All facets of the static surfaces, or of those `chosen`, made for the `tolerance` (surface,) of each and as far
+    as `max_range` [m]: seen or not, whichever way they look."""
+    pieces = [
+        tessellate(
+            points,
+            surface.faces,
+            viewpoint,
+            band.highest,
+            rtol,
+            band.importance,
+            max_range,
+            band.half_band,
+            smooth=surface.smooth,
+        )
+        if chosen is None or number in chosen
+        else NOTHING
+        for number, (points, surface, rtol) in enumerate(
+            zip(surfaces.static_vertices, surfaces.static, tolerance.tolist(), strict=True)
+        )
+    ]
+    flat = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
+    (found,) = bent([flat], surfaces.static, pieces, [surfaces.static_vertices])
+    return found
