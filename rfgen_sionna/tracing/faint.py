@@ -19,10 +19,28 @@ FAINT_PER_RTOL = 0.2
 tolerance. They do return up to twice that."""
 
 
-def loudness(corners: FloatArray, wavenumber: float | FloatArray) -> FloatArray:
+def loudness(corners: FloatArray, wavenumber: float | FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:
     """(facet,) about what facets with `corners` (axis, corner, facet) [m] from the radar return, up to a factor that
-    all share: their solid angle times the mean phasor over each, by the `wavenumber` [rad/m] of all or of each."""
-    return np.asarray(np.abs(solid_angles(corners)) * mean_phasor(corners, wavenumber))
+    all share: their solid angle times the mean phasor over each, by the `wavenumber` [rad/m] of all or of each and what
+    the phase turns less `aside` of the radar."""
+    return np.asarray(np.abs(solid_angles(corners)) * mean_phasor(corners, wavenumber, aside))
+
+
+def phase_aside(corners: FloatArray, wavenumber: float, aperture: float) -> FloatArray:
+    """(facet,) by how much less the phase [rad], there and back, may turn over facets for elements whose displacements
+    from the middle add up to `aperture` [m]."""
+    width, distance = width_and_distance(corners)
+    return np.asarray(wavenumber * aperture * width / np.maximum(distance, 1e-9))
+
+
+def width_and_distance(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(facet,) longest edge, and how far the nearest corner is, of facets with `corners` (axis, corner, facet) [m]."""
+    square = np.zeros(corners.shape[2])
+    for k in range(3):
+        x, y, z = corners[:, k] - corners[:, k - 1]
+        np.maximum(square, x * x + y * y + z * z, out=square)
+    x, y, z = corners[0] ** 2 + corners[1] ** 2 + corners[2] ** 2
+    return np.sqrt(square), np.sqrt(np.minimum(np.minimum(x, y), z))
 
 
 def solid_angles(corners: FloatArray) -> FloatArray:
@@ -34,9 +52,9 @@ def solid_angles(corners: FloatArray) -> FloatArray:
     return np.asarray(-13.5 * volume / (square * np.sqrt(square)))
 
 
-def mean_phasor(corners: FloatArray, wavenumber: float | FloatArray) -> FloatArray:
+def mean_phasor(corners: FloatArray, wavenumber: float | FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:
     """(facet,) about how long the mean phasor over each is, there and back, by the `wavenumber` [rad/m] of all or of
-    each (facet,).
+    each (facet,), where the phase turns by so much [rad] less, `aside` (facet,).
 
     With phases a < b < c at the corners that is 2 / (c - a) times the difference of two phasors, of the lengths
     sinc((b - a) / 2) and sinc((c - b) / 2) (:mod:`rfgen_sionna.tracing.simplex`): an edge that lies across the wave's
@@ -46,7 +64,10 @@ def mean_phasor(corners: FloatArray, wavenumber: float | FloatArray) -> FloatArr
     near, far = np.minimum(np.minimum(x, y), z), np.maximum(np.maximum(x, y), z)
     # Half the phases, as the way is there and back.
     total, first = wavenumber * (far - near), wavenumber * (x + y + z - 2.0 * near - far)
-    edges = np.sqrt(1.0 / (1.0 + first**2) + 1.0 / (1.0 + (total - first) ** 2))
+    second = total - first
+    if np.any(aside):
+        total, first, second = (np.maximum(each - 0.5 * aside, 0.0) for each in (total, first, second))
+    edges = np.sqrt(1.0 / (1.0 + first**2) + 1.0 / (1.0 + second**2))
     return np.asarray(np.minimum(1.0, edges / np.maximum(total, 1e-9)))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, knot_weights
 from rfgen_sionna.scene.mesh import columns, lengths, middles
-from rfgen_sionna.tracing.faint import mean_phasor, solid_angles
+from rfgen_sionna.tracing.faint import mean_phasor, solid_angles, width_and_distance
 from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS
 from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
 
@@ -141,7 +141,7 @@ class _Faces:
             some = np.flatnonzero(angle > 0 if closed else angle != 0)
             corners, angle = np.take(corners, some, axis=2), np.abs(angle[some])
             # Large faces are traced in pieces: about k width^2 / (4 distance) is how far the phase bulges.
-            width, near = _width_and_distance(corners)
+            width, near = width_and_distance(corners)
             share = np.sqrt(np.minimum(8.0 * FACET_BULGE * near / np.maximum(wavenumber * width**2, 1e-300), 1.0))
             found = angle * share * mean_phasor(corners, 0.5 * wavenumber * share)
             strength[some], size[some] = np.maximum(strength[some], found), np.maximum(size[some], angle)
@@ -210,13 +210,3 @@ def _most_turn(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) ->
             across = np.einsum("vi,vi->v", step, step) / square - along**2
             found = max(found, float(across.max(initial=0.0)))
     return float(np.sqrt(found))
-
-
-def _width_and_distance(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(face,) longest edge, and how far the nearest corner is, of faces with `corners` (axis, corner, face) [m]."""
-    square = np.zeros(corners.shape[2])
-    for k in range(3):
-        x, y, z = corners[:, k] - corners[:, k - 1]
-        np.maximum(square, x * x + y * y + z * z, out=square)
-    x, y, z = corners[0] ** 2 + corners[1] ** 2 + corners[2] ** 2
-    return np.sqrt(square), np.sqrt(np.minimum(np.minimum(x, y), z))

@@ -14,7 +14,7 @@ from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, faintest, loudness
+from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, faintest, loudness, phase_aside
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
@@ -22,6 +22,8 @@ from rfgen_sionna.tracing.surfaces import Surfaces
 
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
+_ASIDE = 0.6
+"""Phase [rad] by which elements of an array may turn a facet without anybody asking what they see of it."""
 _ROUNDS, _FAINTER = 3, 2.0
 """How often it is reckoned anew which facets are too faint, at most, and by what factor they may return more than is
 allowed for less to be seen of a surface than was thought."""
@@ -116,7 +118,7 @@ class Sight:
         self._passed: dict[float, Passing] = {}
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
-        self._of_bent = np.zeros(0, np.intp)
+        self._of_bent, self._widest, self._aperture = np.zeros(0, np.intp), 0.0, band.aperture
         # What is rough scatters from all of its facets, however they lie.
         self._glossy = np.array([surface.material.scattering_coefficient == 0 for surface in surfaces.moving], float)
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
@@ -172,16 +174,18 @@ class Sight:
         return _Facing(chosen, self._importance(offset / np.maximum(distance, 1e-12)[:, None]))
 
     def _loud(self, facets: Facets, facing: _Facing) -> tuple[FloatArray, FloatArray]:
-        """(chosen,) about what those `facing` return, antennas included, and what they may: over a facet that is
-        integrated in parts the phase bends, so that one part alone may return most, and of pieces of bent faces corners
-        do not tell it."""
+        """(chosen,) about what those `facing` return, antennas included, and what they may: a wide array sees them from
+        other sides as well, over a facet that is integrated in parts the phase bends, so that one part alone may return
+        most, and of pieces of bent faces corners do not tell it."""
         chosen = facing.chosen
         corners = np.ascontiguousarray((np.take(facets.corners, chosen, axis=0) - self._viewpoint).T)
         loud = facing.weight * loudness(corners, self._wavenumber)
-        most, bent = loud.copy(), np.flatnonzero((parts := facets.parts[chosen]) > 1)
-        if len(bent):
-            few = np.take(corners, bent, axis=2)
-            most[bent] = facing.weight[bent] * loudness(few, self._wavenumber / parts[bent])
+        parts, wide, most = facets.parts[chosen], self._aperture * self._wavenumber * self._widest > _ASIDE, loud.copy()
+        some = np.arange(len(chosen)) if wide else np.flatnonzero(parts > 1)
+        if len(some):
+            few = np.take(corners, some, axis=2)
+            aside = phase_aside(few, self._wavenumber, self._aperture) / parts[some] if wide else 0.0
+            most[some] = facing.weight[some] * loudness(few, self._wavenumber / parts[some], aside)
         if len(self._of_bent):
             pieces = np.isin(chosen, self._of_bent, assume_unique=True)
             loud[pieces], most[pieces] = 0.0, np.inf
@@ -334,6 +338,9 @@ class Sight:
         """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface, of
         which `of_bent` are pieces of bent faces."""
         self._of_bent = of_bent
+        away = [np.maximum(lengths(each[:, 0] - self._viewpoint), 1e-9) for each in corners]
+        wide = [lengths(each - each[:, [1, 2, 0]]).max(axis=1) / far for each, far in zip(corners, away, strict=True)]
+        self._widest = max((float(each.max(initial=0.0)) for each in wide), default=0.0)
         apart = apart_for(corners, self._viewpoint, self._rtol)
         if apart != self._apart:
             self._apart, self._static = apart, None

@@ -1,5 +1,7 @@
 """Facets that return next to nothing are left out: how much the return changes, and what is stated of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -65,6 +67,25 @@ def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer, monkeypatc
     assert error < 0.5 * rtol
     assert error < stated
     assert share < fewer
+
+
+@pytest.mark.parametrize("rtol", [0.1, 1e-2])
+def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
+    """Elements spread over 2 m: what is faint in the middle may mirror the outermost pair."""
+    tx, rx = radar.tx_positions.copy(), radar.rx_positions.copy()
+    for each in (tx, rx):
+        each[:, 1:] = 0.0
+        each[:, 1] = np.linspace(-1.0, 1.0, len(each))
+    wide = replace(radar, tx_positions=tx, rx_positions=rx + [0, 0, 0.01])
+    body = Actor.from_mesh(lumpy(), material="skin", position=(2, 0, 1), name="body")
+    found = []
+    for share in (0.0, sight.FAINT_PER_RTOL):
+        monkeypatch.setattr(sight, "FAINT_PER_RTOL", share)
+        tracer = Tracer(None, wide, [body], rtol)
+        found.append(channel(tracer, tracer.trace(0.0, 0.0), "body"))
+    whole, some = found
+    level = np.sqrt((np.abs(whole) ** 2).mean())
+    assert np.sqrt((np.abs(some - whole) ** 2).mean(axis=1)).max() < 0.5 * rtol * level
 
 
 @pytest.mark.parametrize("rtol", [0.1, 1e-2])
