@@ -22,8 +22,9 @@ from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
 """Longest gap between three instants [s], and how far at most any vertex goes across the view in it [rad]: no further
 than an arm is wide 4 m away. What is narrower, or further off, may pass between two of them unseen."""
-PAIR_SPACING, PAIR_TURN = 28e-3, 10e-3
-"""The same of two instants."""
+PAIR_SPACING, PAIR_TURN, STRAIGHT = 28e-3, 10e-3, 1e-4
+"""The same of two instants, and how far at most any vertex leaves its straight way from one to the other, across the
+view [rad]: what comes back would show and hide things that neither sees."""
 STRONGEST, OTHERS = 500, 250
 """Faces of a mesh that tell how gains change, those that may return most, and so many that stand for all others."""
 MANY = 10_000
@@ -104,7 +105,8 @@ def choose_instants(
     turn = _most_turn(places, viewpoint) * (len(knots) - 1) if not beside else np.inf
     few = (1, PAIR_SPACING, PAIR_TURN), (QUIET_GAPS, QUIET_SPACING, QUIET_TURN)
     for some, spacing, most_turn in few if pair else few[1:]:
-        if length <= some * spacing and turn <= some * most_turn and (error := missed(some)) <= allowed:
+        straight = some > 1 or _most_departure(places, viewpoint) <= STRAIGHT
+        if length <= some * spacing and turn <= some * most_turn and straight and (error := missed(some)) <= allowed:
             gaps = some
             break
     else:
@@ -199,14 +201,29 @@ def _mean_phasor(phases: FloatArray) -> ComplexArray:
     return np.asarray(np.where(narrow, np.exp(-1j * b), 2j * (last - first) / np.where(narrow, 1.0, spread)))
 
 
+def _most_departure(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:
+    """Largest angle [rad] across the view by which any vertex leaves the straight way from the first of the evenly
+    spaced `places` to the last."""
+    found, count = 0.0, len(places) - 1
+    for number, there in enumerate(places[1:-1], 1):
+        share = number / count
+        for first, now, last in zip(places[0], there, places[-1], strict=True):
+            found = max(found, _across(now - viewpoint, now - first - share * (last - first)))
+    return found
+
+
+def _across(offset: FloatArray, step: FloatArray) -> float:
+    """Largest angle [rad] by which a `step` (vertex, 3) goes across the view of points at `offset` (vertex, 3)."""
+    square = np.maximum(np.einsum("vi,vi->v", offset, offset), 1e-12)
+    along = np.einsum("vi,vi->v", offset, step) / square
+    across = np.einsum("vi,vi->v", step, step) / square - along**2
+    return float(np.sqrt(max(across.max(initial=0.0), 0.0)))
+
+
 def _most_turn(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:
     """Largest angle [rad] that any vertex goes across the view from one of the `places` to the next."""
     found = 0.0
     for before, after in pairwise(places):
         for old, new in zip(before, after, strict=True):
-            offset, step = old - viewpoint, new - old
-            square = np.maximum(np.einsum("vi,vi->v", offset, offset), 1e-12)
-            along = np.einsum("vi,vi->v", offset, step) / square
-            across = np.einsum("vi,vi->v", step, step) / square - along**2
-            found = max(found, float(across.max(initial=0.0)))
-    return float(np.sqrt(found))
+            found = max(found, _across(old - viewpoint, new - old))
+    return found

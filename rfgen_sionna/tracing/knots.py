@@ -25,6 +25,8 @@ between them [root mean square over time]; it grows with the swing's third power
 PAIR_ERROR = 0.091
 """What a line between two instants errs by for a swing of 1 rad from one to the other: an eighth of the swing's square
 half way, times the root of 8 / 15."""
+SPLINED = 5e-4
+"""What positions by a spline may be off by [m], a fraction of what shadows' edges are seen to."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
@@ -102,12 +104,19 @@ def choose_knots(
 
 
 class Splined:
-    """Positions [m] of meshes between `knots` [s], by splines through those there: as right as delays are, and several
-    times quicker to have than where bodies are posed anew."""
+    """Positions [m] of meshes between `knots` [s], by splines through those there, several times quicker to have than
+    where bodies are posed anew. Knots follow distances: what spins across the view is posed anew all the same."""
 
     def __init__(self, knots: FloatArray, positions: Callable[[float], Sequence[FloatArray]]) -> None:
-        self._knots = knots
+        self._knots, self._positions = knots, positions
         self._known = {float(t): positions(float(t)) for t in knots}
+        self._right = True
+        tried = float(knots[0] + 0.4 * (knots[1] - knots[0])) if len(knots) > 1 else float(knots[0])
+        if tried not in self._known:
+            truth = positions(tried)
+            self.look_up(np.array([tried]))
+            missed = [lengths(each - own).max(initial=0.0) for each, own in zip(self._known[tried], truth, strict=True)]
+            self._right = max(missed, default=0.0) <= SPLINED
 
     def __call__(self, t: float) -> Sequence[FloatArray]:
         """(vertex, 3) of each mesh at a time [s]; it is kept in mind."""
@@ -118,6 +127,9 @@ class Splined:
     def look_up(self, times: FloatArray) -> None:
         """Have them at these times [s]."""
         fresh = np.array([t for t in times.tolist() if t not in self._known])
+        if not self._right:
+            self._known |= {t: self._positions(t) for t in fresh.tolist()}
+            return
         if not len(fresh):
             return
         weights = knot_weights(self._knots, fresh)
@@ -130,8 +142,6 @@ class Splined:
 def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
     """What splines with so many gaps err by between instants, at phasors that swing by so much [rad] over a gap: root
     mean square over time."""
-    if gaps == 1:
-        return np.asarray(PAIR_ERROR * swing**2)
     if gaps <= QUIET_GAPS:
         return np.asarray(QUIET_ERROR * swing**3)
     return np.asarray((RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR) * swing**4)

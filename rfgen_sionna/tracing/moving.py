@@ -37,7 +37,7 @@ MAX_ROUNDS = 5
 MEASURED_EVERY = 5
 """The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
 next and takes about as long to know as all else."""
-PAIR, UNSTEADY = 2, 5
+PAIR, UNSTEADY = 2, 4
 """The fewest instants of a stretch, and in how many stretches no pair is tried after one in which shadows moved."""
 _LOG = logging.getLogger(__name__)
 
@@ -127,6 +127,7 @@ class MovingParts:
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
         self._follow(positions, knots)
         self._turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
+        in_vain: list[Seen] = []
         kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
             afresh = attempt == 0 or kept_on
@@ -135,7 +136,8 @@ class MovingParts:
             if len(instants) == PAIR:
                 steady = self._changed(*seen)
                 if steady > BETWEEN_PER_RTOL * self._rtol:
-                    instants, middle, steady, self._unsteady = _three(instants), 1, 0.0, UNSTEADY
+                    instants, middle, steady, self._unsteady = _three(instants), 1, 0.0, UNSTEADY + 1
+                    in_vain = seen
                     seen = self._see(instants.tolist(), positions, ray_scene)
             whole = [self._from_all_sides(each.facets) for each in seen]
             mirrored: list[MirroredView] = []
@@ -168,7 +170,13 @@ class MovingParts:
         weight = seen[middle].weight[kept]
         chosen = self._glances.choose(facets, references, values, shares, weight, expansion, self._level)
         glanced, followed, between = None, kept[chosen.facets], max(chosen.error(), steady)
-        looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [*seen, *mirrored, *chain(*bounced), *veiled]
+        looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [
+            *seen,
+            *in_vain,
+            *mirrored,
+            *chain(*bounced),
+            *veiled,
+        ]
         if len(followed):
             placed = Splined(knots, positions)
             found = self._glances.follow(
@@ -189,7 +197,8 @@ class MovingParts:
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led, known)
         self._turn += 1
-        shadows = SAFETY * self._interference * np.max([each.missed for each in seen], axis=0)
+        interference = np.where(self._interference > 0, self._interference, 1.0)  # of what was hidden nobody knows
+        shadows = SAFETY * interference * np.max([each.missed for each in seen], axis=0)
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
@@ -220,7 +229,8 @@ class MovingParts:
     def _changed(self, first: Seen, last: Seen) -> float:
         """Error between two instants for shadows that move on, at most, of the worst surface."""
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        return float((0.5 * self._interference * moved(first, last, self._viewpoint, wavenumber)).max(initial=0.0))
+        change = moved(first, last, self._viewpoint, wavenumber)
+        return float((0.5 * np.maximum(self._interference, 1.0) * change).max(initial=0.0))
 
     def _follow(self, positions: Positions, knots: FloatArray) -> None:
         """New facets where an actor has come nearer by a fifth or gone twice as far, or where its range decides what is
@@ -408,7 +418,10 @@ class MovingParts:
         facets = [stack_facets(*self._known, each, self._viewpoint, self._parts) for each in vertices]
         if everything:
             facets = bent(facets, *self._known, vertices)
-        seen = self._sight(ray_scene, facets, self._places, times, vertices, everything)
+        # Of what was not seen before nobody knows how it interferes.
+        known = self._interference > 0
+        share = np.where(known & (not everything), 1.0 / np.maximum(self._interference, 1.0), 0.0)
+        seen = self._sight(ray_scene, facets, self._places, times, vertices, share)
         if everything:
             return seen
         kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks, before, times_at_once
+from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, faintest, loudness, phase_aside
-from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.gains import PROBES, BandTracer
+from rfgen_sionna.tracing.obliquity import strongest_reflection
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -24,7 +26,7 @@ NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
 _ASIDE = 0.6
 """Phase [rad] by which elements of an array may turn a facet without anybody asking what they see of it."""
-_ROUNDS, _FAINTER = 3, 2.0
+_ROUNDS, _FAINTER = 2, 2.0
 """How often it is reckoned anew which facets are too faint, at most, and by what factor they may return more than is
 allowed for less to be seen of a surface than was thought."""
 _PER_FACET, _SMALL = 0.3, 0.1
@@ -41,7 +43,7 @@ class Seen:
     """(facet,) share of the area."""
     weight: FloatArray
     """(facet,) the antennas' two-way field gain towards each, over the largest; 0 for those that were not looked at, as
-    they look away or are too far."""
+    they look away, are too far or too faint."""
     owner: NDArray[np.intp]
     """(piece,) facet that a piece is of: what is seen of those hidden in part."""
     pieces: FloatArray
@@ -52,8 +54,8 @@ class Seen:
     """(surface,) what its facets may return without interfering, in units of
     :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
     missed: FloatArray
-    """(surface,) estimated error of what its facets return for what is not known of shadows' edges, relative to what
-    they return without interfering."""
+    """(surface,) estimated error of what its facets return for what is not known of shadows' edges, and for those that
+    are too faint to be looked at, relative to what they return without interfering."""
     looked_at: int
     rays: int
 
@@ -119,8 +121,7 @@ class Sight:
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._of_bent, self._widest, self._aperture = np.zeros(0, np.intp), 0.0, band.aperture
-        # What is rough scatters from all of its facets, however they lie.
-        self._glossy = np.array([surface.material.scattering_coefficient == 0 for surface in surfaces.moving], float)
+        self._plain = np.array([_plain(surface.material, band) for surface in surfaces.moving])
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
     def __call__(
@@ -130,15 +131,15 @@ class Sight:
         places: IntArray,
         times: Sequence[float],
         vertices: Sequence[Sequence[FloatArray]],
-        everything: bool = True,
+        share: FloatArray | None = None,
     ) -> list[Seen]:
         """What is seen at several `times` [s] of `facets`, at each all those of the moving surfaces, which have their
         `vertices` (vertex, 3) [m] then; `places` are those of :func:`rfgen_sionna.tracing.sampling.touching`, and
-        `rays` is the ray scene at any time. Not `everything`, facets that return next to nothing at all these times
-        (:mod:`rfgen_sionna.tracing.faint`) are not looked at. Else nothing is told of times by one another: together
-        they are quicker."""
+        `rays` is the ray scene at any time. With a `share` (surface,) of what faint facets may come to, those that
+        return next to nothing at all these times (:mod:`rfgen_sionna.tracing.faint`) are not looked at; None is 0.
+        But for these, nothing is told of times by one another: together they are quicker."""
         facing = [self._facing(each) for each in facets]
-        if everything:
+        if share is None or not share.any():
             return self._at_all_times(rays, facets, places, times, vertices, facing)
         surfaces, surface = len(self._surfaces.moving), facets[0].surface
         louds, most = [], np.zeros(len(surface))
@@ -148,8 +149,10 @@ class Sight:
             louds.append(loud)
             most[there.chosen] = np.maximum(most[there.chosen], there_most)
             total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
-        share = FAINT_PER_RTOL * self._rtol * self._glossy
+        share = FAINT_PER_RTOL * self._rtol * self._plain * share
+        found = list[Seen]()
         for _ in range(_ROUNDS):
+            looked, sent = (sum(getattr(each, name) for each in found) for name in ("looked_at", "rays"))
             faint, left = faintest(most, surface, share * self._shown * total)
             kept = [there.of(np.flatnonzero(~faint[there.chosen])) for there in facing]
             found = self._at_all_times(rays, facets, places, times, vertices, kept)
@@ -162,6 +165,7 @@ class Sight:
             if enough.all():
                 break
         beyond = np.where(shown > 0, left / np.where(shown > 0, shown, 1.0), 0.0)
+        found[0] = replace(found[0], looked_at=found[0].looked_at + looked, rays=found[0].rays + sent)
         return [replace(each, missed=np.hypot(each.missed, beyond)) for each in found]
 
     def _facing(self, facets: Facets) -> _Facing:
@@ -379,6 +383,16 @@ class Sight:
         return [
             Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
         ]
+
+
+def _plain(material: Material, band: BandTracer) -> float:
+    """What a surface reflects where it mirrors the radar, over what it may where it lies aslant; 0 where it is rough,
+    as then it scatters from everywhere."""
+    if material.scattering_coefficient != 0:
+        return 0.0
+    number, straight = np.zeros(1, np.int32), np.ones(1)
+    frequencies = band.frequency(PROBES)
+    return min(float(strongest_reflection([material], number, straight, each)[0]) for each in frequencies[:, None])
 
 
 def _surrounds(points: FloatArray) -> bool:

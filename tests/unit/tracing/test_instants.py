@@ -66,6 +66,20 @@ def test_instants_of_a_plate(turn, across, stop, gaps):
     assert found[[0, -1]] == pytest.approx([0.0, stop])
 
 
+@pytest.mark.parametrize(
+    ("across", "sway", "pair", "count"),
+    [(0.0, 0.0, True, 2), (1.0, 0.0, True, 2), (2.0, 0.0, True, 3), (0.0, 1e-3, True, 3), (0.0, 0.0, False, 3)],
+)
+def test_two_instants_of_a_plate(across, sway, pair, count):
+    """While it goes straight on and not far across the view [m/s]; not where it comes back from a millimetre."""
+
+    def positions(t):
+        return [turning(0.0, across)(t)[0] + [0, sway * np.sin(np.pi * t / 0.02), 0]]
+
+    found = chosen(positions, pair=pair)
+    assert len(found.times) == count
+
+
 def missed_by(found, positions, faces=PLATE, stop=0.02):
     """What the spline through instants misses of the sum of faces' mean phasors, at 997 times, relative to it."""
     times = np.linspace(0.0, stop, 997)
