@@ -18,6 +18,9 @@ FAINT_PER_RTOL = 0.2
 """What facets that are left out return, one by one and by :func:`loudness`, over what all do, per unit of the
 tolerance. They do return up to twice that."""
 
+LEAST_RTOL = 5e-3
+"""Tolerance below which so few facets are that faint that to look for them takes longer."""
+
 
 def loudness(corners: FloatArray, wavenumber: float | FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:
     """(facet,) about what facets with `corners` (axis, corner, facet) [m] from the radar return, up to a factor that

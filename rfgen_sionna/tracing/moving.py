@@ -16,6 +16,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer, finer
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP, Facets, bent, facet_paths, over_time, stack_facets
+from rfgen_sionna.tracing.faint import LEAST_RTOL
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Followed, Glances, fine_times, moved
@@ -419,8 +420,8 @@ class MovingParts:
         if everything:
             facets = bent(facets, *self._known, vertices)
         # Of what was not seen before nobody knows how it interferes.
-        known = self._interference > 0
-        share = np.where(known & (not everything), 1.0 / np.maximum(self._interference, 1.0), 0.0)
+        known = (self._interference > 0) & (not everything and self._rtol >= LEAST_RTOL)
+        share = np.where(known, 1.0 / np.maximum(self._interference, 1.0), 0.0)
         seen = self._sight(ray_scene, facets, self._places, times, vertices, share)
         if everything:
             return seen
