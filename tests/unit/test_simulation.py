@@ -347,11 +347,12 @@ def test_the_seed_makes_the_noise(moving: Any, radar: Any) -> None:
 
 
 def test_a_frame_does_not_depend_on_where_the_run_begins(moving: Any) -> None:
-    """The same instants, numbered from another start; only the noise knows the frame's number."""
+    """The same instants, numbered from another start; only the noise knows the frame's number. Facets are chosen at the
+    pose that a run begins with: a fiftieth of the tolerance."""
     whole, late = moving.adc(0.2, noise=False), moving.adc(0.1, start=0.1, noise=False)
     np.testing.assert_allclose(late.frame_times, whole.frame_times[2:])
     scale = np.abs(whole.data).max()
-    np.testing.assert_allclose(late.data, whole.data[2:], atol=1e-5 * scale, rtol=0)
+    np.testing.assert_allclose(late.data, whole.data[2:], atol=2e-5 * scale, rtol=0)
     np.testing.assert_array_equal(moving.adc(0.05, noise=False).data[0], whole.data[0])
 
 
