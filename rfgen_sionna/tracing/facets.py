@@ -173,20 +173,20 @@ def stack_facets(
     viewpoint: FloatArray,
     parts_of: Sequence[IntArray] | None = None,
 ) -> Facets:
-    """All pieces of all surfaces, in their order, for the vertices [m] given, left flat: :func:`bent` bends them. They
+    """All pieces of all surfaces, in their order, for the vertices [m] given, left flat: :func:`bent` smooth them. They
     are integrated in `parts_of` (facet,) each surface; None: as many as they are made for."""
     curved = any(surface.smooth is not None for surface in surfaces)
     corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     facing = [np.zeros(0, np.bool_)]
-    bends = [np.zeros(0, np.bool_)]
+    smooth = [np.zeros(0, np.bool_)]
     for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
         c, p = piece.corners(points, surface.faces), columns(points, surface.faces)
         a, b, d = np.moveaxis(p - viewpoint[:, None, None], 1, 0)
         volume = sum(a[i] * (b[i - 2] * d[i - 1] - b[i - 1] * d[i - 2]) for i in range(3))
         towards = np.asarray(volume < 0)
         if curved:
-            bends.append(np.full(len(c), surface.smooth is not None))
+            smooth.append(np.full(len(c), surface.smooth is not None))
         towards = towards[piece.face]
         corners.append(c)
         number.append(piece.face + np.int32(surface.first_facet))
@@ -203,7 +203,7 @@ def stack_facets(
         facing=_stacked(facing),
         parts=_stacked(parts),
         place=_stacked(place),
-        curved=_stacked(bends) if curved else None,
+        curved=_stacked(smooth) if curved else None,
     )
 
 

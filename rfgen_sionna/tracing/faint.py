@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray
 
 FAINT_PER_RTOL = 0.2
-"""What facets that are left out return, one by one and by :func:`loudness`, over what all do, per unit of the
+"""What facets that are left out return, one by one and by :func:`loudness`, over what the body does, per unit of the
 tolerance. They do return up to twice that."""
-
 LEAST_RTOL = 5e-3
 """Tolerance below which so few facets are that faint that to look for them takes longer."""
 

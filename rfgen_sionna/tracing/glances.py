@@ -195,8 +195,10 @@ def missed_of(
 
 def moved(first: Seen, last: Seen, viewpoint: FloatArray, wavenumber: float) -> FloatArray:
     """(surface,) how much of what each surface returns without interfering may come or go from one instant to the next
-    for shadows' edges that move on, at most: what facets may return when an edge cuts them, by the share that changes,
-    side by side. A line between both misses half of that at most."""
+    for shadows' edges that move on: what facets may return when an edge cuts them, by the share that changes, side by
+    side. Where all edges go one way a line between both misses half of that at most; what comes back, or passes a facet
+    as a whole in between, is not told (`STRAIGHT` and `PAIR_TURN` of :mod:`rfgen_sionna.tracing.instants` keep it
+    small)."""
     chosen = np.flatnonzero((first.fraction > 0) | (last.fraction > 0))
     facets = first.facets
     most, cut, _ = returns_at_most(np.take(facets.corners, chosen, axis=0) - viewpoint, wavenumber)

@@ -364,7 +364,6 @@ class Sight:
             past, stands_for = static_outlines(self._surfaces, self._viewpoint, self._apart)
             self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
-
         found = []
         for there, towards in zip(offsets, turned, strict=True):
             before = np.zeros(len(static), np.bool_)

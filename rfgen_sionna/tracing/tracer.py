@@ -283,7 +283,6 @@ class Tracer:
             closed = [surface.closed for surface in self.surfaces.moving]
             given = self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
             # What actors hide of what stays is told by three times and more.
-            # What actors hide of what stays is told by three times and more.
             pair = not self.surfaces.static and self.radar.trajectory is None
             instants, turned = choose_instants(self._vertices, faces, closed, *given, beside=moving.beside, pair=pair)
         return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)

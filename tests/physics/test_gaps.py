@@ -93,6 +93,6 @@ def test_what_falls_between_rays_past_outlines_is_stated(t, monkeypatch):
     best, own = walking(t, 3e-4)
     monkeypatch.setattr("rfgen_sionna.tracing.sight.apart_for", lambda *_: 5e-3)
     value, stated = walking(t, 1e-3)
-    assert abs(value - best) > 1.2e-3 * abs(best)
+    assert abs(value - best) > 1.5e-3 * abs(best)
     assert abs(value - best) < (stated + own) * abs(best)
     assert stated < 10 * abs(value - best) / abs(best)
