@@ -7,18 +7,83 @@ them together would matter.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.obliquity import strongest_reflection
 
 FAINT_PER_RTOL = 0.2
 """What facets that are left out return, one by one and by :func:`loudness`, over what the body does, per unit of the
 tolerance. They do return up to twice that."""
 LEAST_RTOL = 5e-3
 """Tolerance below which so few facets are that faint that to look for them takes longer."""
+ASIDE = 0.6
+"""Phase [rad] by which elements of an array may turn a facet without anybody asking what they see of it."""
+
+
+class Facing(NamedTuple):
+    """Facets that look at the radar, within the range window."""
+
+    chosen: NDArray[np.intp]
+    """(chosen,) ascending."""
+    weight: FloatArray
+    """(chosen,) the antennas' two-way field gain towards each, over the largest."""
+
+    def of(self, some: NDArray[np.intp]) -> Facing:
+        return Facing(self.chosen[some], self.weight[some])
+
+
+class Loudness:
+    """About what facets return, by their corners.
+
+    `viewpoint` (3,) is the radar's phase centre [m], `wavenumber` that of the highest frequency [rad/m], and `aperture`
+    what displacements of its elements from the middle of the array add up to [m].
+    """
+
+    def __init__(self, viewpoint: FloatArray, wavenumber: float, aperture: float) -> None:
+        self._viewpoint, self._wavenumber, self._aperture = viewpoint, wavenumber, aperture
+        self._of_bent, self._widest = np.zeros(0, np.intp), 0.0
+
+    def form(self, corners: Sequence[FloatArray], of_bent: NDArray[np.intp]) -> None:
+        """The facets have these `corners` (facet, 3, 3) [m], those of each surface; `of_bent` are pieces of bent
+        faces."""
+        away = [np.maximum(lengths(each[:, 0] - self._viewpoint), 1e-9) for each in corners]
+        wide = [lengths(each - each[:, [1, 2, 0]]).max(axis=1) / far for each, far in zip(corners, away, strict=True)]
+        self._of_bent, self._widest = of_bent, max((float(each.max(initial=0.0)) for each in wide), default=0.0)
+
+    def of(self, facets: Facets, facing: Facing) -> tuple[FloatArray, FloatArray]:
+        """(chosen,) about what those `facing` return, antennas included, and what they may: a wide array sees them from
+        other sides as well, over a facet that is integrated in parts the phase bends, so that one part alone may return
+        most, and of pieces of bent faces corners do not tell it."""
+        chosen = facing.chosen
+        corners = np.ascontiguousarray((np.take(facets.corners, chosen, axis=0) - self._viewpoint).T)
+        loud = facing.weight * loudness(corners, self._wavenumber)
+        parts, wide, most = facets.parts[chosen], self._aperture * self._wavenumber * self._widest > ASIDE, loud.copy()
+        some = np.arange(len(chosen)) if wide else np.flatnonzero(parts > 1)
+        if len(some):
+            few = np.take(corners, some, axis=2)
+            aside = phase_aside(few, self._wavenumber, self._aperture) / parts[some] if wide else 0.0
+            most[some] = facing.weight[some] * loudness(few, self._wavenumber / parts[some], aside)
+        if len(self._of_bent):
+            pieces = np.isin(chosen, self._of_bent, assume_unique=True)
+            loud[pieces], most[pieces] = 0.0, np.inf
+        return loud, most
+
+
+def plain(material: Material, frequencies: FloatArray) -> float:
+    """What a surface reflects where it mirrors the radar, at the worst of the `frequencies` [Hz], over what it may
+    where it lies aslant; 0 where it is rough, as then it scatters from everywhere."""
+    if material.scattering_coefficient != 0:
+        return 0.0
+    number, straight = np.zeros(1, np.int32), np.ones(1)
+    return min(float(strongest_reflection([material], number, straight, each)[0]) for each in frequencies[:, None])
 
 
 def loudness(corners: FloatArray, wavenumber: float | FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks, before, times_at_once
-from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, faintest, loudness, phase_aside
+from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, Facing, Loudness, faintest, plain
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
-from rfgen_sionna.tracing.obliquity import strongest_reflection
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
-_ASIDE = 0.6
-"""Phase [rad] by which elements of an array may turn a facet without anybody asking what they see of it."""
 _ROUNDS, _FAINTER = 2, 2.0
 """How often it is reckoned anew which facets are too faint, at most, and by what factor they may return more than is
 allowed for less to be seen of a surface than was thought."""
@@ -95,18 +91,6 @@ class Seen:
         )
 
 
-class _Facing(NamedTuple):
-    """Facets that look at the radar, within the range window."""
-
-    chosen: NDArray[np.intp]
-    """(chosen,) ascending."""
-    weight: FloatArray
-    """(chosen,) that of :class:`Seen`."""
-
-    def of(self, some: NDArray[np.intp]) -> _Facing:
-        return _Facing(self.chosen[some], self.weight[some])
-
-
 class Sight:
     """Looks at moving surfaces from one place, as far as the range window."""
 
@@ -120,8 +104,8 @@ class Sight:
         self._passed: dict[float, Passing] = {}
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
-        self._of_bent, self._widest, self._aperture = np.zeros(0, np.intp), 0.0, band.aperture
-        self._plain = np.array([_plain(surface.material, band) for surface in surfaces.moving])
+        self._loudness = Loudness(viewpoint, self._wavenumber, band.aperture)
+        self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
     def __call__(
@@ -145,7 +129,7 @@ class Sight:
         louds, most = [], np.zeros(len(surface))
         total = np.full(surfaces, np.inf)
         for each, there in zip(facets, facing, strict=True):
-            loud, there_most = self._loud(each, there)
+            loud, there_most = self._loudness.of(each, there)
             louds.append(loud)
             most[there.chosen] = np.maximum(most[there.chosen], there_most)
             total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
@@ -168,32 +152,14 @@ class Sight:
         found[0] = replace(found[0], looked_at=found[0].looked_at + looked, rays=found[0].rays + sent)
         return [replace(each, missed=np.hypot(each.missed, beyond)) for each in found]
 
-    def _facing(self, facets: Facets) -> _Facing:
+    def _facing(self, facets: Facets) -> Facing:
         chosen = np.flatnonzero(facets.facing)
         offset = np.take(facets.centroids, chosen, axis=0) - self._viewpoint
         distance = lengths(offset)
         near = distance < self._max_range
         if not near.all():
             chosen, offset, distance = chosen[near], offset[near], distance[near]
-        return _Facing(chosen, self._importance(offset / np.maximum(distance, 1e-12)[:, None]))
-
-    def _loud(self, facets: Facets, facing: _Facing) -> tuple[FloatArray, FloatArray]:
-        """(chosen,) about what those `facing` return, antennas included, and what they may: a wide array sees them from
-        other sides as well, over a facet that is integrated in parts the phase bends, so that one part alone may return
-        most, and of pieces of bent faces corners do not tell it."""
-        chosen = facing.chosen
-        corners = np.ascontiguousarray((np.take(facets.corners, chosen, axis=0) - self._viewpoint).T)
-        loud = facing.weight * loudness(corners, self._wavenumber)
-        parts, wide, most = facets.parts[chosen], self._aperture * self._wavenumber * self._widest > _ASIDE, loud.copy()
-        some = np.arange(len(chosen)) if wide else np.flatnonzero(parts > 1)
-        if len(some):
-            few = np.take(corners, some, axis=2)
-            aside = phase_aside(few, self._wavenumber, self._aperture) / parts[some] if wide else 0.0
-            most[some] = facing.weight[some] * loudness(few, self._wavenumber / parts[some], aside)
-        if len(self._of_bent):
-            pieces = np.isin(chosen, self._of_bent, assume_unique=True)
-            loud[pieces], most[pieces] = 0.0, np.inf
-        return loud, most
+        return Facing(chosen, self._importance(offset / np.maximum(distance, 1e-12)[:, None]))
 
     def _at_all_times(
         self,
@@ -202,7 +168,7 @@ class Sight:
         places: IntArray,
         times: Sequence[float],
         vertices: Sequence[Sequence[FloatArray]],
-        facing: Sequence[_Facing],
+        facing: Sequence[Facing],
     ) -> list[Seen]:
         """:meth:`__call__` of those `facing`, as many times at once as there may be."""
         self._passed.clear()
@@ -220,7 +186,7 @@ class Sight:
         facets: Sequence[Facets],
         places: IntArray,
         vertices: Sequence[Sequence[FloatArray]],
-        looked: Sequence[_Facing],
+        looked: Sequence[Facing],
     ) -> tuple[list[Seen], list[Passing]]:
         """:meth:`__call__` at once of what is to be `looked` at, and the rays that just pass outlines."""
         count, surfaces = len(facets), len(self._surfaces.moving)
@@ -341,10 +307,7 @@ class Sight:
     def look_for(self, corners: Sequence[FloatArray], of_bent: NDArray[np.intp]) -> None:
         """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface, of
         which `of_bent` are pieces of bent faces."""
-        self._of_bent = of_bent
-        away = [np.maximum(lengths(each[:, 0] - self._viewpoint), 1e-9) for each in corners]
-        wide = [lengths(each - each[:, [1, 2, 0]]).max(axis=1) / far for each, far in zip(corners, away, strict=True)]
-        self._widest = max((float(each.max(initial=0.0)) for each in wide), default=0.0)
+        self._loudness.form(corners, of_bent)
         apart = apart_for(corners, self._viewpoint, self._rtol)
         if apart != self._apart:
             self._apart, self._static = apart, None
@@ -382,16 +345,6 @@ class Sight:
         return [
             Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
         ]
-
-
-def _plain(material: Material, band: BandTracer) -> float:
-    """What a surface reflects where it mirrors the radar, over what it may where it lies aslant; 0 where it is rough,
-    as then it scatters from everywhere."""
-    if material.scattering_coefficient != 0:
-        return 0.0
-    number, straight = np.zeros(1, np.int32), np.ones(1)
-    frequencies = band.frequency(PROBES)
-    return min(float(strongest_reflection([material], number, straight, each)[0]) for each in frequencies[:, None])
 
 
 def _surrounds(points: FloatArray) -> bool:

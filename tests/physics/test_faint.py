@@ -61,13 +61,20 @@ def both(radar, actors, rtol, monkeypatch, name="body"):
     return error, stated, fewer / most
 
 
-@pytest.mark.parametrize(("rtol", "fewer"), [(0.1, 0.8), (1e-2, 0.99), (1e-3, 1.001)])
+@pytest.mark.parametrize(("rtol", "fewer"), [(0.1, 0.8), (1e-2, 0.99)])
 def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer, monkeypatch):
     body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     error, stated, share = both(radar, [body], rtol, monkeypatch)
     assert error < 0.5 * rtol
     assert error < stated
     assert share < fewer
+
+
+def test_nothing_is_left_out_at_fine_tolerances(radar, monkeypatch):
+    """To look for it would take longer."""
+    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    error, _, share = both(radar, [body], 1e-3, monkeypatch)
+    assert (error, share) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize("rtol", [0.1, 1e-2])
@@ -126,7 +133,7 @@ def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
     assert error < stated
 
 
-@pytest.mark.parametrize("rounds", [1, 3])
+@pytest.mark.parametrize("rounds", [1, 2])
 def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     """The same: by all that looks at the radar, seen or not, too much would be left out."""
     monkeypatch.setattr(sight, "_ROUNDS", rounds)
@@ -141,10 +148,10 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     run._turn_to([positions(0.0)])
     (seen,) = run._see([0.0], positions, tracer._rays)
     facing = run._sight._facing(seen.facets)
-    loud, most = run._sight._loud(seen.facets, facing)
+    loud, most = run._sight._loudness.of(seen.facets, facing)
     mine = seen.facets.surface[facing.chosen] == 0
     left = np.linalg.norm(most[mine & (seen.weight[facing.chosen] == 0)])
     shown = np.linalg.norm((loud * seen.fraction[facing.chosen])[mine])
     assert left > 0
-    assert (left < sight._FAINTER * sight.FAINT_PER_RTOL * rtol * shown) == (rounds == 3)
+    assert (left < sight._FAINTER * sight.FAINT_PER_RTOL * rtol * shown) == (rounds == 2)
     assert seen.missed[0] >= left / shown * (1 - 1e-9)
