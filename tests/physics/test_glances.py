@@ -28,8 +28,13 @@ def channel(parts, times):
     return total
 
 
-def traced_there(tracer, times):
-    return np.array([channel(tracer.trace(float(t), float(t)).actors, np.array([t]))[0] for t in times])
+def traced_there(tracer, times, name=None):
+    """(time,) of the first pair, traced at each of the times by itself: of all actors, or of one."""
+    found = []
+    for t in times.tolist():
+        parts = tracer.trace(t, t).actors
+        found.append(channel(parts if name is None else of(parts, name), np.array([t]))[0])
+    return np.array(found)
 
 
 def rms(values):
@@ -68,7 +73,7 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     length = radar.waveform.frame_length
     times = np.linspace(0.0, length, 30)
     tracer = screened(radar)
-    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    truth = traced_there(tracer, times, "plate")
     traced = tracer.trace(0.0, length)
     assert traced.glanced is not None
     assert len(traced.glanced.times) > len(traced.moving.times)
@@ -91,7 +96,7 @@ def test_two_instants_do_while_hardly_a_shadow_moves(radar, tilt, speed, count):
     """The plate's return between instants is what is stated, whether the screen's edge reaches it or not."""
     tracer, length = screened(radar, tilt, speed), radar.waveform.frame_length
     times = np.linspace(0.0, length, 20)
-    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    truth = traced_there(tracer, times, "plate")
     run = tracer.follow()
     for _ in range(2):  # in the next stretch no pair is tried where shadows moved
         traced = tracer.trace(0.0, length, run)
@@ -113,7 +118,7 @@ def test_what_comes_back_within_a_frame_is_not_left_to_two_instants(radar, way):
     ball = Actor.from_mesh(trimesh.creation.icosphere(4, 0.1), material="pec", position=(3, 0, 1), name="ball")
     tracer = Tracer(None, radar, [bar, ball], rtol=1e-2)
     times = np.linspace(0.0, length, 20)
-    truth = np.array([channel(of(tracer.trace(t, t).actors, "ball"), np.array([t]))[0] for t in times.tolist()])
+    truth = traced_there(tracer, times, "ball")
     traced = tracer.trace(0.0, length)
     assert traced.report.instants > 2
     error = rms(channel(of(traced.actors, "ball"), times) - truth) / rms(truth)
@@ -135,7 +140,7 @@ def test_what_was_hidden_at_first_is_not_left_to_two_instants(radar):
         start = 0.1 * frame
         traced = tracer.trace(start, start + length, run)
         times = np.linspace(start, start + length, 12)
-        truth = np.array([channel(of(tracer.trace(t, t).actors, "ball"), np.array([t]))[0] for t in times.tolist()])
+        truth = traced_there(tracer, times, "ball")
         whole = max(whole, rms(truth))
         if rms(truth) > 0:
             error = rms(channel(of(traced.actors, "ball"), times) - truth) / rms(truth)
@@ -152,7 +157,7 @@ def test_what_comes_and_goes_between_two_instants_is_stated(radar, monkeypatch):
     times = np.linspace(0.0, length, 20)
     for tilt, speed in [(5.0, 0.1), (20.0, 0.05), (20.0, 0.2), (35.0, 0.3), (50.0, 0.6)]:
         tracer = screened(radar, tilt, speed)
-        truth = np.array([channel(of(tracer.trace(t, t).actors, "plate"), np.array([t]))[0] for t in times.tolist()])
+        truth = traced_there(tracer, times, "plate")
         traced = tracer.trace(0.0, length)
         assert traced.report.instants == 2
         found.append(rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth))
@@ -206,7 +211,7 @@ def test_a_plate_that_vibrates_keeps_the_knots_of_its_delays(radar):
     traced = tracer.trace(0.0, length)
     assert len(traced.glanced.times) >= len(traced.moving.times) > 13
     times = np.linspace(0.0, length, 41)[1::2]
-    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    truth = traced_there(tracer, times, "plate")
     assert rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth) < min(traced.report.between, 0.1)
 
 
@@ -227,7 +232,7 @@ def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
     tracer = screened(radar, 20.0, speed)
     length = radar.waveform.frame_length
     times = np.linspace(0.0, length, 20)
-    truth = np.array([channel(of(tracer.trace(float(t), float(t)).actors, "plate"), np.array([t]))[0] for t in times])
+    truth = traced_there(tracer, times, "plate")
     traced = tracer.trace(0.0, length)
     assert traced.report.instants == 3
     error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
