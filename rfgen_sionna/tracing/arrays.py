@@ -5,6 +5,10 @@ Mitsuba and Sionna run in float32; phases need more, and Dr.Jit itself has float
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Callable
+from functools import cached_property
+from threading import Lock
 from types import ModuleType
 from typing import Any
 
@@ -17,3 +21,50 @@ def drjit_types() -> tuple[ModuleType, Any]:
     import drjit
 
     return drjit, drjit.cuda if variant.startswith("cuda") else drjit.llvm
+
+
+_KINDS = 256
+"""How many kinds of inputs a kernel is kept for."""
+
+
+class Frozen:
+    """A kernel that Python goes through once for each kind of inputs, and not again for others of that kind.
+
+    To go through thousands of operations takes milliseconds, as long as the kernel takes for ten thousand facets.
+
+    Args:
+        kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and options that can be hashed. It
+            writes into the former, and knows of their sizes by :func:`drjit.width` alone.
+    """
+
+    def __init__(self, kernel: Callable[..., None]) -> None:
+        self._kernel, self._lock = kernel, Lock()
+
+    def __call__(self, given: dict[str, Any], *options: Any) -> None:
+        _check(given)
+        with self._lock:  # what is recorded is one for all threads
+            collecting = gc.isenabled()
+            gc.disable()  # a scene that is collected while its thread records ends the process
+            try:
+                self._frozen(given, *options)
+            finally:
+                if collecting:
+                    gc.enable()
+
+    @cached_property
+    def _frozen(self) -> Callable[..., None]:
+        import drjit
+
+        found: Callable[..., None] = drjit.freeze(self._kernel, limit=_KINDS, warn_after=2 * _KINDS, auto_opaque=False)
+        return found
+
+
+def _check(given: dict[str, Any] | list[Any]) -> None:
+    """Raises ValueError where an array is empty, which would end the process."""
+    import drjit
+
+    for name, each in given.items() if isinstance(given, dict) else enumerate(given):
+        if isinstance(each, (dict, list)):
+            _check(each)
+        elif drjit.width(each) == 0:
+            raise ValueError(f"a kernel was given nothing for {name!r}")

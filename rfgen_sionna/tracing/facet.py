@@ -23,19 +23,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.arrays import drjit_types
-from rfgen_sionna.tracing.obliquity import Media, drift, media_of_lanes
+from rfgen_sionna.tracing.arrays import Frozen, drjit_types
+from rfgen_sionna.tracing.obliquity import Media, drift, media_of_lanes, media_tables
 from rfgen_sionna.tracing.quadratic import flattened, lattice_triangle, number_of_terms, summed
-from rfgen_sionna.tracing.reflected import Via, Wall, walls_of_lanes
+from rfgen_sionna.tracing.reflected import Via, Wall, wall_tables, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.slabs import Crossed, Screens, bulk_length, screens_of_lanes
+from rfgen_sionna.tracing.slabs import Crossed, Screens, bulk_length, screen_tables, screens_of_lanes
 from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.triangle import Lanes, triangle
 
@@ -174,88 +175,134 @@ def facet_gains(
     give gain 0.
     """
     dr, types = drjit_types()
-    Float, UInt32, Array3, Complex = types.Float64, types.UInt32, types.Array3f64, types.Complex2f64
+    Float, UInt32 = types.Float64, types.UInt32
     shape = (len(nodes), len(corners))
     if 0 in shape:
         return FacetGains(np.zeros((number_of_terms(axes), *shape), np.complex128), np.zeros(shape))
-
-    def vectors(values: FloatArray, index: Any, count: int = 1) -> list[Any]:
-        flat = upload(Float, np.asarray(values, np.float64))
-        first = 3 * count * index
-        return [Array3(*(dr.gather(Float, flat, first + 3 * k + i) for i in range(3))) for k in range(count)]
-
-    def whole(values: ArrayLike, index: Any) -> Any:
-        return dr.gather(UInt32, upload(UInt32, np.asarray(values, np.uint32)), index)
-
-    wavenumbers = 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)
-    lane = dr.arange(UInt32, shape[0] * shape[1])
-    facet_count = dr.opaque(UInt32, shape[1])
-    facet, node = lane % facet_count, lane // facet_count
-    whole_facets = parts is None or int(np.max(parts)) == 1
-    if not whole_facets:
+    into = into or Into(shape[1])
+    sizes = number_of_terms(axes), shape[0], into.count
+    if into.found is None:
+        into.found, into.tau = dr.empty(Float, 2 * prod(sizes)), dr.empty(Float, shape[0] * into.count)
+    elements = [nodes.tx, nodes.rx, 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)[:, None]]
+    given: dict[str, Any] = {
+        "lanes": dr.arange(UInt32, shape[0] * shape[1]),
+        "facets": dr.opaque(UInt32, shape[1]),
+        "into": dr.opaque(UInt32, into.count),
+        "size": dr.opaque(UInt32, shape[0] * into.count),
+        "found": into.found,
+        "tau": into.tau,
+        "nodes": upload(Float, np.hstack(elements)),
+        "fields": upload(Float, np.stack([tx_field, rx_field])),
+        "media": media_tables(dr, types, media),
+        "corners": upload(Float, corners),
+        "material": upload(UInt32, np.asarray(material, np.uint32)),
+    }
+    arrays = {
+        "reference": reference,
+        "aim": None if pull is None else aim,
+        "pull": pull,
+        "origin": origin,
+        "axes": axes,
+    }
+    if bend is not None:
+        arrays |= {"rises": bend.rises, "lifts": bend.lifts}
+    given |= {name: upload(Float, values) for name, values in arrays.items() if values is not None and len(values)}
+    if parts is not None and int(np.max(parts)) > 1:
+        given["parts"] = upload(UInt32, np.asarray(parts, np.uint32))
         # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
-        facet = whole(np.argsort(np.asarray(parts), kind="stable"), facet)
-    start = None if origin is None else vectors(np.asarray(origin)[None], dr.zeros(UInt32, len(lane)))[0]
-
-    def placed(points: FloatArray, count: int = 1) -> list[Any]:
-        return [each if start is None else each - start for each in vectors(points, facet, count)]
-
-    p = placed(corners, 3)
-    (t,), (r,) = vectors(nodes.tx, node), vectors(nodes.rx, node)
-    wavenumber = dr.gather(Float, upload(Float, wavenumbers), node)
-    medium = media_of_lanes(dr, types, media, node, whole(material, facet), wavenumber)
-    field_of_tx, field_of_rx = (Array3(*(dr.opaque(Float, float(x)) for x in f)) for f in (tx_field, rx_field))
-    walls = None
+        given["order"] = upload(UInt32, np.argsort(np.asarray(parts), kind="stable").astype(np.uint32))
+    if axes is not None and (drifted := media.drifted) is not None:
+        given["drifted"] = media_tables(dr, types, drifted)
     if via is not None:
-        walls = first, last = walls_of_lanes(dr, types, via, facet, node, wavenumber)
+        given["via"] = wall_tables(dr, types, via)
+    if screens is not None:
+        given["screens"] = [
+            screen_tables(dr, types, each, nodes.frequency)
+            for each in (screens[:1] if via is None and screens[0] is screens[1] else screens)
+        ]
+    if into.index is not None:
+        given["place"] = upload(UInt32, np.asarray(into.index, np.uint32))
+    _INTEGRATED(given, monostatic, None if axes is None else len(axes))
+    found, tau = into.found.numpy(), into.tau.numpy()
+    return FacetGains(found.view(np.complex128).reshape(sizes), tau.reshape(sizes[1:]))
+
+
+def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None) -> None:
+    """The kernel of :func:`facet_gains`, of nothing but what is `given` on the device."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3, Complex = types.Float64, types.UInt32, types.Array3f64, types.Complex2f64
+
+    def vector(name: str, index: Any) -> Any:
+        return Array3(*(dr.gather(Float, given[name], 3 * index + axis) for axis in range(3)))
+
+    def whole(name: str, index: Any) -> Any:
+        return dr.gather(UInt32, given[name], index)
+
+    lane = given["lanes"]
+    facet, node = lane % given["facets"], lane // given["facets"]
+    if "parts" in given:
+        facet = whole("order", facet)
+    start = vector("origin", UInt32(0)) if "origin" in given else None
+
+    def placed(name: str, index: Any) -> Any:
+        return vector(name, index) if start is None else vector(name, index) - start
+
+    p = [placed("corners", 3 * facet + corner) for corner in range(3)]
+    element = [dr.gather(Float, given["nodes"], 7 * node + k) for k in range(7)]
+    t, r, wavenumber = Array3(*element[:3]), Array3(*element[3:6]), element[6]
+    material = whole("material", facet)
+    medium = media_of_lanes(dr, types, given["media"], node, material, wavenumber)
+    field_of_tx, field_of_rx = vector("fields", UInt32(0)), vector("fields", UInt32(1))
+    walls = None
+    if "via" in given:
+        walls = first, last = walls_of_lanes(dr, types, given["via"], facet, node, wavenumber)
         if first is not None:
             t, field_of_tx = first.image(dr, t), first.turned(dr, field_of_tx)
         if last is not None:
             r, field_of_rx = last.image(dr, r), last.turned(dr, field_of_rx)
-    elif screens is not None:
+    elif "screens" in given:
         walls = (None, None)
     middle = (p[0] + p[1] + p[2]) / 3.0
-    through = middle if reference is None else placed(reference)[0]
+    through = placed("reference", facet) if "reference" in given else middle
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
-    away = dr.dot(cross, middle if bend is not None and via is None else middle - t) > 0
+    away = dr.dot(cross, middle if "rises" in given and "via" not in given else middle - t) > 0
     cross = dr.select(away, -cross, cross)
     rises = None
-    if bend is not None:
-        rises = vectors(bend.rises, facet, 3)
-        if bend.lifts is not None:
-            p = [corner + lift for corner, lift in zip(p, vectors(bend.lifts, facet, 3), strict=True)]
+    if "rises" in given:
+        rises = [vector("rises", 3 * facet + edge) for edge in range(3)]
+        if "lifts" in given:
+            p = [corner + vector("lifts", 3 * facet + k) for k, corner in enumerate(p)]
     crossed = Crossed([], []), Crossed([], [])
     turn, bulk = None, 0.0
-    if screens is not None and walls is not None:
+    if "screens" in given and walls is not None:
 
-        def lanes(of: Screens, wall: Wall | None) -> Crossed:
+        def lanes(of: dict[str, Any], wall: Wall | None) -> Crossed:
             def mirrored(direction: Any) -> Any:
                 return direction if wall is None else wall.turned(dr, direction)
 
-            return screens_of_lanes(dr, types, of, mirrored, nodes.frequency, facet, node, wavenumber)
+            return screens_of_lanes(dr, types, of, mirrored, facet, node, wavenumber)
 
-        there = lanes(screens[0], walls[0])
-        crossed = there, there if via is None and screens[0] is screens[1] else lanes(screens[1], walls[1])
+        there, *back = given["screens"]
+        crossed_there = lanes(there, walls[0])
+        crossed = crossed_there, lanes(back[0], walls[1]) if back else crossed_there
         ways = dr.normalize(through - t), dr.normalize(r - through)
         bulk = bulk_length(dr, crossed[0], ways[0]) + bulk_length(dr, crossed[1], ways[1])
         sin, cos = dr.sincos(wavenumber * bulk)
         turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
     pulled = None
-    if pull is not None:
-        pulled = vectors(pull, facet)[0], middle if aim is None else placed(aim)[0]
+    if "pull" in given:
+        pulled = vector("pull", facet), placed("aim", facet) if "aim" in given else middle
     surface = Lanes(cross, away, medium, *ends, monostatic, walls, crossed, turn, pulled)
-
-    moved = None if axes is None else [Array3(*(dr.opaque(Float, float(x)) for x in axis)) for axis in axes]
-
-    if parts is None or whole_facets or rises is not None:
-        each = None if parts is None or whole_facets else whole(parts, facet)
-        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumber, through, moved, each)
-        if reference is not None or (bend is not None and bend.lifts is not None):
+    moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
+    parts = whole("parts", facet) if "parts" in given else None
+    if parts is None or rises is not None:
+        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumber, through, moved, parts)
+        if "reference" in given or "lifts" in given:
             terms = _carried(dr, terms, wavenumber, excess)
     else:
-        count = Float(whole(parts, facet))
+        count = Float(parts)
 
         def lattice(row: Any, column: Any) -> Any:
             return p[0] + (row / count) * (p[1] - p[0]) + (column / count) * (p[2] - p[1])
@@ -271,31 +318,23 @@ def facet_gains(
             found = [each.scaled(1.0 / (count * count)) for each in _carried(dr, terms, wavenumber, excess)]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
-        total = whole(np.asarray(parts) ** 2, facet)
-        terms = summed(dr, Float, total, step, number_of_terms(axes), len(lane))
-    if (
-        axes is not None and media.drift
-    ):  # the integral's slope over the wavenumber is that for media that stay the same
+        terms = summed(dr, Float, parts * parts, step, number_of_terms(moved), dr.width(given["lanes"]))
+    if "drifted" in given:  # the integral's slope over the wavenumber is that for media that stay the same
         normal = cross / dr.maximum(dr.norm(cross), 1e-30)
-        known = node, whole(material, facet), wavenumber, normal, middle - 0.5 * (t + r)
-        terms[1] = terms[1] + terms[0].times(drift(dr, types, media, *known, (field_of_tx, field_of_rx)))
+        known = node, material, wavenumber, normal, middle - 0.5 * (t + r)
+        changing = given["media"], given["drifted"]
+        terms[1] = terms[1] + terms[0].times(drift(dr, types, changing, *known, (field_of_tx, field_of_rx)))
     length = dr.norm(through - t) + dr.norm(r - through) + bulk
-    into = into or Into(shape[1])
-    shape = shape[0], into.count
-    if into.found is None:
-        into.found, into.tau = (
-            dr.empty(Float, 2 * len(terms) * shape[0] * shape[1]),
-            dr.empty(Float, shape[0] * shape[1]),
-        )
     # Written as NumPy's complex numbers lie in memory, which saves copying them.
-    place = facet if into.index is None else whole(into.index, facet)
-    place, size = node * dr.opaque(UInt32, shape[1]) + place, dr.opaque(UInt32, shape[0] * shape[1])
+    place = node * given["into"] + (whole("place", facet) if "place" in given else facet)
+    size = given["size"]
     for k, value in enumerate(flattened(terms)):
-        dr.scatter(into.found, value, 2 * (place + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
-    dr.scatter(into.tau, length / SPEED_OF_LIGHT, place, mode=dr.ReduceMode.Permute)
-    dr.eval(into.found, into.tau)
-    found, tau = into.found.numpy(), into.tau.numpy()
-    return FacetGains(found.view(np.complex128).reshape(len(terms), *shape), tau.reshape(shape))
+        dr.scatter(given["found"], value, 2 * (place + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
+    dr.scatter(given["tau"], length / SPEED_OF_LIGHT, place, mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"], given["tau"])
+
+
+_INTEGRATED = Frozen(_integrate)
 
 
 def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:

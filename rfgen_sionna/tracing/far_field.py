@@ -23,7 +23,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.tracing.arrays import drjit_types
-from rfgen_sionna.tracing.obliquity import Media, Way, media_of_lanes
+from rfgen_sionna.tracing.obliquity import Media, Way, media_of_lanes, media_tables
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments
 
@@ -118,7 +118,8 @@ class ScatteringPoint:
         frequency = body.frequency()
         wavenumber = dr.opaque(Float, 2 * np.pi * frequency / SPEED_OF_LIGHT)
         zero = dr.zeros(UInt32, 1)
-        medium = media_of_lanes(dr, types, Media.at((body.material,), np.array([frequency])), zero, zero, wavenumber)
+        media = media_tables(dr, types, Media.at((body.material,), np.array([frequency])))
+        medium = media_of_lanes(dr, types, media, zero, zero, wavenumber)
         change = wavenumber * (k_in - k_out)
 
         def one_facet(index: Any, *sums: Any) -> tuple[Any, ...]:

@@ -77,9 +77,12 @@ class Media:
         return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), raised)
 
     @property
-    def drift(self) -> bool:
-        """Whether what they reflect changes over the band: permittivities do, or there are slabs."""
-        return self.raised is not None or bool(np.isfinite(self.thickness).any())
+    def drifted(self) -> Media | None:
+        """What they are at frequencies higher by `STEP`; None where what they reflect stays the same over the band, as
+        permittivities do and there are no slabs."""
+        if self.raised is not None:
+            return replace(self, permittivity=self.raised)
+        return self if np.isfinite(self.thickness).any() else None
 
 
 class Medium(NamedTuple):
@@ -95,25 +98,45 @@ class Medium(NamedTuple):
     """Whether a lane is a half-space."""
 
 
-def media_of_lanes(dr: Any, types: Any, media: Media, node: Any, material: Any, wavenumber: Any) -> Medium:
-    Float, UInt32, Complex = types.Float64, types.UInt32, types.Complex2f64
-    entry = node * dr.opaque(UInt32, media.permittivity.shape[1]) + material
-
-    def table(values: Any, index: Any) -> Any:
-        return dr.gather(Float, upload(Float, np.asarray(values, np.float64)), index)
-
+def media_tables(dr: Any, types: Any, media: Media) -> dict[str, Any]:
+    """`media` on the device, for :func:`media_of_lanes`."""
+    Float = types.Float64
     conductor = ~np.isfinite(media.permittivity)
     eps, mu = np.where(conductor, 1.0, media.permittivity), np.where(conductor, 1.0, media.permeability)
     half_space = ~np.isfinite(media.thickness)
-    electric, thick = None, None
+    found = {
+        "count": dr.opaque(types.UInt32, media.permittivity.shape[1]),
+        "eps_re": upload(Float, eps.real),
+        "eps_im": upload(Float, eps.imag),
+        "mu_re": upload(Float, mu.real),
+        "mu_im": upload(Float, mu.imag),
+        "perfect": upload(Float, conductor),
+        "smoothness": upload(Float, media.smoothness),
+    }
     if not half_space.all():
-        electric = wavenumber * table(np.where(half_space, 0.0, media.thickness), material)
-        thick = table(half_space, material) > 0.5
+        found |= {
+            "thickness": upload(Float, np.where(half_space, 0.0, media.thickness)),
+            "thick": upload(Float, half_space),
+        }
+    return found
+
+
+def media_of_lanes(dr: Any, types: Any, media: dict[str, Any], node: Any, material: Any, wavenumber: Any) -> Medium:
+    """Of each lane, from :func:`media_tables`."""
+    Complex = types.Complex2f64
+    entry = node * media["count"] + material
+
+    def table(name: str, index: Any) -> Any:
+        return dr.gather(types.Float64, media[name], index)
+
+    electric, thick = None, None
+    if "thickness" in media:
+        electric, thick = wavenumber * table("thickness", material), table("thick", material) > 0.5
     return Medium(
-        Complex(table(eps.real, entry), table(eps.imag, entry)),
-        Complex(table(mu.real, entry), table(mu.imag, entry)),
-        table(conductor, entry) > 0.5,
-        table(media.smoothness, material),
+        Complex(table("eps_re", entry), table("eps_im", entry)),
+        Complex(table("mu_re", entry), table("mu_im", entry)),
+        table("perfect", entry) > 0.5,
+        table("smoothness", material),
         electric,
         thick,
     )
@@ -179,7 +202,7 @@ def backscatter(
 def drift(
     dr: Any,
     types: Any,
-    media: Media,
+    media: tuple[dict[str, Any], dict[str, Any]],
     node: Any,
     material: Any,
     wavenumber: Any,
@@ -188,10 +211,10 @@ def drift(
     fields: tuple[Any, Any],
 ) -> ComplexPair:
     """By how much :func:`backscatter` changes over the wavenumber, over itself [m], for what the media are made of
-    alone: permittivities change, and slabs get thicker."""
-    of_media = media, media if media.raised is None else replace(media, permittivity=media.raised)
+    alone: permittivities change, and slabs get thicker. `media` are those of :func:`media_tables`, as they are and at
+    frequencies higher by `STEP`."""
     found = []
-    for each, by in zip(of_media, (1.0, 1.0 + STEP), strict=True):
+    for each, by in zip(media, (1.0, 1.0 + STEP), strict=True):
         medium = media_of_lanes(dr, types, each, node, material, by * wavenumber)
         found.append(backscatter(dr, types.Complex2f64, medium, normal, offset, *fields, _NEAREST))
     now, then = found
@@ -247,7 +270,8 @@ def strongest_reflection(
     media = Media.at(materials, frequencies, 0.5 * float(np.ptp(frequencies)))
     wavenumber = Float(np.repeat(2 * np.pi / SPEED_OF_LIGHT * frequencies, len(of)))
     node = UInt32(np.repeat(np.arange(len(frequencies)), len(of)).astype(np.uint32))
-    medium = media_of_lanes(dr, types, media, node, UInt32(np.tile(of, shape[0]).astype(np.uint32)), wavenumber)
+    tables = media_tables(dr, types, media)
+    medium = media_of_lanes(dr, types, tables, node, UInt32(np.tile(of, shape[0]).astype(np.uint32)), wavenumber)
     angle = Float(np.tile(np.clip(cos, 0.0, 1.0), shape[0]))
     r_s, r_p = reflection(dr, types.Complex2f64, medium, angle, 1.0 - angle * angle)
     sizes = [(r.real * r.real + r.imag * r.imag).numpy() for r in (r_s, r_p)]

@@ -19,7 +19,7 @@ import numpy as np
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.obliquity import Media, Medium, media_of_lanes, reflection, transverse
+from rfgen_sionna.tracing.obliquity import Media, Medium, media_of_lanes, media_tables, reflection, transverse
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed, screened
 
@@ -68,24 +68,31 @@ class _Field(NamedTuple):
         )
 
 
-def walls_of_lanes(
-    dr: Any, types: Any, via: Via, facet: Any, node: Any, wavenumber: Any
-) -> tuple[Wall | None, Wall | None]:
-    """The mirrors of Tx and Rx."""
-    first, last = (
-        None if chosen is None else _wall(dr, types, via, chosen, facet, node, wavenumber)
-        for chosen in (via.tx, via.rx)
-    )
-    return first, last
-
-
-def _wall(dr: Any, types: Any, via: Via, chosen: IntArray, facet: Any, node: Any, wavenumber: Any) -> Wall:
+def wall_tables(dr: Any, types: Any, via: Via) -> dict[str, Any]:
+    """`via` on the device, for :func:`walls_of_lanes`."""
     Float, UInt32 = types.Float64, types.UInt32
-    mirror = dr.gather(UInt32, upload(UInt32, np.asarray(chosen, np.uint32)), facet)
-    flat = upload(Float, via.normal)
-    normal = types.Array3f64(*(dr.gather(Float, flat, mirror * 3 + axis) for axis in range(3)))
-    offset = dr.gather(Float, upload(Float, via.offset), mirror)
-    return Wall(normal, offset, media_of_lanes(dr, types, via.media, node, mirror, wavenumber))
+    found = {
+        "normal": upload(Float, via.normal),
+        "offset": upload(Float, via.offset),
+        "media": media_tables(dr, types, via.media),
+    }
+    ways = {"tx": via.tx, "rx": via.rx}
+    return found | {name: upload(UInt32, np.asarray(way, np.uint32)) for name, way in ways.items() if way is not None}
+
+
+def walls_of_lanes(
+    dr: Any, types: Any, via: dict[str, Any], facet: Any, node: Any, wavenumber: Any
+) -> tuple[Wall | None, Wall | None]:
+    """The mirrors of Tx and Rx, from :func:`wall_tables`."""
+
+    def wall(chosen: Any) -> Wall:
+        mirror = dr.gather(types.UInt32, chosen, facet)
+        normal = (dr.gather(types.Float64, via["normal"], mirror * 3 + axis) for axis in range(3))
+        offset = dr.gather(types.Float64, via["offset"], mirror)
+        medium = media_of_lanes(dr, types, via["media"], node, mirror, wavenumber)
+        return Wall(types.Array3f64(*normal), offset, medium)
+
+    return tuple(wall(via[way]) if way in via else None for way in ("tx", "rx"))  # type: ignore[return-value]
 
 
 class Strength:

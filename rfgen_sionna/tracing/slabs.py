@@ -164,58 +164,74 @@ class Crossed(NamedTuple):
     behind: list[Slab]
 
 
+def screen_tables(dr: Any, types: Any, screens: Screens, frequencies: FloatArray) -> dict[str, Any]:
+    """`screens` on the device, at nodes of these `frequencies` (node,) [Hz], for :func:`screens_of_lanes`."""
+    sides = {"before": screens.before, "behind": screens.behind}
+    return {name: _slab_tables(dr, types, slabs, frequencies) for name, slabs in sides.items() if slabs is not None}
+
+
+def _slab_tables(dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray) -> dict[str, Any]:
+    Float, UInt32 = types.Float64, types.UInt32
+    table = slabs.table
+    eps = np.stack([each.relative_permittivity(frequencies) for each in table.materials], axis=1)
+    eps = np.where(np.isfinite(eps), eps, 1.0)
+    mu = np.array([complex(each.permeability) for each in table.materials])
+    levels = slabs.crossed.shape[1]
+    return {
+        "count": dr.opaque(UInt32, len(table.materials)),
+        "eps_re": upload(Float, eps.real),
+        "eps_im": upload(Float, eps.imag),
+        "mu_re": upload(Float, mu.real),
+        "mu_im": upload(Float, mu.imag),
+        "thickness": upload(Float, table.thickness),
+        "index2": upload(Float, table.index2),
+        "echoes": upload(Float, table.echoes),
+        "levels": [
+            {
+                "crossed": upload(UInt32, np.maximum(slabs.crossed[:, level], 0).astype(np.uint32)),
+                "present": upload(Float, slabs.crossed[:, level] != NO_SLAB),
+                "normals": upload(Float, slabs.normals[:, level]),
+            }
+            for level in range(levels)
+        ],
+    }
+
+
 def screens_of_lanes(
     dr: Any,
     types: Any,
-    screens: Screens,
+    screens: dict[str, Any],
     mirrored: Callable[[Any], Any],
-    frequencies: FloatArray,
     facet: Any,
     node: Any,
     wavenumber: Any,
 ) -> Crossed:
-    """`mirrored` makes the mirror image of a direction."""
+    """Slabs of each lane, from :func:`screen_tables`; `mirrored` makes the mirror image of a direction."""
 
-    def of(slabs: Slabs | None) -> list[Slab]:
-        return [] if slabs is None else _slabs_of_lanes(dr, types, slabs, frequencies, facet, node, wavenumber)
+    def of(side: str) -> list[Slab]:
+        return _slabs_of_lanes(dr, types, screens[side], facet, node, wavenumber) if side in screens else []
 
-    before = [slab._replace(normal=mirrored(slab.normal)) for slab in of(screens.before)]
-    return Crossed(before, of(screens.behind))
+    return Crossed([slab._replace(normal=mirrored(slab.normal)) for slab in of("before")], of("behind"))
 
 
-def _slabs_of_lanes(
-    dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray, facet: Any, node: Any, wavenumber: Any
-) -> list[Slab]:
-    Float, UInt32 = types.Float64, types.UInt32
-    table, depth = slabs.table, slabs.crossed.shape[1]
-    eps = np.stack([each.relative_permittivity(frequencies) for each in table.materials], axis=1)
-    mu = np.array([complex(each.permeability) for each in table.materials])
-    finite = np.isfinite(eps)
-    eps = np.where(finite, eps, 1.0)
-    count = dr.opaque(UInt32, len(table.materials))
-    crossed = upload(UInt32, np.maximum(slabs.crossed, 0).astype(np.uint32))
-    present = upload(Float, (slabs.crossed != NO_SLAB).astype(np.float64))
-    normals = upload(Float, slabs.normals)
-
+def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, node: Any, wavenumber: Any) -> list[Slab]:
     def values(numbers: Any, index: Any) -> Any:
-        return dr.gather(Float, upload(Float, np.asarray(numbers, np.float64)), index)
+        return dr.gather(types.Float64, numbers, index)
 
     found = []
-    for level in range(depth):
-        place = facet * dr.opaque(UInt32, depth) + level
-        material = dr.gather(UInt32, crossed, place)
-        entry = node * count + material
-        there = dr.gather(Float, present, place)
-        thickness = values(table.thickness, material) * there
+    for level in tables["levels"]:
+        material, there = dr.gather(types.UInt32, level["crossed"], facet), values(level["present"], facet)
+        entry = node * tables["count"] + material
+        thickness = values(tables["thickness"], material) * there
         found.append(
             Slab(
-                types.Array3f64(*(dr.gather(Float, normals, place * 3 + axis) for axis in range(3))),
-                types.Complex2f64(values(eps.real, entry), values(eps.imag, entry)),
-                types.Complex2f64(values(mu.real, material), values(mu.imag, material)),
+                types.Array3f64(*(values(level["normals"], facet * 3 + axis) for axis in range(3))),
+                types.Complex2f64(values(tables["eps_re"], entry), values(tables["eps_im"], entry)),
+                types.Complex2f64(values(tables["mu_re"], material), values(tables["mu_im"], material)),
                 wavenumber * thickness,
                 thickness,
-                values(table.index2, material),
-                values(table.echoes, material),
+                values(tables["index2"], material),
+                values(tables["echoes"], material),
                 there > 0.5,
             )
         )
