@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.transfer import joined, upload
 
 StaticHits = Callable[[Any, int, bool], tuple[Any, Any]]
 """So many rays, and whether neighbours are side by side, to the face that each hits first, `NO_PRIMITIVE` for none, and
@@ -187,41 +188,86 @@ def before(faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: F
         vertices: of every time, (vertex, 3) positions [m]; they move on smoothly.
         corners: (time, facet, 3, 3) [m] of the facets.
     """
+    if not len(faces) or not corners.size:
+        return np.zeros(0, np.intp)
+    dr, types = drjit_types()
+    Float, UInt32 = types.Float64, types.UInt32
     told = np.unique(np.linspace(0, len(vertices) - 1, min(len(vertices), _TOLD)).astype(np.intp))
-    low, high, near, _ = _boxes(np.stack([vertices[each] for each in told]))
-    low, high = (np.take(each, faces.T, axis=0) for each in (low, high))
-    low, high = low.min(axis=0), high.max(axis=0)
-    margin = _margin(low, high)
-    # A face comes nearer than its corners, the more the wider it is.
-    near = np.take(near, faces.T).min(axis=0) * np.maximum(1.0 - 0.5 * ((high - low) ** 2).sum(axis=1), 0.0)
-    low, high = (low - margin).T, (high + margin).T
-    least, most, _, far = _boxes(corners.reshape(len(corners), -1, 3))
+    least, most, far = _boxes(corners.reshape(len(corners), -1, 3))
     least, most = (each.reshape(-1, 3, 3) for each in (least, most))
     least, most, far = least.min(axis=1), most.max(axis=1), far.reshape(-1, 3).max(axis=1)
-    found = np.zeros(len(faces), np.bool_)
+    groups = []
     for group in _neighbours(0.5 * (least + most)):
         bottom, top = least[group].min(axis=0), most[group].max(axis=0)
-        rim = _margin(bottom[None], top[None])[0] + _MARGIN
-        there = near < far[group].max()
+        square = float(((top - bottom) ** 2).sum())
+        rim = _MARGIN + square / 4.0 + _STRAY * np.sqrt(square)
+        groups.append([*(bottom - rim), *(top + rim), far[group].max()])
+    found = dr.empty(UInt32, len(faces))
+    _BEFORE(
+        {
+            "lanes": dr.arange(UInt32, len(faces)),
+            "faces": upload(UInt32, faces),
+            "vertices": upload(Float, joined([vertices[each] for each in told])),
+            "points": dr.opaque(UInt32, len(vertices[0])),
+            "times": dr.opaque(UInt32, len(told)),
+            "groups": upload(Float, groups),
+            "count": dr.opaque(UInt32, len(groups)),
+            "found": found,
+        }
+    )
+    return np.flatnonzero(found.numpy())
+
+
+def _may_come_before(given: dict[str, Any]) -> None:
+    """The kernel of :func:`before`: a face gets to where its corners' directions are in a box, and around it."""
+    dr, types = drjit_types()
+    Float, lane = types.Float64, given["lanes"]
+    ends = [dr.gather(types.UInt32, given["faces"], 3 * lane + corner) for corner in range(3)]
+
+    def seen(time: Any, near: Any, *box: Any) -> tuple[Any, ...]:
+        low, high = box[:3], box[3:]
+        for vertex in ends:
+            first = 3 * (time * given["points"] + vertex)
+            place = [dr.gather(Float, given["vertices"], first + axis) for axis in range(3)]
+            distance = dr.sqrt(sum(each * each for each in place))
+            towards = [each / dr.maximum(distance, 1e-12) for each in place]
+            low = tuple(dr.minimum(a, b) for a, b in zip(low, towards, strict=True))
+            high = tuple(dr.maximum(a, b) for a, b in zip(high, towards, strict=True))
+            near = dr.minimum(near, distance)
+        return time + 1, near, *low, *high
+
+    begun = [dr.full(Float, value, dr.width(lane)) for value in (dr.inf, 2, 2, 2, -2, -2, -2)]
+    first = dr.zeros(types.UInt32, dr.width(lane))
+    _, near, *box = dr.while_loop((first, *begun), lambda time, *_: time < given["times"], seen)
+    low, high = box[:3], box[3:]
+    # An arc's sagitta is an eighth of its square, and twice that over a triangle. By half of that share of its way a
+    # face comes nearer than its corners.
+    square = sum((b - a) * (b - a) for a, b in zip(low, high, strict=True))
+    margin = square / 4.0 + _STRAY * dr.sqrt(square)
+    near = near * dr.maximum(1.0 - 0.5 * square, 0.0)
+
+    def or_before(group: Any, found: Any) -> tuple[Any, Any]:
+        bottom, top = ([dr.gather(Float, given["groups"], 7 * group + k + i) for i in range(3)] for k in (0, 3))
+        there = near < dr.gather(Float, given["groups"], 7 * group + 6)
         for axis in range(3):
-            there &= (low[axis] < top[axis] + rim) & (high[axis] > bottom[axis] - rim)
-        found |= there
-    return np.flatnonzero(found)
+            there &= (low[axis] - margin < top[axis]) & (high[axis] + margin > bottom[axis])
+        return group + 1, found | there
+
+    nowhere = first, dr.zeros(types.Bool, dr.width(lane))
+    found = dr.while_loop(nowhere, lambda group, _: group < given["count"], or_before)[1]
+    dr.scatter(given["found"], dr.select(found, types.UInt32(1), types.UInt32(0)), lane, mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"])
 
 
-def _boxes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+_BEFORE = Frozen(_may_come_before)
+
+
+def _boxes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of `points` (time, point, 3) [m] the least and the largest coordinates (point, 3) of their directions, over time,
-    and the least and the largest distance (point,) [m]."""
+    and the largest distance (point,) [m]."""
     distance = np.stack([lengths(each) for each in points])
     directions = points / np.maximum(distance, 1e-12)[..., None]
-    return directions.min(axis=0), directions.max(axis=0), distance.min(axis=0), distance.max(axis=0)
-
-
-def _margin(low: FloatArray, high: FloatArray) -> FloatArray:
-    """(box, 1) how far beyond the directions of corners, in a box from `low` to `high` (box, 3), those between them may
-    be: an arc's sagitta is an eighth of its square, and twice that over a triangle."""
-    square = ((high - low) ** 2).sum(axis=1, keepdims=True)
-    return np.asarray(square / 4.0 + _STRAY * np.sqrt(square))
+    return directions.min(axis=0), directions.max(axis=0), distance.max(axis=0)
 
 
 def _neighbours(places: FloatArray) -> list[NDArray[np.intp]]:

@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.arrays import Frozen, drjit_types
 from rfgen_sionna.tracing.obliquity import Media, drift, media_of_lanes, media_tables
 from rfgen_sionna.tracing.quadratic import flattened, lattice_triangle, number_of_terms, summed
 from rfgen_sionna.tracing.reflected import Via, Wall, wall_tables, walls_of_lanes

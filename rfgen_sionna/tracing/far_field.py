@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.ray_layer import Layer
-from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.obliquity import Media, Way, media_of_lanes, media_tables
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 
 MAX_FRINGE = 3.0

@@ -21,10 +21,10 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths
 from rfgen_sionna.scene.transfer import joined, upload
-from rfgen_sionna.tracing.arrays import drjit_types
 
 _FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""

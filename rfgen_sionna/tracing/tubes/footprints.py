@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.arrays import drjit_types
 from rfgen_sionna.tracing.quadratic import lattice_triangle
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import moments

@@ -7,9 +7,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing import facet
-from rfgen_sionna.tracing.arrays import Frozen, drjit_types
 from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.reflected import Via
