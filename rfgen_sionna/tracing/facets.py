@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
-from rfgen_sionna.scene.mesh import columns, lengths, middles
+from rfgen_sionna.scene.mesh import lengths, middles
 from rfgen_sionna.scene.transfer import joined
+from rfgen_sionna.tracing.placing import Placed, place_facets
 from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided, pieces
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
@@ -53,6 +54,8 @@ class Facets:
     goes by; None where it is the same all over each facet, or taken for it."""
     aim: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 3) that point [m]; None: the centroids."""
+    loud: FloatArray | None = field(default=None, kw_only=True)
+    """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.aslant.loudness`; None where nobody told."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -169,42 +172,43 @@ def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], Fl
 def stack_facets(
     surfaces: Sequence[Surface],
     pieces: Sequence[Tessellation],
-    vertices: Sequence[FloatArray],
+    vertices: Sequence[Sequence[FloatArray]],
     viewpoint: FloatArray,
+    wavenumber: float,
     parts_of: Sequence[IntArray] | None = None,
-) -> Facets:
-    """All pieces of all surfaces, in their order, for the vertices [m] given, left flat: :func:`bent` smooth them. They
-    are integrated in `parts_of` (facet,) each surface; None: as many as they are made for."""
+) -> list[Facets]:
+    """All pieces of all surfaces, in their order, at every time, for the vertices [m] given, left flat: :func:`bent`
+    smooth them. They are integrated in `parts_of` (facet,) each surface; None: as many as they are made for. How loud
+    they are is that at a `wavenumber` [rad/m]."""
     curved = any(surface.smooth is not None for surface in surfaces)
-    corners = [np.zeros((0, 3, 3))]
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
-    facing = [np.zeros(0, np.bool_)]
-    smooth = [np.zeros(0, np.bool_)]
-    for position, (surface, piece, points) in enumerate(zip(surfaces, pieces, vertices, strict=True)):
-        c, p = piece.corners(points, surface.faces), columns(points, surface.faces)
-        a, b, d = np.moveaxis(p - viewpoint[:, None, None], 1, 0)
-        volume = sum(a[i] * (b[i - 2] * d[i - 1] - b[i - 1] * d[i - 2]) for i in range(3))
-        towards = np.asarray(volume < 0)
-        if curved:
-            smooth.append(np.full(len(c), surface.smooth is not None))
-        towards = towards[piece.face]
-        corners.append(c)
+    smooth, placed = [np.zeros(0, np.bool_)], list[Placed]()
+    for position, (surface, piece) in enumerate(zip(surfaces, pieces, strict=True)):
+        count = len(piece.face)
+        points = [there[position] for there in vertices]
+        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber))
+        smooth.append(np.full(count, surface.smooth is not None))
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
         parts.append(piece.parts if parts_of is None else parts_of[position])
         place.append(piece.places)
-        index.append(np.full(len(c), position, dtype=np.int32))
-        facing.append(towards if surface.closed else np.ones(len(c), np.bool_))
-    return Facets(
-        corners=_stacked(corners),
-        number=_stacked(number),
-        face=_stacked(face),
-        surface=_stacked(index),
-        facing=_stacked(facing),
-        parts=_stacked(parts),
-        place=_stacked(place),
-        curved=_stacked(smooth) if curved else None,
-    )
+        index.append(np.full(count, position, dtype=np.int32))
+    numbers, of_faces, positions, in_parts, places = (_stacked(each) for each in (number, face, index, parts, place))
+    bends, found = _stacked(smooth) if curved else None, []
+    for k in range(len(vertices)):
+        facing = [
+            each.towards[k] if own.closed else np.ones(len(each.towards[k]), np.bool_)
+            for own, each in zip(surfaces, placed, strict=True)
+        ]
+        corners, centroids, loud = (
+            _stacked([np.zeros((0, *shape)), *(getattr(each, name)[k] for each in placed)])
+            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("loud", ()))
+        )
+        looking = _stacked([np.zeros(0, np.bool_), *facing])
+        there = Facets(corners, numbers, of_faces, positions, looking, in_parts, places, curved=bends, loud=loud)
+        there.__dict__["centroids"] = centroids
+        found.append(there)
+    return found
 
 
 def bent(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.aslant import loudness, phase_aside
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.obliquity import strongest_reflection
 
@@ -63,12 +64,13 @@ class Loudness:
         other sides as well, over a facet that is integrated in parts the phase bends, so that one part alone may return
         most, and of pieces of bent faces corners do not tell it."""
         chosen = facing.chosen
-        corners = np.ascontiguousarray((np.take(facets.corners, chosen, axis=0) - self._viewpoint).T)
-        loud = facing.weight * loudness(corners, self._wavenumber)
+        if facets.loud is None:
+            raise ValueError("facets: how loud they are is not known")
+        loud = facing.weight * facets.loud[chosen]
         parts, wide, most = facets.parts[chosen], self._aperture * self._wavenumber * self._widest > ASIDE, loud.copy()
         some = np.arange(len(chosen)) if wide else np.flatnonzero(parts > 1)
         if len(some):
-            few = np.take(corners, some, axis=2)
+            few = np.ascontiguousarray((np.take(facets.corners, chosen[some], axis=0) - self._viewpoint).T)
             aside = phase_aside(few, self._wavenumber, self._aperture) / parts[some] if wide else 0.0
             most[some] = facing.weight[some] * loudness(few, self._wavenumber / parts[some], aside)
         if len(self._of_bent):
@@ -84,58 +86,6 @@ def plain(material: Material, frequencies: FloatArray) -> float:
         return 0.0
     number, straight = np.zeros(1, np.int32), np.ones(1)
     return min(float(strongest_reflection([material], number, straight, each)[0]) for each in frequencies[:, None])
-
-
-def loudness(corners: FloatArray, wavenumber: float | FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:
-    """(facet,) about what facets with `corners` (axis, corner, facet) [m] from the radar return, up to a factor that
-    all share: their solid angle times the mean phasor over each, by the `wavenumber` [rad/m] of all or of each and what
-    the phase turns less `aside` of the radar."""
-    return np.asarray(np.abs(solid_angles(corners)) * mean_phasor(corners, wavenumber, aside))
-
-
-def phase_aside(corners: FloatArray, wavenumber: float, aperture: float) -> FloatArray:
-    """(facet,) by how much less the phase [rad], there and back, may turn over facets for elements whose displacements
-    from the middle add up to `aperture` [m]."""
-    width, distance = width_and_distance(corners)
-    return np.asarray(wavenumber * aperture * width / np.maximum(distance, 1e-9))
-
-
-def width_and_distance(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(facet,) longest edge, and how far the nearest corner is, of facets with `corners` (axis, corner, facet) [m]."""
-    square = np.zeros(corners.shape[2])
-    for k in range(3):
-        x, y, z = corners[:, k] - corners[:, k - 1]
-        np.maximum(square, x * x + y * y + z * z, out=square)
-    x, y, z = corners[0] ** 2 + corners[1] ** 2 + corners[2] ** 2
-    return np.sqrt(square), np.sqrt(np.minimum(np.minimum(x, y), z))
-
-
-def solid_angles(corners: FloatArray) -> FloatArray:
-    """(facet,) [sr] that they take far off, below zero where they look away."""
-    a, one, other = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    volume = sum(a[i] * (one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2]) for i in range(3))
-    x, y, z = corners[:, 0] + corners[:, 1] + corners[:, 2]
-    square = np.maximum(x * x + y * y + z * z, 1e-18)  # of three times the distance of the middle
-    return np.asarray(-13.5 * volume / (square * np.sqrt(square)))
-
-
-def mean_phasor(corners: FloatArray, wavenumber: float | FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:
-    """(facet,) about how long the mean phasor over each is, there and back, by the `wavenumber` [rad/m] of all or of
-    each (facet,), where the phase turns by so much [rad] less, `aside` (facet,).
-
-    With phases a < b < c at the corners that is 2 / (c - a) times the difference of two phasors, of the lengths
-    sinc((b - a) / 2) and sinc((c - b) / 2) (:mod:`rfgen_sionna.tracing.simplex`): an edge that lies across the wave's
-    way returns more than a corner does.
-    """
-    x, y, z = np.sqrt(corners[0] ** 2 + corners[1] ** 2 + corners[2] ** 2)
-    near, far = np.minimum(np.minimum(x, y), z), np.maximum(np.maximum(x, y), z)
-    # Half the phases, as the way is there and back.
-    total, first = wavenumber * (far - near), wavenumber * (x + y + z - 2.0 * near - far)
-    second = total - first
-    if np.any(aside):
-        total, first, second = (np.maximum(each - 0.5 * aside, 0.0) for each in (total, first, second))
-    edges = np.sqrt(1.0 / (1.0 + first**2) + 1.0 / (1.0 + second**2))
-    return np.asarray(np.minimum(1.0, edges / np.maximum(total, 1e-9)))
 
 
 def faintest(

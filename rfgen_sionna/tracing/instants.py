@@ -9,13 +9,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, knot_weights
-from rfgen_sionna.scene.mesh import columns, lengths, middles
-from rfgen_sionna.tracing.faint import mean_phasor, solid_angles, width_and_distance
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.aslant import mean_phasor, solid_angles, width_and_distance
 from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS
 from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
 
@@ -138,15 +140,10 @@ class _Faces:
         # What glints or shows itself at one end alone counts as well; of very many faces others do then.
         poses = (vertices[0], vertices[-1]) if len(faces) < MANY else (vertices[len(vertices) // 2],)
         for points in poses:
-            corners = columns(points - viewpoint, faces)
-            angle = solid_angles(corners)
-            some = np.flatnonzero(angle > 0 if closed else angle != 0)
-            corners, angle = np.take(corners, some, axis=2), np.abs(angle[some])
-            # Large faces are traced in pieces: about k width^2 / (4 distance) is how far the phase bulges.
-            width, near = width_and_distance(corners)
-            share = np.sqrt(np.minimum(8.0 * FACET_BULGE * near / np.maximum(wavenumber * width**2, 1e-300), 1.0))
-            found = angle * share * mean_phasor(corners, 0.5 * wavenumber * share)
-            strength[some], size[some] = np.maximum(strength[some], found), np.maximum(size[some], angle)
+            found, angle = _told(points, faces, viewpoint, wavenumber)
+            if closed:
+                found, angle = np.where(angle > 0, found, 0.0), np.maximum(angle, 0.0)
+            strength, size = np.maximum(strength, found), np.maximum(size, np.abs(angle))
         order = np.argsort(-strength)
         order = order[: int(np.count_nonzero(strength))]
         rest = order[STRONGEST:]
@@ -183,6 +180,49 @@ class _Faces:
         weights = knot_weights(np.linspace(0.0, 1.0, len(self._phases)), times)
         phases = np.moveaxis(np.tensordot(weights, self._phases, 1), 1, 0)
         return np.asarray(self._size * _mean_phasor(_turned(phases)))
+
+
+def _told(
+    vertices: FloatArray, faces: IntArray, viewpoint: FloatArray, wavenumber: float
+) -> tuple[FloatArray, FloatArray]:
+    """(face,) about what each returns, up to a factor that all share, and its solid angle [sr], below zero where it
+    looks away; of faces (face, 3) with their `vertices` (vertex, 3) [m]."""
+    if not len(faces):
+        return np.zeros(0), np.zeros(0)
+    dr, types = drjit_types()
+    found = [dr.empty(types.Float64, len(faces)) for _ in range(2)]
+    given = {
+        "lanes": dr.arange(types.UInt32, len(faces)),
+        "vertices": upload(types.Float64, vertices),
+        "faces": upload(types.UInt32, faces),
+        "radar": upload(types.Float64, [*viewpoint, wavenumber]),
+        "found": found,
+    }
+    _TOLD(given)
+    strength, angle = (each.numpy() for each in found)
+    return strength, angle
+
+
+def _tell(given: dict[str, Any]) -> None:
+    """The kernel of :func:`_told`."""
+    dr, types = drjit_types()
+    Float, UInt32, lane = types.Float64, types.UInt32, given["lanes"]
+    radar = [dr.gather(Float, given["radar"], UInt32(k)) for k in range(4)]
+    ends = [dr.gather(UInt32, given["faces"], 3 * lane + k) for k in range(3)]
+    corners = [
+        [dr.gather(Float, given["vertices"], 3 * each + axis) - radar[axis] for each in ends] for axis in range(3)
+    ]
+    angle, wavenumber = solid_angles(corners), radar[3]
+    # Large faces are traced in pieces: about k width^2 / (4 distance) is how far the phase bulges.
+    width, near = width_and_distance(corners)
+    share = dr.sqrt(dr.minimum(8.0 * FACET_BULGE * near / dr.maximum(wavenumber * width * width, 1e-300), 1.0))
+    strength = abs(angle) * share * mean_phasor(corners, 0.5 * wavenumber * share)
+    for values, where in zip((strength, angle), given["found"], strict=True):
+        dr.scatter(where, values, lane, mode=dr.ReduceMode.Permute)
+    dr.eval(*given["found"])
+
+
+_TOLD = Frozen(_tell)
 
 
 def _turned(phases: FloatArray) -> FloatArray:

@@ -416,7 +416,8 @@ class MovingParts:
 
     def _see(self, times: Sequence[float], positions: Positions, ray_scene: RayScene) -> list[Seen]:
         vertices, everything = [positions(t) for t in times], self.beside
-        facets = [stack_facets(*self._known, each, self._viewpoint, self._parts) for each in vertices]
+        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        facets = stack_facets(*self._known, vertices, self._viewpoint, wavenumber, self._parts)
         if everything:
             facets = bent(facets, *self._known, vertices)
         # Of what was not seen before nobody knows how it interferes.

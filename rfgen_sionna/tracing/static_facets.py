@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from rfgen_sionna.records import FloatArray
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.tracing.facets import Facets, bent, stack_facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -39,6 +41,7 @@ def static_facets(
             zip(surfaces.static_vertices, surfaces.static, tolerance.tolist(), strict=True)
         )
     ]
-    flat = stack_facets(surfaces.static, pieces, surfaces.static_vertices, viewpoint)
-    (found,) = bent([flat], surfaces.static, pieces, [surfaces.static_vertices])
+    wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
+    flat = stack_facets(surfaces.static, pieces, [surfaces.static_vertices], viewpoint, wavenumber)
+    (found,) = bent(flat, surfaces.static, pieces, [surfaces.static_vertices])
     return found

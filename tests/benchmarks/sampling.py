@@ -69,6 +69,7 @@ def _fields(made: tracer.Tracer, facing: Any, vertices: Any, viewpoint: Any) -> 
     count = len(surface.faces)
     eye = np.broadcast_to(np.eye(3), (count, 3, 3))
     whole = [Tessellation(np.arange(count, dtype=np.int32), eye, np.ones(count, np.int32))]
-    facets = moving.stack_facets(made.surfaces.moving, whole, vertices, viewpoint).take(facing)
+    (placed,) = moving.stack_facets(made.surfaces.moving, whole, [vertices], viewpoint, 0.0)
+    facets = placed.take(facing)
     values = band.at_probes(facets, (surface.material,), np.zeros(1), (0, 0), np.full(len(facets), 4, np.int32))
     return np.asarray(values.a[0] * np.exp(-2j * np.pi * np.mod(band.centre * values.tau[0], 1.0)))

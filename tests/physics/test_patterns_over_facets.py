@@ -81,7 +81,7 @@ def test_halves_of_facets_add_up_to_them(name):
     tracer = Tracer(None, radar, [thing], 1e-2)
     band, (surface,), origin, vertices = tracer._band, tracer.surfaces.moving, np.zeros(3), thing.vertices(0.0)
     pieces = tessellate(vertices, surface.faces, origin, band.highest, 1e-2, smooth=surface.smooth)
-    facets = stack_facets([surface], [pieces], [vertices], origin)
+    (facets,) = stack_facets([surface], [pieces], [[vertices]], origin, 1600.0)
     facets = facets.take(np.flatnonzero(facets.facing))
     facets = replace(facets, parts=np.full(len(facets), 8, np.int32)).pulled(band.pull(facets))
     owner = np.repeat(np.arange(len(facets)), 2)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rfgen_sionna.tracing.faint import faintest, loudness, mean_phasor, solid_angles
+from rfgen_sionna.tracing.aslant import loudness, mean_phasor, solid_angles
+from rfgen_sionna.tracing.faint import faintest
 from rfgen_sionna.tracing.instants import _mean_phasor
 
 WAVENUMBER = 2 * np.pi / 3.9e-3
