@@ -66,7 +66,8 @@ class Chosen(NamedTuple):
 
 def edged(shares: FloatArray) -> NDArray[np.bool_]:
     """(facet,) whether the edge of a shadow is on a facet, or passes it, by its `shares` (facet, instant)."""
-    low, high = (each.reduce(shares.T) for each in (np.minimum, np.maximum))  # many times faster than along rows
+    rows = np.ascontiguousarray(shares.T)  # many times faster along long rows
+    low, high = rows.min(axis=0), rows.max(axis=0)
     return np.asarray((high > low) | ((low > 0) & (low < 1)))
 
 

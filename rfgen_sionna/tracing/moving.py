@@ -192,7 +192,7 @@ class MovingParts:
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
             kept, leader, shares = kept[rest], leader[rest], shares[rest]
             facets = [each.take(rest) for each in facets]
-            values = [each[:, rest] for each in values]
+            values = [np.take(each, rest, axis=1) for each in values]
         pattern = [self._patches.pattern(each, kept, leader) for each in seen]
         coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader, pattern)
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}

@@ -206,7 +206,7 @@ def sampled_fraction(
     lines = np.clip(0.5 * outline[some] / np.maximum(size, 1e-300), 1.0, _LINES)  # one line counts there and back
     bent[some] *= lines**2
     share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
-    groups = np.zeros(1, np.intp) if group is None else np.unique(group[edged])
+    groups = np.zeros(1, np.intp) if group is None else np.flatnonzero(np.bincount(group[edged]))
     members = [np.arange(count) if group is None else np.flatnonzero(group == each) for each in groups]
     floors = np.full(len(groups), level) if np.ndim(level) == 0 else np.asarray(level)[groups]
     total, wanted = np.full(len(groups), np.inf), np.zeros(count)

@@ -192,7 +192,7 @@ def _points(
 ) -> Iterator[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
     """Level by level the facets of it, and (facet, point) which of their lattice's points are seen, each by that
     `share` nearer to the middle."""
-    members = [(int(each), np.flatnonzero(level == each)) for each in np.unique(level)]
+    members = [(int(each), np.flatnonzero(level == each)) for each in np.flatnonzero(np.bincount(level))]
     sizes = [(len(facets), len(_lattice(each).points)) for each, facets in members]
     of, places = np.empty(sum(n * m for n, m in sizes), np.intp), np.empty((sum(n * m for n, m in sizes), 3))
     first = 0

@@ -115,7 +115,9 @@ class Tessellation:
         whole = self.are_the_faces(len(faces))
         shown = chosen
         if not whole and chosen is not None:
-            shown = np.unique(self.face[chosen]).astype(np.intp)
+            there = np.zeros(len(faces), np.bool_)
+            there[self.face[chosen]] = True
+            shown = np.flatnonzero(there)
         found = smooth.bends(vertices, faces, shown)
         if not whole:
             found = [bend.take(self.face) for bend in found]
