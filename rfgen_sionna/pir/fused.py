@@ -82,7 +82,7 @@ class Fusion:
 
     def images(self, times: Sequence[float]) -> list[Pir]:
         """Actors and surroundings together at instants [s], before they are refined."""
-        run = self._tracer.follow()
+        run = self._tracer.follow(aimed=False)
         return [image(self._mixed(float(t), run), self.surroundings.view, float(t)) for t in times]
 
     def refinement(self, start: float, stop: float) -> Refinement | None:
@@ -110,7 +110,7 @@ class Fusion:
         def watch(t: float, rays: RayScene) -> None:
             shown[t] = self.surroundings.shown(rays, t)
 
-        traced = self._tracer.trace(start, stop, moving, watch)
+        traced = self._tracer.trace(start, stop, moving, watch if len(self._open) else None)
         instants = np.array(sorted(shown) or [start])
         share = np.stack([shown.get(t, self._open) for t in instants.tolist()], axis=1)
         times = self._knots(start, stop) if self.surroundings.moves else instants

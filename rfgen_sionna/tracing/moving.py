@@ -77,7 +77,8 @@ class MovingParts:
 
     Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones; small neighbouring
     ones make a path together (:mod:`rfgen_sionna.tracing.patches`). Their error is measured in every few stretches;
-    where it is above the tolerance, facets and expansion are chosen anew.
+    where it is above the tolerance, facets and expansion are chosen anew. Not `aimed`, what is faint to the antennas
+    (:mod:`rfgen_sionna.tracing.faint`) is traced as well.
     """
 
     def __init__(
@@ -90,10 +91,11 @@ class MovingParts:
         ghosts: Ghosts | None = None,
         bounces: Sequence[Bounces] = (),
         veils: Veils | None = None,
+        aimed: bool = True,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
-        self._ghosts, self._bounces, self._veils = ghosts, tuple(bounces), veils
+        self._ghosts, self._bounces, self._veils, self._aimed = ghosts, tuple(bounces), veils, aimed
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._returns = FacetReturns(band, self._materials)
@@ -421,7 +423,7 @@ class MovingParts:
         if everything:
             facets = bent(facets, *self._known, vertices)
         # Of what was not seen before nobody knows how it interferes.
-        known = (self._interference > 0) & (not everything and self._rtol >= LEAST_RTOL)
+        known = (self._interference > 0) & (self._aimed and not everything and self._rtol >= LEAST_RTOL)
         share = np.where(known, 1.0 / np.maximum(self._interference, 1.0), 0.0)
         seen = self._sight(ray_scene, facets, self._places, times, vertices, share)
         if everything:

@@ -238,9 +238,10 @@ class Tracer:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
-    def follow(self) -> MovingParts:
+    def follow(self, aimed: bool = True) -> MovingParts:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
-        the next. Results depend on what it went through before, so that every run begins with its own."""
+        the next. Results depend on what it went through before, so that every run begins with its own. Not `aimed`, it
+        is for images, which have what the antennas hardly see as well."""
         ghosts, bounces = None, list[Bounces]()
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
@@ -256,7 +257,7 @@ class Tracer:
             veils = found if found.possible() else None
             if self.max_bounces > 1 and found.possible(one_way=True):
                 bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
-        return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces, veils)
+        return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces, veils, aimed)
 
     @one_blas_thread()
     def trace(
@@ -282,8 +283,8 @@ class Tracer:
             knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
             closed = [surface.closed for surface in self.surfaces.moving]
             given = self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-            # What actors hide of what stays is told by three times and more.
-            pair = not self.surfaces.static and self.radar.trajectory is None
+            # What actors hide of what stays, or of what is watched, is told by three times and more.
+            pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
             instants, turned = choose_instants(self._vertices, faces, closed, *given, beside=moving.beside, pair=pair)
         return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)
 

@@ -344,3 +344,31 @@ def test_surroundings_all_around_hide_without_a_seam(radar, direction):
     unit = np.array(direction) / np.linalg.norm(direction)
     hidden = surroundings.occluded(np.zeros(3), np.asarray(radar.position) + np.array([[2.0], [5.0]]) * unit)
     np.testing.assert_allclose(hidden, [0.0, 1.0], atol=1e-12)
+
+
+def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
+    """At a tolerance of a tenth, of a fine ball of which half lies off the beam."""
+    aimed = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+    mesh = trimesh.creation.icosphere(subdivisions=6, radius=1.2)
+    actors = [Actor.from_mesh(mesh, material="metal", name="ball", position=(1.1, 1.9, 1))]
+    environment = wall(aimed, distance=6.0, fov=(170.0, 60.0), projection="equirectangular")
+    environment.energy[:] = 0.0
+    fusions = [Fusion(Simulator(None, aimed, actors, rtol=rtol).tracer, environment, 1) for rtol in (0.1, 1e-3)]
+    (found,), (wanted,) = (fusion.images([0.0]) for fusion in fusions)
+    assert np.count_nonzero(wanted.energy) > 200
+    assert np.array_equal(found.energy > 0, wanted.energy > 0)
+    # What goes to a radar leaves most of it out.
+    paths, every = (sum(part.num_paths for part in fusion.instant(0.0)) for fusion in fusions)
+    assert paths < 0.3 * every
+
+
+def test_what_an_actor_hides_of_an_image_is_told_by_three_times(radar):
+    """Who goes straight on is traced at two instants where there is nothing to hide, 10 mrad apart."""
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.25)
+    actor = Actor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.0, 0.2, 0.0))
+    tracer = Simulator(None, radar, [actor], rtol=1e-2).tracer
+    alone = tracer.trace(0.0, 0.025)
+    watched = list[float]()
+    before_it = tracer.trace(0.0, 0.025, watch=lambda t, rays: watched.append(t))
+    assert alone.report.instants == 2
+    assert before_it.report.instants == len(watched) == 3
