@@ -23,8 +23,8 @@ def drjit_types() -> tuple[ModuleType, Any]:
     return drjit, drjit.cuda if variant.startswith("cuda") else drjit.llvm
 
 
-_KINDS = 256
-"""How many kinds of inputs a kernel is kept for."""
+_KINDS, _NEVER = 256, 2**31 - 1
+"""How many kinds of inputs a kernel is kept for, and after how many Dr.Jit warns that there were more."""
 
 
 class Frozen:
