@@ -55,7 +55,7 @@ class Frozen:
     def _frozen(self) -> Callable[..., None]:
         import drjit
 
-        found: Callable[..., None] = drjit.freeze(self._kernel, limit=_KINDS, warn_after=2 * _KINDS, auto_opaque=False)
+        found: Callable[..., None] = drjit.freeze(self._kernel, limit=_KINDS, warn_after=_NEVER, auto_opaque=False)
         return found
 
 
