@@ -1,38 +1,34 @@
-"""What moves: its facets, kept fine enough from one stretch of time to the next, and its paths."""
+"""What moves: its paths, whose facets are kept fine enough from one stretch of time to the next."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer, finer
+from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
-from rfgen_sionna.tracing.facets import RATE_STEP, Facets, bent, facet_paths, over_time, stack_facets
+from rfgen_sionna.tracing.facets import RATE_STEP, Facets, facet_paths, over_time
 from rfgen_sionna.tracing.faint import LEAST_RTOL
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Followed, Glances, fine_times, moved
 from rfgen_sionna.tracing.knots import Splined
 from rfgen_sionna.tracing.mirror_sight import MirroredView
+from rfgen_sionna.tracing.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.outlines import Passing
-from rfgen_sionna.tracing.patches import Patches
 from rfgen_sionna.tracing.returns import FacetReturns
-from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.sight import Seen, Sight
-from rfgen_sionna.tracing.surfaces import Surface, Surfaces
-from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
+from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.veils import Veiled, Veils
 
-RANGE_MARGIN = 1.1
-"""Facets are made as far as this times the range window: they may come into it during the stretch."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
 MEASURED_EVERY = 5
@@ -41,9 +37,6 @@ next and takes about as long to know as all else."""
 PAIR, UNSTEADY = 2, 4
 """The fewest instants of a stretch, and in how many stretches no pair is tried after one in which shadows moved."""
 _LOG = logging.getLogger(__name__)
-
-Positions = Callable[[float], Sequence[FloatArray]]
-"""Time [s] to the (vertex, 3) positions [m] of every moving surface."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +68,10 @@ class MovingParts:
     `bounces` from one flat part or body to the other, plainly and through slabs, and what is seen through slabs, behind
     `veils`.
 
-    Facets are pieces of the meshes' faces and stay the same until the motion asks for finer ones; small neighbouring
-    ones make a path together (:mod:`rfgen_sionna.tracing.patches`). Their error is measured in every few stretches;
-    where it is above the tolerance, facets and expansion are chosen anew. Not `aimed`, what is faint to the antennas
-    (:mod:`rfgen_sionna.tracing.faint`) is traced as well.
+    Facets stay the same until the motion asks for finer ones (:mod:`rfgen_sionna.tracing.moving_facets`); small
+    neighbouring ones make a path together (:mod:`rfgen_sionna.tracing.patches`). Their error is measured in every few
+    stretches; where it is above the tolerance, facets and expansion are chosen anew. Not `aimed`, what is faint to the
+    antennas (:mod:`rfgen_sionna.tracing.faint`) is traced as well.
     """
 
     def __init__(
@@ -100,12 +93,8 @@ class MovingParts:
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._returns = FacetReturns(band, self._materials)
         self._glances = Glances(band, self._sight, self._returns, viewpoint, max_range, rtol)
-        self._fineness = np.ones(len(surfaces.moving))
-        self._pieces: list[Tessellation] = []
-        self._parts: list[IntArray] = []
-        self._places: IntArray = np.zeros((0, 3), np.int32)
-        self._patches = Patches(band, viewpoint, rtol)
-        self._distance = np.zeros(len(surfaces.moving))
+        kept = surfaces.moving, band, viewpoint, max_range, rtol, ghosts
+        self._facets = MovingFacets(*kept, self._sight.look_for)
         self._expansion: Expansion | None = None
         self._level = np.zeros(len(surfaces.moving))
         self._interference = np.zeros(len(surfaces.moving))
@@ -128,8 +117,9 @@ class MovingParts:
         middle, steady = len(instants) // 2, 0.0
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.active else None
         bounces = [each for each in self._bounces if each.follow(positions, knots[0])]
-        self._follow(positions, knots)
-        self._turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
+        if self._facets.follow(positions, knots):
+            self._expansion, self._level = None, np.zeros(len(self._level))
+        self._facets.turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
         in_vain: list[Seen] = []
         kept_on = self._expansion is not None  # facets and expansion of earlier stretches
         for attempt in range(2):
@@ -142,7 +132,7 @@ class MovingParts:
                     instants, middle, steady, self._unsteady = _three(instants), 1, 0.0, UNSTEADY + 1
                     in_vain = seen
                     seen = self._see(instants.tolist(), positions, ray_scene)
-            whole = [self._from_all_sides(each.facets) for each in seen]
+            whole = [self._facets.from_all_sides(each.facets) if self.beside else each.facets for each in seen]
             mirrored: list[MirroredView] = []
             bounced: list[list[Bounced]] = [[] for _ in bounces]
             veiled: list[Veiled] = []
@@ -158,7 +148,7 @@ class MovingParts:
             pull = self._band.pull(seen[0].facets, kept)
             seen = [replace(each, facets=each.facets.pulled(pull)) for each in seen]
             facets = [each.facets.take(kept) for each in seen]
-            leader = self._patches.followed([each.facets.centroids for each in seen], kept)
+            leader = self._facets.patches.followed([each.facets.centroids for each in seen], kept)
             references = [each.facets.centroids[leader] for each in seen]
             bare, values = self._returns.seen(seen, kept, facets, references, expansion)
             if self._turn % MEASURED_EVERY:
@@ -183,8 +173,8 @@ class MovingParts:
         if len(followed):
             placed = Splined(knots, positions)
             found = self._glances.follow(
-                chosen, followed, self._places[followed], instants, seen, expansion, placed,
-                lambda t: self._corners(placed(t), followed), ray_scene,
+                chosen, followed, self._facets.places[followed], instants, seen, expansion, placed,
+                lambda t: self._facets.corners(placed(t), followed), ray_scene,
             )  # fmt: skip
             # As many knots as delays ask for, the times among them.
             often = fine_times(found.times, -(-(len(knots) - 1) // (len(found.times) - 1)))
@@ -195,7 +185,7 @@ class MovingParts:
             kept, leader, shares = kept[rest], leader[rest], shares[rest]
             facets = [each.take(rest) for each in facets]
             values = [np.take(each, rest, axis=1) for each in values]
-        pattern = [self._patches.pattern(each, kept, leader) for each in seen]
+        pattern = [self._facets.patches.pattern(each, kept, leader) for each in seen]
         coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader, pattern)
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
         paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led, known)
@@ -205,7 +195,7 @@ class MovingParts:
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
-            return self._centroids(positions(t), chosen)
+            return self._facets.centroids(positions(t), chosen)
 
         more: list[RadarPaths] = []
         if self._veils is not None:
@@ -224,8 +214,8 @@ class MovingParts:
             between,
             sum(each.looked_at for each in looked),
             sum(each.rays for each in looked),
-            lambda t: self._centroids(positions(t), led),
-            lambda t: self._centroids(positions(t), followed),
+            lambda t: self._facets.centroids(positions(t), led),
+            lambda t: self._facets.centroids(positions(t), followed),
             instants,
         )
 
@@ -234,24 +224,6 @@ class MovingParts:
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
         change = moved(first, last, self._viewpoint, wavenumber)
         return float((0.5 * np.maximum(self._interference, 1.0) * change).max(initial=0.0))
-
-    def _follow(self, positions: Positions, knots: FloatArray) -> None:
-        """New facets where an actor has come nearer by a fifth or gone twice as far, or where its range decides what is
-        made of it."""
-        poses = [positions(t) for t in sorted({float(knots[0]), float(knots[-1])})]
-        changed = not self._pieces
-        for index, _ in enumerate(self._surfaces.moving):
-            distances = [lengths(pose[index] - self._viewpoint) for pose in poses]
-            nearest = min(float(each.min()) for each in distances)
-            beyond = max(float(each.max()) for each in distances) > self._max_range
-            if beyond or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:
-                self._distance[index] = nearest
-                changed = True
-        if changed:
-            # From the coarsest ones on: what was asked for elsewhere need not be here.
-            self._fineness[:] = 1.0
-            self._split(poses[0])
-            self._expansion, self._level = None, np.zeros(len(self._level))
 
     def passing(self, t: float) -> Passing:
         """Rays that just pass the outlines of what moves at one of the instants [s]."""
@@ -275,54 +247,6 @@ class MovingParts:
 
         return followed
 
-    def _split(self, vertices: Sequence[FloatArray]) -> None:
-        images = self._ghosts.images(vertices) if self._ghosts is not None else [[] for _ in vertices]
-        self._pieces = [
-            tessellate(
-                points,
-                surface.faces,
-                self._viewpoint,
-                self._band.highest,
-                self._rtol * fineness,
-                self._band.importance,
-                RANGE_MARGIN * self._max_range,
-                self._band.half_band,
-                images=mirrored,
-                smooth=surface.smooth,
-            )
-            for points, surface, fineness, mirrored in zip(
-                vertices, self._surfaces.moving, self._fineness, images, strict=True
-            )
-        ]
-        self._turn_to([vertices])
-        placed = zip(self._pieces, vertices, self._surfaces.moving, strict=True)
-        corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
-        surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
-        self._places = touching(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
-        firsts = np.cumsum([0, *(len(each.face) for each in self._pieces)])
-        of_bent = [
-            first + piece.pieces
-            for piece, first, surface in zip(self._pieces, firsts.tolist(), self._surfaces.moving, strict=False)
-            if surface.smooth is not None
-        ]
-        self._sight.look_for(corners, np.concatenate([np.zeros(0, np.intp), *of_bent]))
-        self._patches.form(self._surfaces.moving, self._pieces, vertices, self._distance)
-
-    def _turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:
-        """In how many parts facets are integrated, all through a stretch of time in which they are turned as in one of
-        the `poses`, (vertex, 3) positions [m] of each surface."""
-        placed = zip(self._pieces, self._surfaces.moving, zip(*poses, strict=True), strict=True)
-        self._parts = [
-            np.max([piece.parts_seen(points, own.faces, self._viewpoint) for points in turned], axis=0)
-            for piece, own, turned in placed
-        ]
-
-    def _from_all_sides(self, facets: Facets) -> Facets:
-        """All facets as mirrors and slabs show them, aslant or not, from other directions."""
-        if not self.beside:
-            return facets
-        return replace(facets, parts=np.concatenate([piece.parts for piece in self._pieces]))
-
     @property
     def beside(self) -> bool:
         """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
@@ -343,9 +267,8 @@ class MovingParts:
         facets: list[float] = []
         whole: list[float] = []
         self._last = 0.0
-        if afresh and (self._fineness != 1.0).any():
-            self._fineness[:] = 1.0
-            self._split(positions(t))
+        if afresh:
+            self._facets.coarsen(positions(t))
         while True:
             held = self._held(t, positions, rays, ray_scene)
             error = self._noted([held.of_facets(self._level)])
@@ -353,14 +276,14 @@ class MovingParts:
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
             last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])
             # Facets that are too coarse by themselves need no expansion to tell it by.
-            if not last and self._finer(error, positions(t)):
+            if not last and self._facets.refine(error, positions(t)):
                 continue
             expansion, error = self._expanded(held)
             if not (error > self._rtol).any():
                 return expansion
             whole.append(self._error)
             # What finer facets have hardly mended once is the expansion's own.
-            if last or (len(whole) > 1 and whole[-1] > 0.7 * whole[-2]) or not self._finer(error, positions(t)):
+            if last or (len(whole) > 1 and whole[-1] > 0.7 * whole[-2]) or not self._facets.refine(error, positions(t)):
                 break
         worst = int(np.argmax(error))
         _LOG.warning(
@@ -368,21 +291,6 @@ class MovingParts:
             self._surfaces.moving[worst].name, error[worst], self._rtol,
         )  # fmt: skip
         return expansion
-
-    def _finer(self, error: FloatArray, vertices: Sequence[FloatArray]) -> bool:
-        """Make finer facets of surfaces whose `error` (surface,) is above the tolerance; False where none is, or where
-        that would be more facets than a machine can hold."""
-        coarse = error > self._rtol
-        if not coarse.any():
-            return False
-        before = self._fineness.copy()
-        self._fineness[coarse] *= finer(error[coarse], self._rtol)
-        try:
-            self._split(vertices)
-        except ValueError:
-            self._fineness = before
-            return False
-        return True
 
     def _held(self, t: float, positions: Positions, rays: Callable[[float], RayScene], ray_scene: RayScene) -> Finer:
         """What is seen at `t` [s], with finer facets to compare it with, for the first pair."""
@@ -393,7 +301,7 @@ class MovingParts:
             share = share + self._veils.weights(veiled, len(share))
         kept = np.flatnonzero(share > 0)
         facets, fraction = seen.facets.pulled(self._band.pull(seen.facets, kept)).take(kept), share[kept]
-        weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._patches.leader[kept]]
+        weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._facets.patches.leader[kept]]
         return Finer.of(self._band, facets, self._materials, weight, reference=reference)
 
     def _expanded(self, held: Finer) -> tuple[Expansion, FloatArray]:
@@ -418,23 +326,18 @@ class MovingParts:
 
     def _see(self, times: Sequence[float], positions: Positions, ray_scene: RayScene) -> list[Seen]:
         vertices, everything = [positions(t) for t in times], self.beside
-        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        facets = stack_facets(*self._known, vertices, self._viewpoint, wavenumber, self._parts)
+        facets = self._facets.at(vertices)
         if everything:
-            facets = bent(facets, *self._known, vertices)
+            facets = self._facets.bent(facets, vertices)
         # Of what was not seen before nobody knows how it interferes.
         known = (self._interference > 0) & (self._aimed and not everything and self._rtol >= LEAST_RTOL)
         share = np.where(known, 1.0 / np.maximum(self._interference, 1.0), 0.0)
-        seen = self._sight(ray_scene, facets, self._places, times, vertices, share)
+        seen = self._sight(ray_scene, facets, self._facets.places, times, vertices, share)
         if everything:
             return seen
         kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
-        facets = bent([each.facets for each in seen], *self._known, vertices, kept)
+        facets = self._facets.bent([each.facets for each in seen], vertices, kept)
         return [replace(each, facets=own) for each, own in zip(seen, facets, strict=True)]
-
-    @property
-    def _known(self) -> tuple[tuple[Surface, ...], list[Tessellation]]:
-        return self._surfaces.moving, self._pieces
 
     def _everything(self, t: float, positions: Positions) -> list[FloatArray]:
         """(vertex, 3) positions [m] of all surfaces at `t` [s]."""
@@ -469,7 +372,7 @@ class MovingParts:
         column = {float(t): k for k, t in enumerate(knots)}
 
         def centroids(t: float) -> FloatArray:
-            return np.take(known[t], led, axis=0) if t in known else self._centroids(positions(t), led)
+            return np.take(known[t], led, axis=0) if t in known else self._facets.centroids(positions(t), led)
 
         def delays(t: float) -> FloatArray:
             there = centroids(t)
@@ -481,7 +384,7 @@ class MovingParts:
         def rates(t: float) -> FloatArray:
             before, after = positions(t - RATE_STEP), positions(t + RATE_STEP)
             velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
-            return self._band.rates(centroids(t), self._centroids(velocities, led))
+            return self._band.rates(centroids(t), self._facets.centroids(velocities, led))
 
         curves = over_time(knots, instants, gains, delays, rates)
         return facet_paths(
@@ -494,25 +397,6 @@ class MovingParts:
             self._band.half_band,
             (self._surfaces.object_names, self._surfaces.part_names),
         )
-
-    def _centroids(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
-        """(kept, 3) [m], those of the facets that `kept` counts out of all, ascending."""
-        found = [piece.centroids(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
-        return np.concatenate([np.zeros((0, 3)), *found])
-
-    def _corners(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
-        """(kept, 3, 3) [m], likewise."""
-        found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
-        return np.concatenate([np.zeros((0, 3, 3)), *found])
-
-    def _own(
-        self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]
-    ) -> Iterator[tuple[Tessellation, FloatArray, IntArray, NDArray[np.intp]]]:
-        """Of each surface its pieces, vertices, faces, and which of the facets `kept` are its own."""
-        first = 0
-        for piece, points, surface in zip(self._pieces, vertices, self._surfaces.moving, strict=True):
-            yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
-            first += len(piece.face)
 
 
 def _three(instants: FloatArray) -> FloatArray:

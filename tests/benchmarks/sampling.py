@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
-from rfgen_sionna.tracing import gains, moving, sampling, tracer
+from rfgen_sionna.tracing import gains, sampling, tracer
+from rfgen_sionna.tracing.facets import stack_facets
 from rfgen_sionna.tracing.outlines import Outline, Passing, Places
 from rfgen_sionna.tracing.sight import apart_for
 from rfgen_sionna.tracing.tessellate import Tessellation
@@ -69,7 +70,7 @@ def _fields(made: tracer.Tracer, facing: Any, vertices: Any, viewpoint: Any) -> 
     count = len(surface.faces)
     eye = np.broadcast_to(np.eye(3), (count, 3, 3))
     whole = [Tessellation(np.arange(count, dtype=np.int32), eye, np.ones(count, np.int32))]
-    (placed,) = moving.stack_facets(made.surfaces.moving, whole, [vertices], viewpoint, 0.0)
+    (placed,) = stack_facets(made.surfaces.moving, whole, [vertices], viewpoint, 0.0)
     facets = placed.take(facing)
     values = band.at_probes(facets, (surface.material,), np.zeros(1), (0, 0), np.full(len(facets), 4, np.int32))
     return np.asarray(values.a[0] * np.exp(-2j * np.pi * np.mod(band.centre * values.tau[0], 1.0)))

@@ -97,12 +97,15 @@ def test_two_instants_do_while_hardly_a_shadow_moves(radar, tilt, speed, count):
     tracer, length = screened(radar, tilt, speed), radar.waveform.frame_length
     times = np.linspace(0.0, length, 20)
     truth = traced_there(tracer, times, "plate")
-    run = tracer.follow()
+    run, looked_at = tracer.follow(), list[int]()
     for _ in range(2):  # in the next stretch no pair is tried where shadows moved
         traced = tracer.trace(0.0, length, run)
+        looked_at.append(traced.report.facets)
         assert traced.report.instants == count
         error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
         assert error < traced.report.between + traced.report.error
+    # The pair that did not do was looked at as well.
+    assert looked_at[0] == pytest.approx(looked_at[1] * (1 if count == 2 else 5 / 3), rel=0.05)
 
 
 @pytest.mark.parametrize("way", [1e-3, 3e-3])

@@ -249,7 +249,8 @@ def test_refinement_leaves_phases_and_delays_alone(radar, ball):
         found = strength > 0
         change = np.log(np.abs(after[0].a[0, 0, found, 0]) / strength[found])
         level[before[0].facet[found]] = change
-        level[np.bincount(runs[0]._pieces[0].face, minlength=len(level)) > 1] = np.nan  # of pieces each has its own
+        faces = runs[0]._facets.pieces[0].face
+        level[np.bincount(faces, minlength=len(level)) > 1] = np.nan  # of pieces each has its own
         levels.append(level)
     steps = np.abs(np.diff(levels, axis=0))
     assert np.nanmax(np.abs(levels)) > 0.5
