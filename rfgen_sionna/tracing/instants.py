@@ -18,7 +18,7 @@ from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import lengths, middles
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.aslant import mean_phasor, solid_angles, width_and_distance
-from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS
+from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS, telling
 from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
 
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
@@ -104,10 +104,11 @@ def choose_instants(
     def missed(gaps: int) -> float:
         return MARGIN * max((each.missed(gaps) for each in meshes), default=0.0)
 
-    turn = _most_turn(places, viewpoint) * (len(knots) - 1) if not beside else np.inf
+    told = [[telling(each) for each in there] for there in places]
+    turn = _most_turn(told, viewpoint) * (len(knots) - 1) if not beside else np.inf
     few = (1, PAIR_SPACING, PAIR_TURN), (QUIET_GAPS, QUIET_SPACING, QUIET_TURN)
     for some, spacing, most_turn in few if pair else few[1:]:
-        straight = some > 1 or _most_departure(places, viewpoint) <= STRAIGHT
+        straight = some > 1 or _most_departure(told, viewpoint) <= STRAIGHT
         if length <= some * spacing and turn <= some * most_turn and straight and (error := missed(some)) <= allowed:
             gaps = some
             break

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, knot_weights
 from rfgen_sionna.scene.mesh import lengths
@@ -14,6 +16,8 @@ MIN_SPACING = 0.125e-3
 """Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 700 Hz still gets its knots."""
 FIRST_COUNT = 4
 """Knots to begin with: a cubic's."""
+TELLING = 4096
+"""Vertices of a mesh that tell how it moves, at most."""
 RIM_ERROR, INNER_ERROR = 0.02, 0.005
 """Errors (root mean square over time) of a not-a-knot cubic spline through a phasor whose phase swings by 1 rad between
 knots: of the cubic through four knots, and through more of them. They grow with the swing's fourth power."""
@@ -42,10 +46,10 @@ def choose_knots(
 ) -> FloatArray:
     """Knots between which a spline follows the delay of every vertex.
 
-    They are doubled until the spline through them foretells the two-way phase between them to `tolerance` in each
-    mesh's root mean square, which is the relative error of its sum, at any instant to three times that, as a spline
-    errs most at its ends, and any vertex's to ten times that. The phase is tried once between each two knots, at places
-    that no vibration keeps step with.
+    Of very many vertices some tell of all (:func:`telling`). Knots are doubled until the spline through them foretells
+    the two-way phase between them to `tolerance` in each mesh's root mean square, which is the relative error of its
+    sum, at any instant to three times that, as a spline errs most at its ends, and any vertex's to ten times that. The
+    phase is tried once between each two knots, at places that no vibration keeps step with.
 
     Parameters
     ----------
@@ -72,10 +76,10 @@ def choose_knots(
     sizes = [len(points) for points in positions(start)]
     if not sum(sizes):
         return np.array([start])
-    borders = np.cumsum(sizes)[:-1]
+    borders = np.cumsum([min(size, TELLING) for size in sizes])[:-1]
 
     def phases(times: FloatArray) -> FloatArray:
-        rows = [lengths(np.concatenate(positions(float(t))) - viewpoint) for t in times]
+        rows = [lengths(np.concatenate([telling(each) for each in positions(float(t))]) - viewpoint) for t in times]
         return wavenumber * np.stack(rows)
 
     count = FIRST_COUNT
@@ -86,7 +90,9 @@ def choose_knots(
         between = times[:-1] + place * np.diff(times)
         values, truth = phases(times), phases(between)
         if count == FIRST_COUNT and (values == values[0]).all() and (truth == values[0]).all():
-            return np.array([start])
+            places = [positions(float(t)) for t in (*times, *between)]  # whatever moves, however small
+            if all(np.array_equal(now, first) for there in places for now, first in zip(there, places[0], strict=True)):
+                return np.array([start])
         error = knot_weights(times, between) @ values - truth
         rms = np.sqrt(np.stack([np.mean(part**2, axis=1) for part in np.split(error, borders, axis=1)]))
         typical = float(np.sqrt(np.mean(rms**2, axis=1)).max())
@@ -101,6 +107,16 @@ def choose_knots(
             )  # fmt: skip
             return times
         count = 2 * count - 1
+
+
+def telling(points: FloatArray) -> FloatArray:
+    """(some, 3) of the positions (vertex, 3) of a mesh, from all over it: the same ones whenever there are so many."""
+    return points if len(points) <= TELLING else np.take(points, _some(len(points)), axis=0)
+
+
+@cache
+def _some(count: int) -> NDArray[np.intp]:
+    return np.sort(np.random.default_rng(count).permutation(count)[:TELLING])
 
 
 class Splined:

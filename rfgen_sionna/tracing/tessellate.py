@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.mesh import columns, corners_of, lengths, middles, widest
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.mesh import corners_of, lengths, middles, widest
+from rfgen_sionna.scene.transfer import joined, upload
 from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
 _MAX_SPLITS = 64
@@ -51,19 +54,12 @@ class Tessellation:
     bent_parts: FloatArray | None = None
     """(facet,) those that the surface's height over it asks for where it is seen straight on, not rounded."""
 
-    def parts_seen(self, vertices: FloatArray, faces: IntArray, viewpoint: FloatArray) -> IntArray:
-        """(facet,) `parts` that will do for what is seen from the viewpoint: aslant, a surface's height makes less of a
-        difference to the path."""
+    def parts_seen(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
+        """(facet,) `parts` that will do for what is seen from the viewpoint in each of the `poses`, (vertex, 3) [m]:
+        aslant, a surface's height makes less of a difference to the path."""
         if self.flat_parts is None or self.bent_parts is None or not self.bent_parts.any():
             return self.parts
-        a, b, c = np.moveaxis(columns(vertices, faces) - viewpoint[:, None, None], 1, 0)
-        one, other = b - a, c - a
-        cross = [one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)]
-        volume, size, distance = (
-            sum(x * y for x, y in zip(*each, strict=True)) for each in ((a, cross), (cross, cross), (a, a))
-        )
-        root = np.sqrt(np.abs(volume) / np.maximum(np.sqrt(size * distance), 1e-300))  # of the incidence's cosine
-        found = np.ceil(self.bent_parts * np.minimum(root, 1.0)[self.face])
+        found = np.ceil(self.bent_parts * _straightness(poses, faces, viewpoint)[self.face])
         return np.maximum(self.flat_parts, found.astype(np.int32))
 
     @cached_property
@@ -135,6 +131,47 @@ class Tessellation:
         shape = len(chosen), len(vertices)
         rows = csr_array((weights.ravel(), ends.ravel(), np.arange(0, 3 * len(chosen) + 1, 3)), shape=shape)
         return np.asarray(rows @ np.asarray(vertices, np.float64))
+
+
+def _straightness(poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> FloatArray:
+    """(face,) root of the cosine of the angle at which each is seen, the largest of all `poses`."""
+    dr, types = drjit_types()
+    found = dr.empty(types.Float64, len(faces))
+    given = {
+        "lanes": dr.arange(types.UInt32, len(faces)),
+        "faces": upload(types.UInt32, faces),
+        "vertices": upload(types.Float64, joined(poses)),
+        "points": dr.opaque(types.UInt32, len(poses[0])),
+        "poses": dr.opaque(types.UInt32, len(poses)),
+        "viewpoint": upload(types.Float64, viewpoint),
+        "found": found,
+    }
+    _STRAIGHTNESS(given)
+    return np.asarray(found.numpy())
+
+
+def _straighten(given: dict[str, Any]) -> None:
+    """The kernel of :func:`_straightness`."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
+    ends = [dr.gather(UInt32, given["faces"], 3 * lane + k) for k in range(3)]
+    eye = Array3(*(dr.gather(Float, given["viewpoint"], UInt32(axis)) for axis in range(3)))
+
+    def seen(pose: Any, most: Any) -> tuple[Any, Any]:
+        first = [3 * (pose * given["points"] + each) for each in ends]
+        a, b, c = (Array3(*(dr.gather(Float, given["vertices"], k + axis) for axis in range(3))) for k in first)
+        cross = dr.cross(b - a, c - a)
+        offset = a - eye
+        size = dr.sqrt(dr.squared_norm(cross) * dr.squared_norm(offset))
+        return pose + 1, dr.maximum(most, abs(dr.dot(cross, offset)) / dr.maximum(size, 1e-300))
+
+    begun = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane))
+    most = dr.while_loop(begun, lambda pose, _: pose < given["poses"], seen)[1]
+    dr.scatter(given["found"], dr.sqrt(dr.minimum(most, 1.0)), lane, mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"])
+
+
+_STRAIGHTNESS = Frozen(_straighten)
 
 
 NOTHING = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))

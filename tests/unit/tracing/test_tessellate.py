@@ -53,7 +53,7 @@ def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
     are of, and what turns towards the viewpoint takes more again."""
     vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
     pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=smoothing(vertices, faces))
-    seen = pieces.parts_seen(vertices, faces, np.zeros(3))
+    seen = pieces.parts_seen([vertices], faces, np.zeros(3))
     centres = vertices[faces].mean(axis=1)
     normals = centres - [3.0, 0, 0]
     cos = np.abs(np.einsum("fi,fi->f", normals, centres))
@@ -65,12 +65,16 @@ def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
     assert np.all(np.abs(seen - np.maximum(pieces.bent_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
     assert np.array_equal(seen[cos > 0.99], pieces.parts[cos > 0.99])
     assert (seen[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
-    beside = pieces.parts_seen(vertices, faces, np.array([3.0, 10.0, 0.0]))
+    beside = pieces.parts_seen([vertices], faces, np.array([3.0, 10.0, 0.0]))
     assert not np.array_equal(beside, seen)
+    turned = vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + np.array([0.0, -3, 0])
+    both = pieces.parts_seen([vertices, turned], faces, np.zeros(3))
+    assert np.array_equal(both, np.maximum(seen, pieces.parts_seen([turned], faces, np.zeros(3))))
+    assert (both > seen).any()
 
 
 def test_flat_surfaces_take_the_same_parts_from_all_sides():
     box = trimesh.creation.box((0.3, 0.3, 0.3))
     vertices, faces = np.asarray(box.vertices) + np.array([1.0, 0, 0]), np.asarray(box.faces, np.int32)
     pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3)
-    assert pieces.parts_seen(vertices, faces, np.zeros(3)) is pieces.parts
+    assert pieces.parts_seen([vertices], faces, np.zeros(3)) is pieces.parts
