@@ -1,4 +1,4 @@
-"""Dr.Jit's float64 array types for the back end in use.
+"""Kernels of our own, on Dr.Jit's float64 arrays for the back end in use.
 
 Mitsuba and Sionna run in float32; phases need more, and Dr.Jit itself has float64 on every back end.
 """
@@ -23,6 +23,8 @@ def drjit_types() -> tuple[ModuleType, Any]:
     return drjit, drjit.cuda if variant.startswith("cuda") else drjit.llvm
 
 
+_RECORDING = Lock()
+"""One for all kernels and threads: whether garbage is collected is one switch for the process."""
 _KINDS, _NEVER = 256, 2**31 - 1
 """How many kinds of inputs a kernel is kept for, and after how many Dr.Jit warns that there were more."""
 
@@ -34,15 +36,22 @@ class Frozen:
 
     Args:
         kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and options that can be hashed. It
-            writes into the former, and knows of their sizes by :func:`drjit.width` alone.
+            writes into some of the former and returns nothing. What is recorded serves inputs of all sizes: so an array
+            of lanes is given, and a width (:func:`drjit.width`) is nothing but that of another array. Names of its
+            module that it uses are part of the kind, and no two of the arrays share their memory.
     """
 
     def __init__(self, kernel: Callable[..., None]) -> None:
-        self._kernel, self._lock = kernel, Lock()
+        self._kernel = kernel
 
     def __call__(self, given: dict[str, Any], *options: Any) -> None:
+        """Run it.
+
+        Raises:
+            ValueError: an array is empty.
+        """
         _check(given)
-        with self._lock:  # what is recorded is one for all threads
+        with _RECORDING:
             collecting = gc.isenabled()
             gc.disable()  # a scene that is collected while its thread records ends the process
             try:

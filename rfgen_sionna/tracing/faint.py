@@ -21,8 +21,8 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.obliquity import strongest_reflection
 
 FAINT_PER_RTOL = 0.2
-"""What facets that are left out return, one by one and by :func:`loudness`, over what the body does, per unit of the
-tolerance. They do return up to twice that."""
+"""What facets that are left out return, one by one and by :func:`rfgen_sionna.tracing.aslant.loudness`, over what the
+body does, per unit of the tolerance. They do return up to twice that."""
 LEAST_RTOL = 5e-3
 """Tolerance below which so few facets are that faint that to look for them takes longer."""
 ASIDE = 0.6

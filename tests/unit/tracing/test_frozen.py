@@ -2,18 +2,24 @@
 
 import gc
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
+import trimesh
 
+from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing import facet
+from rfgen_sionna.tracing import facet, placing
 from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.placing import place_facets
 from rfgen_sionna.tracing.reflected import Via
+from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
 from rfgen_sionna.tracing.smooth import Bend
+from rfgen_sionna.tracing.tessellate import Tessellation
 
 ACROSS = np.array([0.0, 0.0, 1.0])
 
@@ -23,6 +29,14 @@ def media(nodes, materials, thickness=np.inf):
     drop = 1.0 - 0.01 * np.arange(nodes)[:, None]  # over the band
     ones = np.ones(materials)
     return Media(eps * drop, np.ones((nodes, materials), complex), thickness * ones, ones, eps * drop * 1.001)
+
+
+def slabs(count, depth, rng):
+    """So many slabs, or fewer, before each facet."""
+    table = SlabTable.of([material_named("plasterboard"), material_named("glass")], 79e9, 2e9)
+    normals = rng.normal(size=(count, depth, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return Slabs(table, rng.integers(NO_SLAB, 2, (count, depth)).astype(np.int32), normals)
 
 
 def gains(count, nodes, kind, seed=0):
@@ -43,28 +57,39 @@ def gains(count, nodes, kind, seed=0):
 
         found = by_curvature(rng.random(count) < 0.5, of)
     else:
+        one, other = slabs(count, 1, rng), slabs(count, 2, rng)
+        by_wall = Via(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1), None, 0 * index)
+        through = Screens(None, one), Screens(other, one)
         options = {
             "plain": {},
+            "slabs": {"axes": np.eye(3)[:2], "monostatic": True},
             "two places": {"origin": np.array([0.1, 0, 0]), "reference": middle},
             "parts": {"parts": parts, "reference": middle, "axes": np.eye(3)[:2]},
             "no axes": {"axes": np.zeros((0, 3)), "monostatic": True},
             "bent": {"parts": parts, "bend": Bend(rises, lifts), "axes": np.eye(3)[1:2], "monostatic": True},
             "antennas": {"pull": rng.normal(size=(count, 3)), "aim": middle, "monostatic": True},
-            "mirror": {"via": Via(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1), None, 0 * index)},
+            "mirror": {"via": by_wall},
+            "mirrors": {"via": replace(by_wall, tx=0 * index), "bend": Bend(rises, None)},
+            "screen": {"screens": (through[0], through[0])},
+            "screens": {"screens": (through[0], Screens(None, other))},
+            "mirror behind screens": {"via": replace(by_wall, tx=0 * index), "screens": through},
         }
-        of_slabs = media(nodes, 2, 0.01) if kind == "plain" else media(nodes, 2)
+        of_slabs = media(nodes, 2, 0.01) if kind in ("plain", "slabs") else media(nodes, 2)
         found = facet_gains(corners, index, of_slabs, at, ACROSS, ACROSS, **options[kind])
     return found.terms.copy(), found.tau.copy()
 
 
-KINDS = ("plain", "two places", "parts", "no axes", "bent", "antennas", "mirror", "mixed")
+KINDS = (
+    "plain", "slabs", "two places", "parts", "no axes", "bent", "antennas", "mirror", "mirrors", "screen", "screens",
+    "mirror behind screens", "mixed",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("nodes", [1, 3])
 def test_what_is_frozen_is_the_kernel_itself_to_the_bit(monkeypatch, kind, nodes):
     """Of many facets and of few, one after the other: what is kept of one size serves all."""
-    for count in (40, 3000, 7, 2, 41):
+    for count in (40, 3000, 7, 1, 2, 41):
         frozen = gains(count, nodes, kind)
         with monkeypatch.context() as plainly:
             plainly.setattr(facet, "_INTEGRATED", facet._integrate)
@@ -74,12 +99,28 @@ def test_what_is_frozen_is_the_kernel_itself_to_the_bit(monkeypatch, kind, nodes
             assert np.array_equal(one, other)
 
 
-def test_threads_share_what_is_frozen():
-    """Recorded by whichever comes first."""
-    tasks = [(count, 3, kind, count) for count in (30, 31, 1000) for kind in KINDS] * 2
-    alone = [gains(*task) for task in tasks]
-    with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(lambda task: gains(*task), tasks))
+def test_threads_share_what_is_frozen(monkeypatch):
+    """Whichever comes first records a kernel, while garbage is collected as often as may be."""
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    faces, eye = mesh.faces.astype(np.int32), np.broadcast_to(np.eye(3), (len(mesh.faces), 3, 3))
+    piece = Tessellation(np.arange(len(faces), dtype=np.int32), eye, np.ones(len(faces), np.int32))
+
+    def of(count, kind):
+        if kind != "placed":
+            return gains(count, 3, kind, count)
+        return place_facets(piece, faces, [np.asarray(mesh.vertices)] * (1 + count % 3), np.zeros(3), 1600.0)[:3]
+
+    tasks = [(count, kind) for count in (30, 31, 1000) for kind in (*KINDS, "placed")]
+    alone = [of(*task) for task in tasks]
+    monkeypatch.setattr(facet, "_INTEGRATED", Frozen(facet._integrate))
+    monkeypatch.setattr(placing, "_PLACED", Frozen(placing._place))
+    usual = gc.get_threshold()
+    gc.set_threshold(10, 2, 2)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            together = list(pool.map(lambda task: of(*task), tasks))
+    finally:
+        gc.set_threshold(*usual)
     for one, other in zip(alone, together, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 

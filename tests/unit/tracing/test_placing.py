@@ -31,6 +31,22 @@ def pieces(kind):
     return tessellate(np.asarray(plate.vertices), plate.faces.astype(np.int32), RADAR, 77e9, 1e-2)
 
 
+@pytest.mark.parametrize("subdivisions", [3, 1, 0])
+@pytest.mark.parametrize("count", [1, 3])
+def test_meshes_of_all_sizes_are_placed_by_what_one_has_recorded(subdivisions, count):
+    """One facet of a mesh as well."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
+    faces = ball.faces.astype(np.int32)
+    for chosen in (np.arange(len(faces)), np.array([len(faces) // 2]), np.array([3, 1])):
+        eye = np.broadcast_to(np.eye(3), (len(chosen), 3, 3))
+        piece = Tessellation(chosen.astype(np.int32), eye, np.ones(len(chosen), np.int32))
+        vertices = [np.asarray(ball.vertices) + 0.1 * k for k in range(count)]
+        found = place_facets(piece, faces, vertices, RADAR, WAVENUMBER)
+        for k, points in enumerate(vertices):
+            assert np.allclose(found.corners[k], points[faces[chosen]], rtol=0, atol=1e-14)
+            assert np.allclose(found.loud[k], loudness((points[faces[chosen]] - RADAR).T, WAVENUMBER), rtol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["faces", "some", "pieces"])
 @pytest.mark.parametrize("count", [1, 3])
 def test_facets_are_where_their_faces_corners_put_them(kind, count):
@@ -58,15 +74,17 @@ def test_no_facets_are_nowhere():
     assert found.towards.shape == found.loud.shape == (2, 0)
 
 
-def test_faces_that_tell_are_told_by_their_corners():
-    coarse = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
+@pytest.mark.parametrize("subdivisions", [1, 2, 0])
+def test_faces_that_tell_are_told_by_their_corners(subdivisions):
+    coarse = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
     vertices, faces = np.asarray(coarse.vertices), coarse.faces.astype(np.int32)
-    strength, angle = _told(vertices, faces, RADAR, WAVENUMBER)
-    corners = columns(vertices - RADAR, faces)
-    width, near = width_and_distance(corners)
-    share = np.sqrt(np.minimum(8 * FACET_BULGE * near / (WAVENUMBER * width**2), 1.0))
-    assert (share < 1).any()
-    assert np.allclose(angle, solid_angles(corners), rtol=1e-9)
-    truth = np.abs(angle) * share * mean_phasor(corners, 0.5 * WAVENUMBER * share)
-    assert np.allclose(strength, truth, rtol=1e-9)
+    for some in (faces, faces[:1], faces[3:5]):
+        strength, angle = _told(vertices, some, RADAR, WAVENUMBER)
+        corners = columns(vertices - RADAR, some)
+        width, near = width_and_distance(corners)
+        share = np.sqrt(np.minimum(8 * FACET_BULGE * near / (WAVENUMBER * width**2), 1.0))
+        assert (share < 1).any() or subdivisions == 2
+        assert np.allclose(angle, solid_angles(corners), rtol=1e-9)
+        truth = np.abs(angle) * share * mean_phasor(corners, 0.5 * WAVENUMBER * share)
+        assert np.allclose(strength, truth, rtol=1e-9)
     assert [len(each) for each in _told(vertices, faces[:0], RADAR, WAVENUMBER)] == [0, 0]
