@@ -210,7 +210,8 @@ def facet_gains(
     if parts is not None and int(np.max(parts)) > 1:
         given["parts"] = upload(UInt32, np.asarray(parts, np.uint32))
         # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
-        given["order"] = upload(UInt32, np.argsort(np.asarray(parts), kind="stable").astype(np.uint32))
+        order = np.argsort(np.minimum(parts, 65_535).astype(np.uint16), kind="stable")  # short ones are quick to sort
+        given["order"] = upload(UInt32, order.astype(np.uint32))
     if axes is not None and (drifted := media.drifted) is not None:
         given["drifted"] = media_tables(dr, types, drifted)
     if via is not None:
