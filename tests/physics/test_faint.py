@@ -144,8 +144,8 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     run = tracer.follow()
     positions = tracer._vertices
     run._interference[:] = 1.0
-    run._follow(positions, np.zeros(1))
-    run._turn_to([positions(0.0)])
+    run._facets.follow(positions, np.zeros(1))
+    run._facets.turn_to([positions(0.0)])
     (seen,) = run._see([0.0], positions, tracer._rays)
     facing = run._sight._facing(seen.facets)
     loud, most = run._sight._loudness.of(seen.facets, facing)
