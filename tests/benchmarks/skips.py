@@ -263,6 +263,7 @@ def bounces_row() -> dict[str, Any]:
         made.trace(0.0, 0.0, run)
         return timed(lambda: made.trace(0.1, 0.1, run))
 
+    once()  # kernels are compiled
     on, here = once()
     with _patched(*_ENERGY)():
         off, there = once()
