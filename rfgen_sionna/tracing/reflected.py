@@ -85,14 +85,16 @@ def walls_of_lanes(
 ) -> tuple[Wall | None, Wall | None]:
     """The mirrors of Tx and Rx, from :func:`wall_tables`."""
 
-    def wall(chosen: Any) -> Wall:
-        mirror = dr.gather(types.UInt32, chosen, facet)
+    def wall(way: str) -> Wall | None:
+        if way not in via:
+            return None
+        mirror = dr.gather(types.UInt32, via[way], facet)
         normal = (dr.gather(types.Float64, via["normal"], mirror * 3 + axis) for axis in range(3))
         offset = dr.gather(types.Float64, via["offset"], mirror)
         medium = media_of_lanes(dr, types, via["media"], node, mirror, wavenumber)
         return Wall(types.Array3f64(*normal), offset, medium)
 
-    return tuple(wall(via[way]) if way in via else None for way in ("tx", "rx"))  # type: ignore[return-value]
+    return wall("tx"), wall("rx")
 
 
 class Strength:
