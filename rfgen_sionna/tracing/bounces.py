@@ -158,7 +158,7 @@ class Bounces:
         return [flat.at(points[flat.surface], view) if flat.surface < len(points) else None for flat in self.flats]
 
     @cached_property
-    def _owner(self) -> IntArray:
+    def owner(self) -> IntArray:
         """(face,) number of the plate that each face of the ray scene belongs to, -1 for none."""
         every = (*self._surfaces.static, *self._surfaces.moving)
         owner = np.full(sum(len(each.faces) for each in every), -1, np.int32)
@@ -183,7 +183,7 @@ class Bounces:
         """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
         wall, still, rank = self._roles
         shower, seen = self._shower(t, rays, facets), self._straight(facets, fraction)
-        own = self._owner[facets.number]
+        own = self.owner[facets.number]
         lit, once = {}, []
         for number, plate in enumerate(self.at(t)):
             reached = shower.candidates(number) if plate is not None else np.zeros(0, np.intp)
@@ -215,7 +215,7 @@ class Bounces:
     # What these are is another thing where slabs are seen through.
 
     def _shower(self, t: float, rays: RayScene, facets: Facets) -> Shower:
-        return Shower(rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range)
+        return Shower(rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range)
 
     def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
         """(facet,) which may be seen the straight way."""

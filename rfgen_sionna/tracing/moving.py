@@ -25,6 +25,7 @@ from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.returns import FacetReturns
+from rfgen_sionna.tracing.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.veils import Veiled, Veils
@@ -65,8 +66,8 @@ class MovingTrace:
 
 class MovingParts:
     """Traces the moving surfaces stretch by stretch, and where there may be any their `ghosts` in walls, what
-    `bounces` from one flat part or body to the other, plainly and through slabs, and what is seen through slabs, behind
-    `veils`.
+    `bounces` from one flat part or body to the other, plainly and through slabs, `rounds` from bent surface to bent
+    surface, and what is seen through slabs, behind `veils`.
 
     Facets stay the same until the motion asks for finer ones (:mod:`rfgen_sionna.tracing.moving_facets`); small
     neighbouring ones make a path together (:mod:`rfgen_sionna.tracing.patches`). Their error is measured in every few
@@ -83,12 +84,14 @@ class MovingParts:
         rtol: float,
         ghosts: Ghosts | None = None,
         bounces: Sequence[Bounces] = (),
+        rounds: RoundBounces | None = None,
         veils: Veils | None = None,
         aimed: bool = True,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
         self._ghosts, self._bounces, self._veils, self._aimed = ghosts, tuple(bounces), veils, aimed
+        self._rounds = rounds
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
         self._returns = FacetReturns(band, self._materials)
@@ -135,6 +138,7 @@ class MovingParts:
             whole = [self._facets.from_all_sides(each.facets) if self.beside else each.facets for each in seen]
             mirrored: list[MirroredView] = []
             bounced: list[list[Bounced]] = [[] for _ in bounces]
+            rounded: list[RoundSeen] = []
             veiled: list[Veiled] = []
             for t, own, there in zip(instants.tolist(), whole, seen, strict=True) if self.beside else ():
                 shown_to = rays(t), own, there.fraction
@@ -142,6 +146,9 @@ class MovingParts:
                     mirrored.append(ghosts.see(*shown_to))
                 for plates, shown in zip(bounces, bounced, strict=True):
                     shown.append(plates.see(t, *shown_to))
+                if self._rounds is not None:
+                    faces, everything = own.number[there.fraction > 0], self._everything(t, positions)
+                    rounded.append(self._rounds.see(shown_to[0], everything, faces))
                 if self._veils is not None:
                     veiled.append(self._veils.see(shown_to[0], self._everything(t, positions), *shown_to[1:]))
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
@@ -163,11 +170,12 @@ class MovingParts:
         weight = seen[middle].weight[kept]
         chosen = self._glances.choose(facets, references, values, shares, weight, expansion, self._level)
         glanced, followed, between = None, kept[chosen.facets], max(chosen.error(), steady)
-        looked: list[Seen | MirroredView | Bounced | Veiled | Followed] = [
+        looked: list[Seen | MirroredView | Bounced | RoundSeen | Veiled | Followed] = [
             *seen,
             *in_vain,
             *mirrored,
             *chain(*bounced),
+            *rounded,
             *veiled,
         ]
         if len(followed):
@@ -207,6 +215,9 @@ class MovingParts:
         for plates, shown in zip(bounces, bounced, strict=True):
             found_there, missed = plates.trace(knots, instants, whole, shown, centroids, self._level)
             more, error = more + found_there, error + missed
+        if self._rounds is not None:
+            around = self._rounds.trace(knots, instants, rounded, positions, self._level)
+            more = more if around is None else [*more, around]
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             glanced,

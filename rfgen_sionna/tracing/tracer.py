@@ -23,6 +23,7 @@ from rfgen_sionna.tracing.knots import choose_knots
 from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
+from rfgen_sionna.tracing.round_bounces import RoundBounces
 from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
@@ -242,12 +243,15 @@ class Tracer:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
         the next. Results depend on what it went through before, so that every run begins with its own. Not `aimed`, it
         is for images, which have what the antennas hardly see as well."""
-        ghosts, bounces = None, list[Bounces]()
+        ghosts, bounces, rounds = None, list[Bounces](), None
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
                 ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
             walls = (lambda: self.mirrors) if self.surfaces.static else tuple
-            bounces.append(Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls))
+            plain = Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
+            bounces.append(plain)
+            if any(surface.smooth is not None for surface in self.surfaces.moving):
+                rounds = RoundBounces(self.surfaces, self.radar, self.rtol, lambda: plain.owner)
         reach = self.radar.max_range
         veils = None
         if self.transmission and self.surfaces.moving:
@@ -257,7 +261,8 @@ class Tracer:
             veils = found if found.possible() else None
             if self.max_bounces > 1 and found.possible(one_way=True):
                 bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
-        return MovingParts(self.surfaces, self._band, self._viewpoint, reach, self.rtol, ghosts, bounces, veils, aimed)
+        given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
+        return MovingParts(*given, ghosts, bounces, rounds, veils, aimed)
 
     @one_blas_thread()
     def trace(

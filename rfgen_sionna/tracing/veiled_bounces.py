@@ -51,7 +51,7 @@ class VeiledBounces(Bounces):
         least = SKIPPED * self._rtol
         # A ghost may go through a slab on one of its ways alone.
         walk = Walk(rays, vertices, [each.faces for each in every], self._veils.through, least**2)
-        given = rays, self.at(t), self._owner, self._viewpoint, facets, self._radar.max_range
+        given = rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range
         return VeiledShower(walk, self._veils.through, least, *given)
 
     def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:

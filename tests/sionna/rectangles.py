@@ -1,4 +1,4 @@
-"""Sionna scenes of rectangles, and a radar with its two ends apart."""
+"""Sionna scenes of rectangles and other meshes, and a radar with its two ends apart."""
 
 from __future__ import annotations
 
@@ -20,15 +20,21 @@ def scene_of(frequency, **rectangles):
 
 
 def add_rectangles(scene, **rectangles):
+    faces = [[0, 1, 2], [0, 2, 3]]
+    add_meshes(scene, **{name: ((corners, faces), *rest) for name, (corners, *rest) in rectangles.items()})
+
+
+def add_meshes(scene, **meshes):
+    """Add `name=((vertices (n, 3) [m], faces (m, 3)), material)` or `name=(mesh, material, thickness [m])`."""
     import mitsuba as mi
     import sionna.rt as rt
 
     added = []
-    for name, (corners, material, *thickness) in rectangles.items():
-        mesh = mi.Mesh(name, 4, 2)
+    for name, ((vertices, faces), material, *thickness) in meshes.items():
+        mesh = mi.Mesh(name, len(vertices), len(faces))
         parameters = mi.traverse(mesh)
-        parameters["faces"] = mi.UInt32([0, 1, 2, 0, 2, 3])
-        parameters["vertex_positions"] = mi.Float(np.asarray(corners, np.float32).ravel())
+        parameters["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
+        parameters["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
         parameters.update()
         surface = sionna_material(material, name=f"{name}-material", thickness=thickness[0] if thickness else None)
         added.append(rt.SceneObject(mi_mesh=mesh, name=name, radio_material=surface))

@@ -85,27 +85,29 @@ class Arrival:
     """Unit vectors (lane, 3) of the legs."""
     normals: tuple[FloatArray, ...]
     """Of the mirrors where the wave meets them (lane, 3)."""
+    hessian: FloatArray
+    """(lane, 2 m, 2 m) second derivatives of the length [1/m] over the places on m mirrors, along their `tangents`."""
 
 
 def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
-    """The wave of an `element` (3,) [m] at the route's points."""
+    """The wave of an `element` (3,), or (lane, 3) of one for each point, [m] at the route's points."""
     mirrors, end = route.mirrors, route.point
     legs: tuple[FloatArray, ...]
     normals: tuple[FloatArray, ...]
-    start = np.broadcast_to(element, end.shape)
+    start, hessian = np.broadcast_to(element, end.shape), np.zeros((len(end), 0, 0))
     if not mirrors:
         offset = end - start
         reach = np.maximum(lengths(offset), 1e-4)
         legs, normals, spread = (offset / reach[:, None],), (), (1.0 / reach).astype(np.complex128)
         length = reach
     else:
-        tangents = [_tangents(mirror.normal) for mirror in mirrors]
-        bends = [t.transpose(0, 2, 1) @ m.bend @ t for t, m in zip(tangents, mirrors, strict=True)]
+        axes = [tangents(mirror.normal) for mirror in mirrors]
+        bends = [t.transpose(0, 2, 1) @ m.bend @ t for t, m in zip(axes, mirrors, strict=True)]
         place = [np.zeros((len(end), 2)) for _ in mirrors]
         for step in range(STEPS + 1):
             points = [start]
             slopes: list[FloatArray] = []
-            for mirror, t, bend, u in zip(mirrors, tangents, bends, place, strict=True):
+            for mirror, t, bend, u in zip(mirrors, axes, bends, place, strict=True):
                 turn = np.einsum("lab,lb->la", bend, u)
                 rise = -0.5 * np.einsum("la,la->l", turn, u)
                 points.append(mirror.point + np.einsum("lia,la->li", t, u) + rise[:, None] * mirror.normal)
@@ -128,7 +130,7 @@ def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
             place = [u + shift[:, 2 * i : 2 * i + 2] for i, u in enumerate(place)]
         normals = tuple(
             _unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u))
-            for mirror, t, bend, u in zip(mirrors, tangents, bends, place, strict=True)
+            for mirror, t, bend, u in zip(mirrors, axes, bends, place, strict=True)
         )
         length = np.add.reduce(reach_of)
         spread = _spread(hessian, slopes, legs, across, length, optics)
@@ -138,7 +140,7 @@ def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
             there = np.flatnonzero(veil.surface >= 0)
             cos, _, _ = bases(leg[there], veil.normal[there])
             bulk[there] += optics.bulk(veil.surface[there], cos)
-    return Arrival(length + bulk, legs[-1], spread, legs, normals)
+    return Arrival(length + bulk, legs[-1], spread, legs, normals, hessian)
 
 
 def polarised(field: FloatArray, arrival: Arrival, route: Route, optics: Optics, frequency: float) -> ComplexArray:
@@ -198,7 +200,7 @@ def _spread(
     right = np.zeros((len(length), 2 * count, 3))
     right[:, 2 * count - 2 :] = at_end.transpose(0, 2, 1)
     mixed = -at_start @ np.linalg.solve(_regular(hessian), right)[:, :2]
-    one, other = _tangents(legs[0]), _tangents(legs[-1])
+    one, other = tangents(legs[0]), tangents(legs[-1])
     small = one.transpose(0, 2, 1) @ mixed @ other
     size = np.sqrt(np.abs(small[:, 0, 0] * small[:, 1, 1] - small[:, 0, 1] * small[:, 1, 0]))
     wavelength = SPEED_OF_LIGHT / optics.centre
@@ -214,7 +216,7 @@ def _regular(hessian: FloatArray) -> FloatArray:
     return np.asarray(hessian + (1e-12 * size + 1e-12)[:, None, None] * eye)
 
 
-def _tangents(normal: FloatArray) -> FloatArray:
+def tangents(normal: FloatArray) -> FloatArray:
     """(lane, 3, 2) two unit vectors across each of `normal` (lane, 3) and each other."""
     helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     one = _unit(np.cross(helper, normal))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import FloatArray, IntArray
@@ -52,7 +52,7 @@ class Skin:
     rises: FloatArray
     """(facet, 3, 3) by how much the middle of the edge opposite each corner lies off its chord [m]."""
     bends: FloatArray
-    """(facet, 3, 3, 3) how the normal turns at each corner [1/m]."""
+    """(facet, 3, 3, 3) how the normal turns at each corner [1/m]; (0, 3, 3, 3) where nobody asks."""
     sheet: IntArray
     """(facet,) number of the smooth sheet."""
     plane: NDArray[np.bool_]
@@ -63,9 +63,40 @@ class Skin:
     @staticmethod
     def of(surfaces: Sequence[Surface], vertices: Sequence[FloatArray]) -> Skin:
         """Of `surfaces` whose vertices (vertex, 3) stand at `vertices` [m]."""
-        parts = [
-            _skin(surface, np.asarray(points, np.float64)) for surface, points in zip(surfaces, vertices, strict=True)
-        ]
+        return Skin.joined([Skin.one(each, points) for each, points in zip(surfaces, vertices, strict=True)])
+
+    @staticmethod
+    def one(surface: Surface, vertices: FloatArray, like: Skin | None = None) -> Skin:
+        """Of one surface. `like` is its skin at another time, whose sheets it has; then it has no `bends`."""
+        return _skin(surface, np.asarray(vertices, np.float64), like)
+
+    @staticmethod
+    def some(surfaces: Sequence[Surface], vertices: Sequence[FloatArray], facet: NDArray[np.int64]) -> Skin:
+        """Of some faces alone, `facet` (n,) of the ray scene, numbered as they come: where they are, without how their
+        normals turn; all of one sheet."""
+        count = len(facet)
+        corners, normals, rises = (np.zeros((count, 3, 3)) for _ in range(3))
+        for surface, points in zip(surfaces, vertices, strict=True):
+            face = facet - surface.first_facet
+            lane = np.flatnonzero((face >= 0) & (face < len(surface.faces)))
+            if len(lane) == 0:
+                continue
+            own = surface.faces[face[lane]]
+            corners[lane] = points[own]
+            if surface.smooth is None:
+                across = np.cross(corners[lane, 1] - corners[lane, 0], corners[lane, 2] - corners[lane, 0])
+                normals[lane] = (across / np.maximum(lengths(across), 1e-300)[:, None])[:, None]
+            else:
+                normals[lane] = surface.smooth.normals(points, surface.faces)[face[lane]]
+                rises[lane] = edge_rises(corners[lane], normals[lane])
+        one = np.zeros(1)
+        return Skin(
+            corners, normals, rises, np.zeros((count, 3, 3, 3)), np.zeros(count, np.int32), one.astype(np.bool_), one
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Skin]) -> Skin:
+        """The skins of all surfaces, in their order."""
         first = np.cumsum([0] + [len(part.plane) for part in parts])
         return Skin(
             np.concatenate([part.corners for part in parts]),
@@ -76,6 +107,13 @@ class Skin:
             np.concatenate([part.plane for part in parts]),
             np.concatenate([part.size for part in parts]),
         )
+
+    def places(self, facet: NDArray[np.int64], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(place, 3) on the mesh and on the smooth surface [m], at barycentric coordinates `weights` (place, 3) of
+        faces `facet` (place,)."""
+        flat = np.einsum("pc,pci->pi", weights, self.corners[facet])
+        pairs = weights[:, [1, 2, 0]] * weights[:, [2, 0, 1]]
+        return flat, flat + 4.0 * np.einsum("pc,pci->pi", pairs, self.rises[facet])
 
     def meet(self, origins: FloatArray, rays: FloatArray, facet: NDArray[np.int64], weights: FloatArray) -> Met:
         """Where rays from `origins` (ray, 3) [m] along unit vectors (ray, 3) meet the patches of faces `facet` (ray,),
@@ -117,32 +155,35 @@ class Skin:
         normal /= np.maximum(lengths(normal), 1e-300)[:, None]
         side = -np.sign(np.einsum("ri,ri->r", normal, rays))
         side[side == 0] = 1.0
-        bend = np.einsum("rc,rcij->rij", w, self.bends[facet]) * side[:, None, None]
         normal = normal * side[:, None]
-        flat = np.eye(3) - normal[:, :, None] * normal[:, None, :]
-        return Met(point, normal, flat @ bend @ flat, w)
+        if len(self.bends) == 0:
+            return Met(point, normal, np.zeros((len(w), 3, 3)), w)
+        return Met(
+            point, normal, tangential(np.einsum("rc,rcij->rij", w, self.bends[facet]) * side[:, None, None], normal), w
+        )
 
 
-def _skin(surface: Surface, vertices: FloatArray) -> Skin:
+def tangential(bend: FloatArray, normal: FloatArray) -> FloatArray:
+    """(n, 3, 3) tensors across `normal` (n, 3) alone."""
+    flat = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+    return np.asarray(flat @ bend @ flat)
+
+
+def _skin(surface: Surface, vertices: FloatArray, like: Skin | None = None) -> Skin:
     faces = surface.faces
     corners = vertices[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face_normal = cross / np.maximum(lengths(cross), 1e-300)[:, None]
-    sheet = _sheets(vertices, faces, face_normal)
-    count = int(sheet.max()) + 1
     if surface.smooth is None:
-        normals = np.repeat(face_normal[:, None], 3, axis=1)
-        rises, bends = np.zeros_like(corners), np.zeros((len(faces), 3, 3, 3))
+        normals, rises = np.repeat(face_normal[:, None], 3, axis=1), np.zeros_like(corners)
     else:
         normals = surface.smooth.normals(vertices, faces)
         rises = edge_rises(corners, normals)
-        bends = _bends(corners, normals, face_normal)
-        weight = lengths(cross)
-        # Of all faces around a corner, by area: the same from face to face.
-        spread = surface.smooth.gather
-        total = spread @ np.repeat((weight[:, None, None] * bends).reshape(-1, 9), 3, axis=0)
-        total /= np.maximum(spread @ np.repeat(weight, 3), 1e-300)[:, None]
-        bends = total[surface.smooth.group].reshape(len(faces), 3, 3, 3)
+    if like is not None:
+        return Skin(corners, normals, rises, np.zeros((0, 3, 3, 3)), like.sheet, like.plane, like.size)
+    bends = corner_bends(surface, corners, normals, np.arange(len(faces)))
+    sheet = _sheets(vertices, faces, face_normal)
+    count = int(sheet.max()) + 1
     turn = np.ones(count)
     first = np.zeros((count, 3))
     first[sheet[::-1]] = face_normal[::-1]
@@ -154,6 +195,26 @@ def _skin(surface: Surface, vertices: FloatArray) -> Skin:
         np.maximum.at(high, sheet, corners[:, corner])
     size = np.sort(high - low, axis=1)[:, 1]
     return Skin(corners, normals, rises, bends, sheet, turn > np.cos(_FLAT), size)
+
+
+def corner_bends(surface: Surface, corners: FloatArray, normals: FloatArray, face: NDArray[np.intp]) -> FloatArray:
+    """(n, 3, 3, 3) how the normal turns at the corners of some faces `face` (n,) of a surface [1/m], all of whose faces
+    have `corners` [m] and `normals` (face, 3, 3): the mean of all faces around a corner, by area, the same from face
+    to face."""
+    if surface.smooth is None:
+        return np.zeros((len(face), 3, 3, 3))
+    gather = surface.smooth.gather
+    group, back = np.unique(surface.smooth.group[face], return_inverse=True)
+    around = gather[group]
+    used, column = np.unique(around.indices // 3, return_inverse=True)
+    own = corners[used]
+    cross = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
+    weight = lengths(cross)
+    bends = _bends(own, normals[used], cross / np.maximum(weight, 1e-300)[:, None])
+    spread = csr_array((np.ones(len(column)), column.reshape(-1), around.indptr), shape=(len(group), len(used)))
+    total = spread @ (weight[:, None, None] * bends).reshape(-1, 9)
+    total /= np.maximum(spread @ weight, 1e-300)[:, None]
+    return np.asarray(total[back.reshape(-1)].reshape(len(face), 3, 3, 3))
 
 
 def _bends(corners: FloatArray, normals: FloatArray, across: FloatArray) -> FloatArray:

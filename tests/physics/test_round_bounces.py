@@ -1,0 +1,252 @@
+"""From bent surface to bent surface over time: metal balls against quadrature, laws, people against the ray mode."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+import rfgen_sionna as rfgen
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import PathKind, knot_weights
+from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.tracer import Tracer
+from tests.benchmarks.subjects import ball, radar_of
+from tests.physics.test_ghosts import channel, decibels
+from tests.reference.two_spheres import by_way_of
+from tests.sionna.rectangles import add_meshes, scene_of
+
+SLOW = pytest.mark.slow
+RADIUS = 0.15
+PLACES = {
+    "side by side": ((3.0, -0.25, 0.0), (3.0, 0.25, 0.0)),
+    "one behind": ((3.0, -0.25, 0.1), (3.2, 0.1, 0.0)),
+    "above": ((2.5, 0.0, -0.2), (2.6, 0.1, 0.3)),
+}
+LENGTH = 0.0276
+"""Of an mmMesh frame [s]."""
+
+
+@pytest.fixture(scope="module")
+def radar():
+    return radar_of(77)
+
+
+def metal(place, name, level=3, radius=RADIUS, **motion):
+    mesh = ball(level, radius)
+    return Actor.from_mesh(
+        mesh, material="pec", position=None if motion.get("trajectory") else place, name=name, **motion
+    )
+
+
+def true_radius(level, radius=RADIUS):
+    """Of the smooth surface that goes through the vertices."""
+    return radius * np.linalg.norm(ball(level, 1.0).vertices, axis=1).mean()
+
+
+def around(paths):
+    return paths.select(paths.bounces == 2)
+
+
+def at(paths, t):
+    """(tx, rx) channel at `t` [s], by the paths' splines."""
+    weights = knot_weights(paths.times, np.array([t]))
+    turns = np.mod(paths.frequency * (paths.tau @ weights.T), 1.0)
+    return ((paths.a @ weights.T) * np.exp(-2j * np.pi * turns)).sum(axis=(2, 3))
+
+
+@pytest.mark.parametrize("places", PLACES.values(), ids=PLACES)
+def test_two_balls_return_by_way_of_each_other_what_quadrature_says(radar, places):
+    """Within 0.5 dB and 5 degrees of geometrical optics at one ball and dense physical optics over the other, both ways
+    round, which by itself differs by a tenth of 1 / sqrt(k a) from either end."""
+    actors = [metal(place, name) for place, name in zip(places, "ab", strict=True)]
+    paths = Simulator(None, radar, actors, rtol=1e-2, max_bounces=2).paths(0.0)
+    balls = [(np.array(place), true_radius(3)) for place in places]
+    ends = radar.tx_world[0], radar.rx_world[0], radar.tx_field, radar.rx_field, radar.center_frequency
+    truth = by_way_of(*balls, *ends) + by_way_of(*balls[::-1], *ends)
+    found = around(paths)
+    assert found.num_paths == 2
+    assert set(found.kind) == {PathKind.MULTI_BOUNCE}
+    ratio = channel(found)[0, 0] / truth
+    assert abs(decibels(ratio)) < 0.5
+    assert abs(np.degrees(np.angle(ratio))) < 5
+    # It is not small: 16 to 29 % of what the balls return directly.
+    assert abs(truth) > 0.15 * np.abs(channel(paths.select(paths.bounces == 1))).max()
+
+
+def test_without_further_bounces_there_are_none(radar):
+    actors = [metal(place, name) for place, name in zip(PLACES["above"], "ab", strict=True)]
+    assert not around(Simulator(None, radar, actors, rtol=1e-2, max_bounces=1).paths(0.0)).num_paths
+
+
+@pytest.mark.parametrize("level", [2, 4])
+def test_the_mesh_matters_little(radar, level):
+    """320 and 5,120 faces stand for the same ball: within 0.3 dB, of its own radius."""
+    places = PLACES["side by side"]
+
+    def returned(level):
+        radius = RADIUS**2 / true_radius(level)
+        actors = [metal(place, name, level, radius) for place, name in zip(places, "ab", strict=True)]
+        return channel(around(Simulator(None, radar, actors, rtol=1e-2, max_bounces=2).paths(0.0)))[0, 0]
+
+    assert abs(decibels(returned(level) / returned(3))) < 0.3
+
+
+def test_one_mesh_of_two_balls_is_two_balls(radar):
+    """Limb and trunk of one body: what it shows of itself."""
+    places = PLACES["one behind"]
+    parts = [ball(3, RADIUS).apply_translation(place) for place in places]
+    body = Actor.from_mesh(trimesh.util.concatenate(parts), material="pec", name="body")
+    two = [metal(place, name) for place, name in zip(places, "ab", strict=True)]
+    one, other = (around(Simulator(None, radar, each, rtol=1e-2, max_bounces=2).paths(0.0)) for each in ([body], two))
+    assert one.num_paths == other.num_paths == 2
+    assert channel(one) == pytest.approx(channel(other), rel=1e-3)
+
+
+def test_paths_between_instants_are_those_that_instants_have(radar):
+    """Balls that pass each other at 1 m/s: at nine times of each of three frames within 0.3 %."""
+    actors = [
+        metal((3.0, -0.25, 0.0), "a", velocity=(-1.0, 0.2, 0.0)),
+        metal((3.0, 0.25, 0.0), "b", velocity=(0.3, -0.5, 0.8)),
+    ]
+    tracer = Tracer(None, radar, actors, rtol=1e-2, max_bounces=2)
+    run = tracer.follow()
+    for start in (0.0, 0.1, 0.2):
+        moving = tracer.trace(start, start + LENGTH, run).moving
+        assert around(moving).num_paths == 2
+        for t in np.linspace(start, start + LENGTH, 9).tolist():
+            truth = channel(around(tracer.instant(t)))[0, 0]
+            assert abs(at(around(moving), t)[0, 0] - truth) < 3e-3 * abs(truth)
+
+
+def test_rates_are_how_delays_change(radar):
+    actors = [
+        metal((3.0, -0.25, 0.0), "a", velocity=(-1.0, 0.2, 0.0)),
+        metal((3.0, 0.25, 0.0), "b", velocity=(0.3, -0.5, 0.8)),
+    ]
+    tracer = Tracer(None, radar, actors, rtol=1e-2, max_bounces=2)
+    before, here, after = (around(tracer.instant(0.1 + step)) for step in (-1e-3, 0.0, 1e-3))
+    slope = (after.tau - before.tau) / 2e-3
+    assert here.tau_rate == pytest.approx(slope, rel=1e-4)
+    assert np.abs(slope).max() > 1e-9
+
+
+def test_tx_and_rx_changed_over_make_no_difference():
+    """Reciprocity, for elements apart: to 1e-6."""
+    here, there = np.array([[0, 0.02, 0.0], [0, 0.03, 0.01]]), np.array([[0, -0.01, 0.015]])
+    actors = [metal(place, name) for place, name in zip(PLACES["above"], "ab", strict=True)]
+    radar = radar_of(77)
+    radars = (
+        replace(
+            radar, tx_positions=a, rx_positions=b, tx_names=tuple(f"TX{n}" for n in range(len(a))),
+            rx_names=tuple(f"RX{n}" for n in range(len(b))),
+            waveform=replace(radar.waveform, tx_order=tuple(range(len(a)))),
+        )
+        for a, b in ((here, there), (there, here))
+    )  # fmt: skip
+    one, other = (channel(around(Simulator(None, each, actors, max_bounces=2).paths(0.0))) for each in radars)
+    assert one.shape == (2, 1)
+    assert one == pytest.approx(other.T, rel=1e-6)
+
+
+def test_elements_have_their_own_ways():
+    """A long array sees both balls aslant: within 1 % and 1 degree of one radar at each pair's place."""
+    array, radar = np.array([[0, 0.0, 0.0], [0, 0.06, 0.0], [0, -0.05, 0.03]]), radar_of(77)
+    actors = [metal(place, name) for place, name in zip(PLACES["side by side"], "ab", strict=True)]
+    wide = replace(radar, rx_positions=array, rx_names=("RX0", "RX1", "RX2"))
+    together = channel(around(Simulator(None, wide, actors, max_bounces=2).paths(0.0)))[0]
+    alone = [
+        channel(around(Simulator(None, replace(radar, rx_positions=place[None]), actors, max_bounces=2).paths(0.0)))[
+            0, 0
+        ]
+        for place in array
+    ]
+    assert together == pytest.approx(np.array(alone), rel=0.02)
+
+
+def test_scene_and_radar_may_move_together(radar):
+    """A radar that goes past balls that stand sees what one that stands sees of balls that go past."""
+    velocity = np.array([0.8, -0.4, 0.0])
+    going = replace(radar, trajectory=lambda t: velocity * t)
+    stand = [metal(place, name) for place, name in zip(PLACES["above"], "ab", strict=True)]
+    go = [metal(place, name, velocity=-velocity) for place, name in zip(PLACES["above"], "ab", strict=True)]
+    found = []
+    for tracer in (Tracer(None, going, stand, 1e-2, max_bounces=2), Tracer(None, radar, go, 1e-2, max_bounces=2)):
+        moving = around(tracer.trace(0.05, 0.05 + LENGTH).moving)
+        found.append([at(moving, t)[0, 0] for t in (0.05, 0.06, 0.07)])
+    assert found[0] == pytest.approx(found[1], rel=1e-3)
+
+
+def test_what_stands_between_hides_them(radar):
+    """A plate between two balls, edge on to the radar: what each shows of the other is gone."""
+    places = PLACES["side by side"]
+    actors = [metal(place, name) for place, name in zip(places, "ab", strict=True)]
+    plate = np.array([[2.5, 0.0, -0.5], [3.5, 0.0, -0.5], [3.5, 0.0, 0.5], [2.5, 0.0, 0.5]])
+    screen = Actor.from_mesh((plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen")
+    paths = around(Simulator(None, radar, [*actors, screen], rtol=1e-2, max_bounces=2).paths(0.0))
+    by_balls = paths.select((paths.arrival[:, 0, 1] * paths.direction[:, 0, 1]) < -1e-3)
+    assert not by_balls.num_paths
+
+
+def test_glints_fade_where_something_comes_between(radar):
+    """A small plate that falls between two balls: the frame in which it cuts the way off ends without that."""
+    actors = [metal(place, name) for place, name in zip(PLACES["side by side"], "ab", strict=True)]
+    plate = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.3], [-0.3, 0.0, 0.3]])
+    screen = Actor.from_mesh(
+        (plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen",
+        trajectory=lambda t: (3.0, 0.0, 0.03 - 3.0 * t),
+    )  # fmt: skip
+    tracer = Tracer(None, radar, [*actors, screen], rtol=1e-2, max_bounces=2)
+    moving = tracer.trace(0.0, LENGTH).moving
+    both = around(moving)
+    both = both.select((both.arrival[:, 0, 1] * both.direction[:, 0, 1]) < -1e-3)
+    size = [abs(at(both, t)[0, 0]) for t in (0.0, LENGTH)]
+    assert size[1] < 0.02 * size[0]
+
+
+def test_weak_ones_are_left_out_and_rest(radar):
+    """Two small balls far apart show next to nothing of one another; it is not looked at again in the next frames."""
+    actors = [metal((3.0, y, 0.0), f"{y}", 2, 0.03, velocity=(0.1, 0.0, 0.0)) for y in (-1.0, 1.0)]
+    tracer = Tracer(None, radar, actors, rtol=1e-2, max_bounces=2)
+    run = tracer.follow()
+    rays = []
+    for start in (0.0, 0.1):
+        traced = tracer.trace(start, start + LENGTH, run)
+        assert not around(traced.moving).num_paths
+        rays.append(traced.report.rays)
+    assert rays[1] < rays[0]
+
+
+def test_what_moves_is_shown_by_furniture_that_is_round(radar):
+    """A ball that moves beside a column that stands: paths are the ball's, and as strong as by two that move."""
+    column = trimesh.creation.cylinder(radius=0.1, height=1.0, sections=64)
+    column.apply_translation((3.0, -0.3, 0.0))
+    scene = scene_of(77e9)
+    add_meshes(scene, column=((column.vertices, column.faces), "pec"))
+    near = metal((3.0, 0.25, 0.0), "near", velocity=(0.0, 0.5, 0.0))
+    as_actor = Actor.from_mesh(column, material="pec", name="column")
+    still = around(Simulator(load_scene(scene.sionna), radar, [near], rtol=1e-2, max_bounces=2).paths(0.0))
+    moving = around(Simulator(None, radar, [near, as_actor], rtol=1e-2, max_bounces=2).paths(0.0))
+    assert still.num_paths == moving.num_paths == 2
+    assert {still.object_names[number] for number in still.object_id} == {"near"}
+    assert channel(still) == pytest.approx(channel(moving), rel=1e-3)
+
+
+@SLOW
+def test_a_person_shows_as_much_of_itself_as_the_ray_mode_says():
+    """An adult who walks, range cell by range cell: within 4 dB of two million rays, which are 10 % off by themselves.
+    Where limbs are as thick as a few wavelengths geometrical optics is rough; what is left out is 10 dB more."""
+    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+    person = rfgen.Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0)
+    simulator = Simulator(None, radar, [person], rtol=1e-2, max_bounces=2)
+
+    def cells(paths):
+        paths = around(paths)
+        a = (paths.a * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau, 1.0)))[0, 0, :, 0]
+        cell = np.floor(paths.tau[0, 0, :, 0] * 1.5e8 / 0.12).astype(int)
+        return np.sqrt(sum(abs(a[cell == each].sum()) ** 2 for each in np.unique(cell)))
+
+    found = cells(simulator.paths(0.3138))
+    truth = cells(simulator.rays(0.3138, max_bounces=2, sampling="uniform", level=9).paths)
+    assert abs(decibels(found / truth)) < 6
