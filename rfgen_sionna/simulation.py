@@ -91,7 +91,8 @@ class Simulator:
         Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
     max_bounces
         Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
-        make of actors on the way there or back, 3 those on both. None is 3. Ghosts weaker than `rtol` are left out.
+        make of actors on the way there or back, and what bent surfaces show of one another, limbs of the trunk; 3 adds
+        ghosts both ways. None is 3. What is weaker than `rtol` is left out.
     environment
         Image of surroundings, such as a diffusion model's, for which there is no `scene`: diffuse paths, which hide the
         actors and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
@@ -197,7 +198,7 @@ class Simulator:
         """Paths at instant `t` [s] by the ray mode, and what it took: tubes of rays that are reflected, go through
         slabs and are integrated where they land (:func:`~rfgen_sionna.tracing.tubes.shoot.shoot` has the options).
 
-        It is a second opinion on :meth:`paths`, and knows bounces between bent surfaces. None is our `max_bounces`.
+        It is a second opinion on :meth:`paths`, and knows more than two bent surfaces. None is our `max_bounces`.
         """
         instant = _time("t", t)
         if self._fusion is not None:

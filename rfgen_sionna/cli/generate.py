@@ -120,7 +120,11 @@ def generate(
     ] = "perspective",
     max_bounces: Annotated[
         int,
-        typer.Option(min=1, max=3, help="Most surfaces on a path; 2 and 3 have ghosts and corners, and take longer."),
+        typer.Option(
+            min=1,
+            max=3,
+            help="Most surfaces on a path; 2 and 3 have ghosts, corners and limbs by limbs, and take longer.",
+        ),
     ] = 1,
     transmission: Annotated[
         bool, typer.Option("--transmission", help="See through walls, glass and furniture; takes longer.")

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.special import airy
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
@@ -53,8 +54,8 @@ _ALIKE = 1e-7
 """Corners of pieces are the same where places [m] and normals are alike to this."""
 SAME = 1e-3
 """Glints whose places are as near to each other as that are one [m]."""
-AIRY = 1.40
-"""Integral of exp(j k c x^3 / 6) over one side of a fold, times (k c)^(1/3)."""
+FAR_APART = 20.0
+"""Argument of the Airy functions beyond which two glints are two."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,10 @@ class Glints:
         return Glints(*(getattr(self, each.name)[:, ::-1] for each in fields(self)))
 
     def softened(self, arrival: Arrival, wavenumber: float) -> FloatArray:
-        """(glint,) share that is left where a wave's quadratic phase would focus it: over each principal direction of
-        the phase it is no more than the Airy function's that the change of the curvature makes of it."""
+        """(glint,) share that is left of what the quadratic phase alone makes of a wave, where that is flat and its
+        curvature changes: two glints are about to meet and vanish. Each has the modulus of the Airy functions instead
+        of its asymptote, over each principal direction of the phase (M. V. Berry and C. Upstill, Progress in Optics 18,
+        1980, section 2.2)."""
         size, vectors = np.linalg.eigh(arrival.hessian)
         legs, count = arrival.legs, len(self)
         cubic = np.zeros((count, 4))
@@ -127,9 +130,13 @@ class Glints:
             fall = np.einsum("gi,gi->g", legs[i] - legs[i + 1], self.normal[:, i])
             change = np.einsum("gkij,gkb,gib,gjb->gb", self.twist[:, i], along, along, along)
             cubic += fall[:, None] * change
-        fresnel = np.sqrt(2 * np.pi / (wavenumber * np.maximum(np.abs(size), 1e-12)))
-        airy = AIRY / np.cbrt(wavenumber * np.maximum(np.abs(cubic), 1e-12))
-        return np.asarray(np.minimum(airy / fresnel, 1.0).prod(axis=1))
+        # Half way between both the phase k (h x^2 / 2 + c x^3 / 6) is 2/3 zeta^(3/2) from that at either.
+        curvature, cubic = np.maximum(np.abs(size), 1e-12), np.maximum(np.abs(cubic), 1e-12)
+        zeta = np.minimum((0.5 * wavenumber * curvature**3 / cubic**2) ** (2 / 3), FAR_APART)
+        ai, _, bi, _ = airy(-zeta)
+        modulus = np.pi * np.cbrt(2 / (wavenumber * cubic)) * np.hypot(ai, bi)
+        gone = modulus / np.sqrt(2 * np.pi / (wavenumber * curvature))
+        return np.asarray(np.where(zeta < FAR_APART, np.minimum(gone, 1.0), 1.0).prod(axis=1))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Returns by way of two bent surfaces, at least one of which moves: from body to body, and from limb to trunk.
+"""Returns by way of two bent surfaces: from body to body, from limb to trunk, from body to round furniture.
 
 Flat parts are mirrors with an outline (:mod:`rfgen_sionna.tracing.bounces`); bent surfaces show of one another but
 glints, which glide over both of them: those are found at every instant (:mod:`rfgen_sionna.tracing.glints`) and
@@ -82,9 +82,13 @@ class RoundBounces:
     plates
         (face,) number of the flat part that each face of the ray scene belongs to, -1 for none; asked for at first use,
         which is after the flat parts were found.
+    still
+        Whether it is for what stays in the world alone, and not for what moves and what that shows of the rest.
     """
 
-    def __init__(self, surfaces: Surfaces, radar: Radar, rtol: float, plates: Callable[[], IntArray]) -> None:
+    def __init__(
+        self, surfaces: Surfaces, radar: Radar, rtol: float, plates: Callable[[], IntArray], still: bool = False
+    ) -> None:
         self._surfaces, self._radar, self._rtol, self._plates = surfaces, radar, rtol, plates
         self._every: tuple[Surface, ...] = (*surfaces.static, *surfaces.moving)
         self._eyes = Elements.of(radar)
@@ -92,6 +96,7 @@ class RoundBounces:
         self._optics = Optics.of([each.material for each in self._every], radar.center_frequency, self._half_band)
         self._whose = np.repeat(np.arange(len(self._every)), [len(each.faces) for each in self._every]).astype(np.int32)
         self._still = np.array([each.still for each in self._every], np.bool_)[self._whose]
+        self._tells = self._still if still else ~self._still  # (face,) one of these has to be among both
         self._static_faces = sum(len(each.faces) for each in surfaces.static)
         self._skins: list[Skin] = []
         self._pieces: Pieces | None = None
@@ -108,12 +113,12 @@ class RoundBounces:
             self._pieces = Pieces.of(skin, np.flatnonzero(bent))
         wanted = bent & (np.arange(len(bent)) < self._static_faces)
         wanted[seen] = bent[seen]
-        if not (wanted & ~self._still).any():
+        if not (wanted & self._tells).any():
             return RoundSeen(Glints.none(), 0, 0)
         limits = self._radar.max_range, self._radar.wavelength
         search = Search(skin, rays, self._eyes.position, wanted, *limits, lambda facet: self._bends(skin, facet))
         found = search.find(self._pieces)
-        found = found.take(np.flatnonzero(~self._still[found.facet].all(axis=1)))
+        found = found.take(np.flatnonzero(self._tells[found.facet].any(axis=1)))
         return RoundSeen(found, int(wanted.sum()), search.sent)
 
     def trace(

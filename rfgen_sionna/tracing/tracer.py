@@ -28,6 +28,7 @@ from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.static_glances import follow_hidden, missed_between
+from rfgen_sionna.tracing.static_round_bounces import StaticRoundBounces, trace_static_round_bounces
 from rfgen_sionna.tracing.static_veiled_bounces import trace_static_veiled_bounces
 from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
@@ -126,8 +127,9 @@ class Tracer:
     and where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a
     second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`), and so do flat parts of anything: corner reflectors,
     boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
-    Of further bounces those from bent surface to bent surface are not traced, nor, to a radar that
-    stands, actors by two different walls where one of the ways goes through a slab.
+    Bent surfaces show glints of one another (:mod:`rfgen_sionna.tracing.round_bounces`). Of further bounces those by
+    two bent surfaces and a third one, or through slabs, are not traced, nor, to a radar that stands, actors by two
+    different walls where one of the ways goes through a slab.
 
     Parameters
     ----------
@@ -147,7 +149,8 @@ class Tracer:
         Seed of the phases of what rough surfaces return diffusely.
     max_bounces
         Number of surfaces on a path, 1 … 3: 1 is direct returns alone, 2 has those by way of a wall or another flat
-        thing on the way there or back, such as ghosts and the returns of dihedrals, 3 on both, such as trihedrals'.
+        thing on the way there or back, such as ghosts and the returns of dihedrals, and by way of two bent surfaces; 3
+        has flat things on both, such as trihedrals'.
         Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna pattern, are left
         out.
     transmission
@@ -188,15 +191,16 @@ class Tracer:
         )
 
     @cached_property
-    def beyond(self) -> tuple[StaticBounces | StaticVeils, ...]:
+    def beyond(self) -> tuple[StaticBounces | StaticRoundBounces | StaticVeils, ...]:
         """What static surfaces show of one another, and what is seen through them, traced at first use."""
-        found: list[StaticBounces | StaticVeils | None] = []
+        found: list[StaticBounces | StaticRoundBounces | StaticVeils | None] = []
         if self._static_rays is not None:
             scene = self.surfaces, self._static_rays, self.radar
             straight = trace_static_veils(*scene, self.static, self.rtol) if self.transmission else None
             found.append(straight)
             if self.max_bounces > 1:
                 found.append(trace_static_bounces(*scene, self._band, self.static, self.rtol, self.max_bounces))
+                found.append(trace_static_round_bounces(*scene, self.static, self.rtol))
             if self.max_bounces > 1 and self.transmission:
                 through = None if straight is None else straight.paths
                 found.append(

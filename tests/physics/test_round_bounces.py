@@ -233,6 +233,46 @@ def test_what_moves_is_shown_by_furniture_that_is_round(radar):
     assert channel(still) == pytest.approx(channel(moving), rel=1e-3)
 
 
+def furnished(*places):
+    """A static scene of metal balls."""
+    scene, mesh = scene_of(77e9), ball(3, RADIUS)
+    add_meshes(scene, **{f"ball{n}": ((mesh.vertices + place, mesh.faces), "pec") for n, place in enumerate(places)})
+    return load_scene(scene.sionna)
+
+
+def test_balls_that_stay_return_what_balls_that_move_do(radar):
+    """Within the static scene: found once, with no rate."""
+    places = PLACES["above"]
+    actors = [metal(place, name) for place, name in zip(places, "ab", strict=True)]
+    moving = around(Simulator(None, radar, actors, rtol=1e-2, max_bounces=2).paths(0.0))
+    still = around(Simulator(furnished(*places), radar, [], rtol=1e-2, max_bounces=2).paths(0.0))
+    assert still.num_paths == 2
+    assert channel(still) == pytest.approx(channel(moving), rel=2e-2)  # vertices of static meshes are single precision
+    assert not still.tau_rate.any()
+    assert around(Simulator(furnished(*places), radar, [], rtol=1e-2).paths(0.0)).num_paths == 0
+
+
+def test_an_actor_between_balls_that_stay_hides_them(radar):
+    """A plate that falls between them, edge on to the radar: what is left of the glint goes from all to nothing."""
+    places = PLACES["side by side"]
+    plate = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.3], [-0.3, 0.0, 0.3]])
+    screen = Actor.from_mesh(
+        (plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen",
+        trajectory=lambda t: (3.0, 0.0, 0.03 - 3.0 * t),
+    )  # fmt: skip
+    simulator = Simulator(furnished(*places), radar, [screen], rtol=1e-2, max_bounces=2)
+    static = {f"ball{n}" for n in range(2)}
+
+    def left(t):
+        paths = around(simulator.paths(t))
+        own = np.isin([paths.object_names[number] for number in paths.object_id], list(static))
+        by_balls = own & ((paths.arrival[:, 0, 1] * paths.direction[:, 0, 1]) < -1e-3)
+        return np.abs(channel(paths.select(by_balls))).max(initial=0.0)
+
+    assert left(0.0) > 0
+    assert left(LENGTH) < 1e-3 * left(0.0)
+
+
 @SLOW
 def test_a_person_shows_as_much_of_itself_as_the_ray_mode_says():
     """An adult who walks, range cell by range cell: within 4 dB of two million rays, which are 10 % off by themselves.

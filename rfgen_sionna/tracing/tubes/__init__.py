@@ -3,7 +3,7 @@ land.
 
 It shares the scene, the materials and the closed-form means over triangles with the facet tracer, and nothing else:
 neither facets nor mirrors, visibility, expansions or Fresnel code. So it is a second opinion, and it has what the
-facet tracer lacks: bounces from one bent surface to another, of any number, and with a radar that moves.
+facet tracer lacks: bounces by bent surfaces of any number, and integrals where that has glints.
 
 ==============  =====================================================================================================
 module          what

@@ -1,0 +1,64 @@
+"""What bent surfaces of the static scene show of one another (:mod:`~rfgen_sionna.tracing.round_bounces`), once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.glints import Glints
+from rfgen_sionna.tracing.plates import find_flats
+from rfgen_sionna.tracing.round_bounces import RoundBounces
+from rfgen_sionna.tracing.shadows import Shadow, cast
+from rfgen_sionna.tracing.static import StaticTrace
+from rfgen_sionna.tracing.static_bounces import PLATE
+from rfgen_sionna.tracing.surfaces import Surfaces
+
+
+@dataclass(frozen=True)
+class StaticRoundBounces:
+    """Glints within the static scene."""
+
+    paths: RadarPaths
+    """Of a single knot: of each glint both ways round, one way's after the other's."""
+    rays: int
+    glints: Glints
+    viewpoint: FloatArray
+    error: float = 0.0
+    """What geometrical optics errs by is not known."""
+
+    def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
+        """(path,) 0 where an actor stands in one of a glint's legs, where `rays` has them, else 1; and the number of
+        rays sent. The positions of the `actors` have no part in it."""
+        one, other = self.glints.point[:, 0], self.glints.point[:, 1]
+        first, second = self.glints.facet.T
+        hidden = rays.occluded(self.viewpoint, one, first) | rays.occluded(self.viewpoint, other, second)
+        hidden |= rays.occluded(one, other, second, first)
+        return np.tile(1.0 - hidden, 2), 3 * len(hidden)
+
+    def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
+        """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadows`, for (path, time) of :meth:`visible`."""
+        return cast(self.paths, left, knots)
+
+
+def trace_static_round_bounces(
+    surfaces: Surfaces, rays: RayScene, radar: Radar, static: StaticTrace, rtol: float
+) -> StaticRoundBounces | None:
+    """Glints in the static scene, of which `rays` holds nothing else; None where they are below the tolerance."""
+    if all(each.smooth is None for each in surfaces.static):
+        return None
+    points = surfaces.static_vertices
+    owner = np.full(sum(len(each.faces) for each in surfaces.static), -1, np.int32)
+    for number, flat in enumerate(find_flats(surfaces.static, points, [PLATE * radar.wavelength] * len(points))):
+        owner[flat.faces] = number
+    rounds = RoundBounces(replace(surfaces, moving=()), radar, rtol, lambda: owner, still=True)
+    seen = rounds.see(rays, points, np.zeros(0, np.int32))
+    now = np.zeros(1)
+    paths = rounds.trace(now, now, [seen], lambda _: (), np.array([static.level]))
+    if paths is None or seen.glints is None:
+        return None
+    return StaticRoundBounces(paths, seen.rays, seen.glints, np.asarray(radar.position))
