@@ -275,8 +275,9 @@ def test_an_actor_between_balls_that_stay_hides_them(radar):
 
 @SLOW
 def test_a_person_shows_as_much_of_itself_as_the_ray_mode_says():
-    """An adult who walks, range cell by range cell: within 4 dB of two million rays, which are 10 % off by themselves.
-    Where limbs are as thick as a few wavelengths geometrical optics is rough; what is left out is 10 dB more."""
+    """An adult who walks, range cell by range cell: within 3 dB of two million rays, which differ by 0.4 dB from eight
+    million in all and by up to 6 dB in single cells. Limbs are some wavelengths thick, which is little for geometrical
+    optics; without the returns all of it would be missing, a quarter of the direct one."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     person = rfgen.Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0)
     simulator = Simulator(None, radar, [person], rtol=1e-2, max_bounces=2)
@@ -289,4 +290,4 @@ def test_a_person_shows_as_much_of_itself_as_the_ray_mode_says():
 
     found = cells(simulator.paths(0.3138))
     truth = cells(simulator.rays(0.3138, max_bounces=2, sampling="uniform", level=9).paths)
-    assert abs(decibels(found / truth)) < 6
+    assert abs(decibels(found / truth)) < 3
