@@ -110,16 +110,15 @@ class RoundBounces:
         skin = self._skin(vertices)
         bent = (self._plates() < 0) & ~skin.plane[skin.sheet]
         if self._pieces is None:
-            self._pieces = Pieces.of(skin, np.flatnonzero(bent))
+            # Glints by what moves and what stays are found from the former.
+            self._pieces = Pieces.of(skin, np.flatnonzero(bent & self._tells))
         wanted = bent & (np.arange(len(bent)) < self._static_faces)
         wanted[seen] = bent[seen]
         if not (wanted & self._tells).any():
             return RoundSeen(Glints.none(), 0, 0)
         limits = self._radar.max_range, self._radar.wavelength
         search = Search(skin, rays, self._eyes.position, wanted, *limits, lambda facet: self._bends(skin, facet))
-        found = search.find(self._pieces)
-        found = found.take(np.flatnonzero(self._tells[found.facet].any(axis=1)))
-        return RoundSeen(found, int(wanted.sum()), search.sent)
+        return RoundSeen(search.find(self._pieces), int(wanted.sum()), search.sent)
 
     def trace(
         self,
