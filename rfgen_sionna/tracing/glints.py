@@ -1,14 +1,13 @@
 """Glints by way of two bent surfaces: where a ray from the radar is reflected by one, then the other, and comes back.
 
 Geometrical optics: of all that two bent surfaces show of one another, the return comes from around the places at which
-the way there and back is stationary. Over each piece of a face it is known at the corners how far the ray that leaves
-there misses the radar after its second reflection; where zero lies among the three, Newton's method finds the place.
-What a wave is like that comes back by way of it is in :mod:`rfgen_sionna.tracing.tubes.passage`.
+the way there and back is stationary (found by :mod:`rfgen_sionna.tracing.glint_search`). What a wave is like that comes
+back by way of them is in :mod:`rfgen_sionna.tracing.tubes.passage`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -18,42 +17,10 @@ from scipy.special import airy
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.smooth import QUARTERS
-from rfgen_sionna.tracing.tubes.media import Optics, mirrored
+from rfgen_sionna.tracing.tubes.media import Optics
 from rfgen_sionna.tracing.tubes.passage import Arrival, Mirror, Route, arrive, tangents
-from rfgen_sionna.tracing.tubes.skin import Skin, tangential
+from rfgen_sionna.tracing.tubes.skin import Skin
 
-TURN, SHARP = 0.15, 0.5
-"""Largest angle between the normals of a piece's corners [rad]: over more, misses are not linear any more; and where
-faces are bent more sharply than `ROUND`, which return little."""
-ROUND = 0.1
-"""Radius of curvature [m]."""
-MOST_DIVISIONS = 3
-FINER, AT_RIMS = 1, 3
-"""How often pieces that may hold a glint are divided further, and such of which not all corners' rays land."""
-FAR = 2.0
-"""Pieces hold none where the least miss at a corner is more than this times what misses differ by ..."""
-SWAY = 4.0
-"""... which is this times what normals turn by, about: each of two reflections doubles it."""
-GAP = 1e-4
-"""Rays leave a surface this far above it [m]."""
-STEPS = 6
-"""Of Newton's method."""
-_STEP = 1e-3
-"""Of the barycentric coordinates, for differences."""
-EXACT = 1e-3
-"""By how much a ray may miss [rad]: places are made exact on the surfaces' quadrics."""
-ENOUGH = 1e-6
-"""Miss at which Newton's method ends [rad]."""
-SHORTEST = 2.0
-"""Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
-BESIDE = 0.1
-"""How far beyond its piece a place may lie, in barycentric coordinates; the next piece has it as well."""
-_ALIKE = 1e-7
-"""Corners of pieces are the same where places [m] and normals are alike to this."""
-SAME = 1e-3
-"""Glints whose places are as near to each other as that are one [m]."""
 FAR_APART = 20.0
 """Argument of the Airy functions beyond which two glints are two."""
 
@@ -96,7 +63,7 @@ class Glints:
         face = np.arange(2 * count).reshape(2, count).T.reshape(-1)
         place = self.weights.reshape(-1, 3)
         _, point = skin.places(face, place)
-        normal = _normals(skin, face, place).reshape(count, 2, 3)
+        normal = unit_normals(skin, face, place).reshape(count, 2, 3)
         normal *= np.sign(np.einsum("gsi,gsi->gs", normal, self.normal))[..., None]
         return replace(self, point=point.reshape(count, 2, 3), normal=normal)
 
@@ -139,225 +106,6 @@ class Glints:
         return np.asarray(np.where(zeta < FAR_APART, np.minimum(gone, 1.0), 1.0).prod(axis=1))
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """Pieces of faces that are searched for glints."""
-
-    facet: NDArray[np.int64]
-    """(piece,) face of the ray scene."""
-    corners: FloatArray
-    """(piece, corner, vertex) barycentric coordinates."""
-    turn: FloatArray
-    """(piece,) about how much normals turn over each [rad]."""
-    node: NDArray[np.intp]
-    """(piece, corner) which of the nodes each corner is: neighbours share them where normals go on smoothly."""
-    at: NDArray[np.intp]
-    """(node,) a corner of a piece, counted through all of them, that it is."""
-
-    @staticmethod
-    def of(skin: Skin, facet: NDArray[np.int64]) -> Pieces:
-        """Of some faces, divided until normals turn by no more than `TURN` over a piece, or `SHARP`."""
-        normals, ends = skin.normals[facet], skin.corners[facet]
-        cos = np.einsum("fci,fci->fc", normals, normals[:, [1, 2, 0]]).min(axis=1, initial=1.0)
-        turn = np.arccos(np.clip(cos, -1.0, 1.0))
-        width = np.sqrt(((ends - ends[:, [1, 2, 0]]) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
-        most = np.where(width < ROUND * turn, SHARP, TURN)
-        times = np.ceil(np.log2(np.maximum(turn / most, 1.0))).clip(0, MOST_DIVISIONS).astype(int)
-        faces, parts, turns = [np.zeros(0, np.int64)], [np.zeros((0, 3, 3))], [np.zeros(0)]
-        for count in range(MOST_DIVISIONS + 1):
-            own, weights = facet[times == count], np.eye(3)[None]
-            for _ in range(count):
-                weights = np.einsum("qcv,pvw->pqcw", QUARTERS, weights).reshape(-1, 3, 3)
-            faces.append(np.repeat(own, len(weights)))
-            parts.append(np.tile(weights, (len(own), 1, 1)))
-            turns.append(np.repeat(turn[times == count] / 2**count, len(weights)))
-        of, corners = np.concatenate(faces), np.concatenate(parts)
-        lane, place = np.repeat(of, 3), corners.reshape(-1, 3)
-        _, point = skin.places(lane, place)
-        known = np.round(np.column_stack([point, _normals(skin, lane, place)]) / _ALIKE).astype(np.int64)
-        _, at, node = np.unique(known, axis=0, return_index=True, return_inverse=True)
-        return Pieces(of, corners, np.concatenate(turns), node.reshape(-1, 3), at)
-
-
-@dataclass(frozen=True)
-class _Landing:
-    """Where rays by way of places on faces land, and where they go from there."""
-
-    facet: NDArray[np.int64]
-    """(ray,) -1 for nowhere, or where it doesn't count."""
-    weights: FloatArray
-    point: FloatArray
-    normal: FloatArray
-    on: FloatArray
-    """(ray, 3) unit vector in which it goes on."""
-    home: FloatArray
-    """(ray, 3) unit vector towards the source."""
-
-    @property
-    def comes(self) -> NDArray[np.bool_]:
-        """(ray,) whether it comes back by less than a right angle off."""
-        return np.asarray((self.facet >= 0) & (np.einsum("ri,ri->r", self.on, self.home) > 0))
-
-
-class Search:
-    """Looks for glints at an instant.
-
-    Parameters
-    ----------
-    skin, rays
-        The surfaces as they stand.
-    source
-        (3,) phase centre of the radar [m].
-    wanted
-        (face,) which faces of the ray scene count.
-    max_range
-        Half the length of the longest way that counts [m].
-    wavelength
-        [m]
-    bends
-        Faces (n,) to how normals turn at their corners (n, 3, 3, 3) [1/m].
-    """
-
-    def __init__(
-        self,
-        skin: Skin,
-        rays: RayScene,
-        source: FloatArray,
-        wanted: NDArray[np.bool_],
-        max_range: float,
-        wavelength: float,
-        bends: Callable[[NDArray[np.int64]], FloatArray],
-    ) -> None:
-        self._skin, self._rays, self._source, self._wanted, self._bends = skin, rays, source, wanted, bends
-        self._longest, self._shortest = 2.0 * max_range, SHORTEST * wavelength
-        self.sent = 0
-        """Rays sent so far."""
-
-    def find(self, pieces: Pieces) -> Glints:
-        """All glints whose rays first meet one of the `pieces`, or come back from one."""
-        index = np.flatnonzero(self._wanted[pieces.facet])
-        used, node = np.unique(pieces.node[index], return_inverse=True)
-        piece, corner = np.divmod(pieces.at[used], 3)
-        landed = self._land(pieces.facet[piece], pieces.corners[piece, corner], exact=False)
-        node = node.reshape(-1, 3)
-        facet, corners, bent = pieces.facet[index], pieces.corners[index], pieces.turn[index]
-        guesses: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
-        for turn in range(AT_RIMS + 1):
-            whole = landed.comes[node].all(axis=1)
-            if turn >= FINER:
-                lane = np.flatnonzero(whole)
-                guesses.append(_guessed(landed, node[lane], facet[lane], corners[lane]))
-            rest = np.flatnonzero(_may_hold(landed, node, bent) & (~whole | (turn < FINER)))
-            if len(rest) == 0 or turn == AT_RIMS:
-                break
-            facet, bent = np.repeat(facet[rest], 4), np.repeat(0.5 * bent[rest], 4)
-            corners = np.einsum("qcv,pvw->pqcw", QUARTERS, corners[rest]).reshape(-1, 3, 3)
-            node = np.arange(3 * len(facet)).reshape(-1, 3)
-            landed = self._land(np.repeat(facet, 3), corners.reshape(-1, 3), exact=False)
-        if not guesses:
-            return Glints.none()
-        face, place, axes = (np.concatenate([each[part] for each in guesses]) for part in range(3))
-        place, miss = self._solve(face, place, axes)
-        lane = np.flatnonzero((miss < EXACT) & (place > -BESIDE).all(axis=1))
-        return self._seen(face[lane], place[lane])
-
-    def _land(self, facet: NDArray[np.int64], weights: FloatArray, exact: bool = True) -> _Landing:
-        """Of rays from the source by way of places on faces `facet` (ray,) at `weights` (ray, 3); not `exact`, where
-        the mesh is met, not the smooth surface."""
-        skin, count = self._skin, len(facet)
-        _, point = skin.places(facet, weights)
-        span = point - self._source
-        ray = span / np.maximum(lengths(span), 1e-12)[:, None]
-        normal = _normals(skin, facet, weights)
-        normal *= -np.sign(np.einsum("ri,ri->r", normal, ray))[:, None]
-        out = mirrored(ray, normal)
-        rise = GAP + 2.0 * np.abs(skin.rises[facet]).max(axis=(1, 2), initial=0.0)
-        place, there, across, on, home = (np.zeros((count, 3)) for _ in range(5))
-        found = _Landing(np.full(count, -1, np.int64), place, there, across, on, home)
-        if count == 0:
-            return found
-        hit = self._rays.first_hit(point + rise[:, None] * normal, out)
-        self.sent += count
-        there = (hit.facet >= 0) & (hit.facet != facet) & (lengths(span) + hit.distance < self._longest)
-        lane = np.flatnonzero(there & self._wanted[np.maximum(hit.facet, 0)])
-        face, place = hit.facet[lane].astype(np.int64), hit.barycentric[lane]
-        found.facet[lane] = face
-        if exact:
-            met = skin.meet(point[lane], out[lane], face, place)
-            found.weights[lane], there, across = met.weights, met.point, met.normal
-        else:
-            there = point[lane] + (hit.distance[lane] + rise[lane])[:, None] * out[lane]
-            across = _normals(skin, face, place)
-        home = self._source - there
-        found.point[lane], found.normal[lane] = there, across
-        found.on[lane] = mirrored(out[lane], across)
-        found.home[lane] = home / np.maximum(lengths(home), 1e-12)[:, None]
-        return found
-
-    def _solve(self, facet: NDArray[np.int64], place: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(piece, 3) places on faces from where rays come back to the source, and by how much they miss it (piece,)
-        [rad]: infinitely where they land nowhere."""
-        best, place = np.full(len(facet), np.inf), place.copy()
-        found, count = place.copy(), len(facet)
-        ways = _STEP * np.array([[0, 0, 0], [-1, 1, 0], [-1, 0, 1]])
-        lane = np.arange(count)
-        for _ in range(STEPS):
-            if len(lane) == 0:
-                break
-            tried = (place[lane, None] + ways).reshape(-1, 3)
-            landed = self._land(np.repeat(facet[lane], 3), tried)
-            away = (landed.on - landed.home).reshape(-1, 3, 3)
-            miss = np.einsum("pci,pia->pca", away, axes[lane])
-            there = (landed.facet >= 0).reshape(-1, 3).all(axis=1)
-            left = np.where(there, lengths(away[:, 0]), np.inf)
-            better = left < best[lane]
-            best[lane[better]], found[lane[better]] = left[better], place[lane[better]]
-            slope = (miss[:, 1:] - miss[:, :1]).transpose(0, 2, 1) / _STEP
-            determinant = np.linalg.det(slope)
-            usable = there & (np.abs(determinant) > 1e-12)
-            slope[~usable] = np.eye(2)
-            step = np.where(usable[:, None], -np.linalg.solve(slope, miss[:, 0][..., None])[..., 0], 0.0)
-            step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-30))[:, None]
-            place[lane] += np.column_stack([-step.sum(axis=1), step])
-            lane = lane[there & (left > ENOUGH)]
-        return found, best
-
-    def _seen(self, facet: NDArray[np.int64], place: FloatArray) -> Glints:
-        """Of the places on faces those that the source sees, with where their rays land, if it sees that."""
-        skin = self._skin
-        landed = self._land(facet, place)
-        flat, point = skin.places(facet, place)
-        there, _ = skin.places(np.maximum(landed.facet, 0), landed.weights)
-        lane = np.flatnonzero(landed.facet >= 0)
-        free = ~self._rays.occluded(self._source, flat[lane], facet[lane]) if len(lane) else np.zeros(0, np.bool_)
-        lane = lane[free]
-        if len(lane):
-            lane = lane[~self._rays.occluded(self._source, there[lane], landed.facet[lane])]
-        self.sent += 2 * len(facet)
-        span = point[lane] - self._source
-        met = skin.meet(np.broadcast_to(self._source, span.shape), span / lengths(span)[:, None],
-                        facet[lane], place[lane])  # fmt: skip
-        one = facet[lane], place[lane], met.point, met.normal
-        other = [each[lane] for each in (landed.facet, landed.weights, landed.point, landed.normal)]
-        faces, places, points, normals = (np.stack(pair, axis=1) for pair in zip(one, other, strict=True))
-        turned = np.flatnonzero(faces[:, 0] > faces[:, 1])
-        for each in (faces, places, points, normals):
-            each[turned] = each[turned][:, ::-1]
-        far = np.flatnonzero(lengths(points[:, 1] - points[:, 0]) >= self._shortest)
-        kept = far[_apart(points[far])]
-        return self._bent(faces[kept], places[kept], points[kept], normals[kept])
-
-    def _bent(self, facet: NDArray[np.int64], place: FloatArray, point: FloatArray, normal: FloatArray) -> Glints:
-        """Glints (glint, 2), ... with how their surfaces bend."""
-        face, across = facet.reshape(-1), normal.reshape(-1, 3)
-        own = self._bends(face)
-        outward = np.einsum("ni,ni->n", _normals(self._skin, face, place.reshape(-1, 3)), across)
-        own = own * np.sign(outward)[:, None, None, None]  # positive where they bulge towards the ray
-        bend = tangential(np.einsum("nc,ncij->nij", place.reshape(-1, 3), own), across)
-        twist = _twists(self._skin.corners[face], own)
-        return Glints(facet, place, point, normal, bend.reshape(-1, 2, 3, 3), twist.reshape(-1, 2, 3, 3, 3))
-
-
 def matched(one: FloatArray, other: FloatArray, apart: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Which of the points `one` (n, k) and `other` (m, k) are nearest to each other, and within `apart`."""
     if len(one) == 0 or len(other) == 0:
@@ -368,67 +116,7 @@ def matched(one: FloatArray, other: FloatArray, apart: float) -> tuple[NDArray[n
     return lane[near], there[lane[near]]
 
 
-def _apart(points: FloatArray) -> NDArray[np.intp]:
-    """Which of the pairs of `points` (glint, 2, 3) [m] to keep, each once: neighbouring pieces find the same ones, and
-    those that go the other way round."""
-    kept = np.ones(len(points), np.bool_)
-    if len(points) > 1:
-        pairs = np.sort(cKDTree(points.reshape(-1, 6)).query_pairs(SAME, output_type="ndarray"), axis=1)
-        for first, second in pairs[np.lexsort(pairs.T[::-1])].tolist():
-            if kept[first]:
-                kept[second] = False
-    return np.flatnonzero(kept)
-
-
-def _guessed(
-    landed: _Landing, node: NDArray[np.intp], facet: NDArray[np.int64], corners: FloatArray
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-    """Of pieces with corners `node` (piece, 3), all of which come back, those over which misses go through zero: their
-    faces, where on them that is (piece, 3), and the axes (piece, 3, 2) across the way back."""
-    axes = tangents(landed.home[node[:, 0]])
-    miss = np.einsum("pci,pia->pca", (landed.on - landed.home)[node], axes)
-    share = _barycentre(miss)
-    lane = np.flatnonzero((share > -BESIDE).all(axis=1))
-    return facet[lane], np.einsum("pc,pcv->pv", share[lane], corners[lane]), axes[lane]
-
-
-def _may_hold(landed: _Landing, node: NDArray[np.intp], turn: FloatArray) -> NDArray[np.bool_]:
-    """(piece,) which pieces with corners `node` (piece, 3) may hold a glint: misses differ by about as much as the
-    least of them. Where not all corners' rays land that is told by the `turn` (piece,) of the normals."""
-    there = landed.comes[node]
-    away = np.where(there[..., None], (landed.on - landed.home)[node], np.nan)
-    least = np.fmin.reduce(np.sqrt((away**2).sum(axis=2)), axis=1)
-    spread = np.sqrt(((away - away[:, [1, 2, 0]]) ** 2).sum(axis=2))
-    change = np.where(there.all(axis=1), FAR * np.fmax.reduce(spread, axis=1), SWAY * turn)
-    return np.asarray(there.any(axis=1) & (least < change))
-
-
-def _barycentre(corners: FloatArray) -> FloatArray:
-    """(triangle, 3) barycentric coordinates of zero in triangles (triangle, 3, 2); far off where they have no area."""
-    edges = corners[:, 1:] - corners[:, :1]
-    area = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    usable = np.abs(area) > 1e-18
-    scale = np.where(usable, 1.0 / np.where(usable, area, 1.0), 0.0)
-    at = -corners[:, 0]
-    second = scale * (at[:, 0] * edges[:, 1, 1] - at[:, 1] * edges[:, 1, 0])
-    third = scale * (edges[:, 0, 0] * at[:, 1] - edges[:, 0, 1] * at[:, 0])
-    return np.where(usable[:, None], np.stack([1.0 - second - third, second, third], axis=1), -1.0)
-
-
-def _normals(skin: Skin, face: NDArray[np.int64], place: FloatArray) -> FloatArray:
+def unit_normals(skin: Skin, face: NDArray[np.int64], place: FloatArray) -> FloatArray:
     """(place, 3) unit normals of the smooth surface."""
     normal = np.einsum("pc,pci->pi", place, skin.normals[face])
     return np.asarray(normal / np.maximum(lengths(normal), 1e-300)[:, None])
-
-
-def _twists(corners: FloatArray, bends: FloatArray) -> FloatArray:
-    """(face, 3, 3, 3) gradient over each face, its first axis, [1/m^2] of the `bends` (face, 3, 3, 3) at its `corners`
-    (face, 3, 3) [m]."""
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    square = np.maximum((across**2).sum(axis=1), 1e-300)[:, None]
-    found = np.zeros((len(corners), 3, 3, 3))
-    for corner in range(3):
-        edge = corners[:, (corner + 2) % 3] - corners[:, (corner + 1) % 3]
-        slope = np.cross(across, edge) / square
-        found += slope[:, :, None, None] * bends[:, corner][:, None]
-    return found

@@ -19,7 +19,8 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import RATE_STEP
-from rfgen_sionna.tracing.glints import Glints, Pieces, Search, matched
+from rfgen_sionna.tracing.glint_search import Pieces, Search
+from rfgen_sionna.tracing.glints import Glints, matched
 from rfgen_sionna.tracing.surfaces import Surface, Surfaces
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
 from rfgen_sionna.tracing.tubes.media import Optics

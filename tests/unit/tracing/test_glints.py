@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.tracing.glints import SHARP, TURN, Glints, Pieces, _barycentre, matched
+from rfgen_sionna.tracing.glint_search import SHARP, TURN, Pieces, _barycentre
+from rfgen_sionna.tracing.glints import Glints, matched
 from rfgen_sionna.tracing.surfaces import collect_surfaces
 from rfgen_sionna.tracing.tubes.skin import Skin, corner_bends
 
