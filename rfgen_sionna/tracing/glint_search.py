@@ -5,7 +5,7 @@ radar after its second reflection; where zero lies among the three, Newton's met
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,13 @@ faces are bent more sharply than `ROUND`, which return little."""
 ROUND = 0.1
 """Radius of curvature [m]."""
 MOST_DIVISIONS = 3
-FINER, AT_RIMS = 1, 3
+FINER, AT_RIMS = 1, 4
 """How often pieces that may hold a glint are divided further, and such of which not all corners' rays land."""
-FAR = 2.0
+FAR = 3.0
 """Pieces hold none where the least miss at a corner is more than this times what misses differ by ..."""
-SWAY = 4.0
-"""... which is this times what normals turn by, about: each of two reflections doubles it."""
+SWAY = 2.0
+"""... which is this times what normals turn by, and as much again for how the surface bends where rays land, so that
+twice the turn times the way there counts; where rays land nowhere, pieces are divided until other things are wider."""
 GAP = 1e-4
 """Rays leave a surface this far above it [m]."""
 STEPS = 6
@@ -46,6 +47,8 @@ SHORTEST = 2.0
 """Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
 BESIDE = 0.1
 """How far beyond its piece a place may lie, in barycentric coordinates; the next piece has it as well."""
+_QUARTERS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2], [5, 4, 3]])
+"""Corners of the four parts of a piece: its own, then the middles of its edges 01, 02 and 12."""
 _ALIKE = 1e-7
 """Corners of pieces are the same where places [m] and normals are alike to this."""
 SAME = 1e-3
@@ -88,8 +91,25 @@ class Pieces:
         lane, place = np.repeat(of, 3), corners.reshape(-1, 3)
         _, point = skin.places(lane, place)
         known = np.round(np.column_stack([point, unit_normals(skin, lane, place)]) / _ALIKE).astype(np.int64)
+        known = np.column_stack([known, skin.sheet[lane]])
         _, at, node = np.unique(known, axis=0, return_index=True, return_inverse=True)
         return Pieces(of, corners, np.concatenate(turns), node.reshape(-1, 3), at)
+
+
+@dataclass(frozen=True)
+class Things:
+    """Bent surfaces in balls around them."""
+
+    centre: FloatArray
+    """(thing, 3) [m]"""
+    radius: FloatArray
+    """(thing,) [m]"""
+    thick: FloatArray
+    """(thing,) how thick limbs and the like are, or the whole [m]."""
+    first: NDArray[np.int64]
+    """(thing,) face of the ray scene ..."""
+    last: NDArray[np.int64]
+    """... up to which it has them."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +125,12 @@ class _Landing:
     """(ray, 3) unit vector in which it goes on."""
     home: FloatArray
     """(ray, 3) unit vector towards the source."""
+    start: FloatArray
+    """(ray, 3) place that it leaves [m]."""
+    out: FloatArray
+    """(ray, 3) unit vector in which it leaves that."""
+    lever: FloatArray
+    """(ray,) by how much more than what it left the surface that it lands on turns it, for how far that is."""
 
     @property
     def comes(self) -> NDArray[np.bool_]:
@@ -127,6 +153,12 @@ class Search:
         Half the length of the longest way that counts [m].
     wavelength
         [m]
+    bent
+        (face,) about how much each face's normal turns per length [1/m].
+    things
+        What rays that land nowhere may have missed.
+    tells
+        (face,) of which there has to be one on a glint's way.
     bends
         Faces (n,) to how normals turn at their corners (n, 3, 3, 3) [1/m].
     """
@@ -139,9 +171,13 @@ class Search:
         wanted: NDArray[np.bool_],
         max_range: float,
         wavelength: float,
+        bent: FloatArray,
+        things: Things,
+        tells: NDArray[np.bool_],
         bends: Callable[[NDArray[np.int64]], FloatArray],
     ) -> None:
-        self._skin, self._rays, self._source, self._wanted, self._bends = skin, rays, source, wanted, bends
+        self._skin, self._rays, self._source, self._wanted = skin, rays, source, wanted
+        self._curvature, self._things, self._tells, self._bends = bent, things, tells, bends
         self._longest, self._shortest = 2.0 * max_range, SHORTEST * wavelength
         self.sent = 0
         """Rays sent so far."""
@@ -149,6 +185,7 @@ class Search:
     def find(self, pieces: Pieces) -> Glints:
         """All glints whose rays first meet one of the `pieces`, or come back from one."""
         index = np.flatnonzero(self._wanted[pieces.facet])
+        index = index[self._tells[pieces.facet[index]] | self._reach(pieces, index)]
         used, node = np.unique(pieces.node[index], return_inverse=True)
         piece, corner = np.divmod(pieces.at[used], 3)
         landed = self._land(pieces.facet[piece], pieces.corners[piece, corner], exact=False)
@@ -160,13 +197,19 @@ class Search:
             if turn >= FINER:
                 lane = np.flatnonzero(whole)
                 guesses.append(_guessed(landed, node[lane], facet[lane], corners[lane]))
-            rest = np.flatnonzero(_may_hold(landed, node, bent) & (~whole | (turn < FINER)))
+            held = _may_hold(landed, node, bent) | self._around(landed, node, facet, bent)
+            rest = np.flatnonzero(held & (~whole | (turn < FINER)))
             if len(rest) == 0 or turn == AT_RIMS:
                 break
+            # Of four pieces three corners are those of the whole; the middles of its edges are new.
+            middles = 0.5 * (corners[rest][:, [0, 0, 1]] + corners[rest][:, [1, 2, 2]])
+            fresh = len(landed.facet) + np.arange(3 * len(rest)).reshape(-1, 3)
+            new = self._land(np.repeat(facet[rest], 3), middles.reshape(-1, 3), exact=False)
+            landed = _Landing(*(np.concatenate([getattr(each, f.name) for each in (landed, new)]) for f in fields(new)))
+            every = np.concatenate([node[rest], fresh], axis=1)
+            node = every[:, _QUARTERS].reshape(-1, 3)
             facet, bent = np.repeat(facet[rest], 4), np.repeat(0.5 * bent[rest], 4)
             corners = np.einsum("qcv,pvw->pqcw", QUARTERS, corners[rest]).reshape(-1, 3, 3)
-            node = np.arange(3 * len(facet)).reshape(-1, 3)
-            landed = self._land(np.repeat(facet, 3), corners.reshape(-1, 3), exact=False)
         if not guesses:
             return Glints.none()
         face, place, axes = (np.concatenate([each[part] for each in guesses]) for part in range(3))
@@ -174,25 +217,47 @@ class Search:
         lane = np.flatnonzero((miss < EXACT) & (place > -BESIDE).all(axis=1))
         return self._seen(face[lane], place[lane])
 
+    def _reach(self, pieces: Pieces, index: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """(piece,) of the pieces `index` of surfaces that need others to count, which may send rays to those."""
+        found, things = np.zeros(len(index), np.bool_), self._things
+        lane = np.flatnonzero(~self._tells[pieces.facet[index]])
+        facet, weights = np.repeat(pieces.facet[index[lane]], 3), pieces.corners[index[lane]].reshape(-1, 3)
+        start, _, out, _ = self._set_out(facet, weights)
+        start, out = start.reshape(-1, 3, 3), out.reshape(-1, 3, 3)
+        for number in np.flatnonzero(self._tells[things.first]).tolist():
+            held = _beside(start, out, pieces.turn[index[lane]], things.centre[number], things.radius[number])
+            found[lane] |= held[0]
+        return found
+
+    def _around(
+        self, landed: _Landing, node: NDArray[np.intp], facet: NDArray[np.int64], turn: FloatArray
+    ) -> NDArray[np.bool_]:
+        """(piece,) which pieces none of whose corners' rays land, may have another thing between these rays."""
+        found = np.zeros(len(node), np.bool_)
+        lane = np.flatnonzero((landed.facet[node] < 0).all(axis=1))
+        start, out = landed.start[node[lane]], landed.out[node[lane]]
+        things = self._things
+        for number in range(len(things.radius)):
+            held, wide = _beside(start, out, turn[lane], things.centre[number], things.radius[number])
+            own = (facet[lane] >= things.first[number]) & (facet[lane] < things.last[number])
+            found[lane] |= held & ~own & (wide > 0.25 * things.thick[number])
+        return found
+
     def _land(self, facet: NDArray[np.int64], weights: FloatArray, exact: bool = True) -> _Landing:
         """Of rays from the source by way of places on faces `facet` (ray,) at `weights` (ray, 3); not `exact`, where
         the mesh is met, not the smooth surface."""
         skin, count = self._skin, len(facet)
-        _, point = skin.places(facet, weights)
-        span = point - self._source
-        ray = span / np.maximum(lengths(span), 1e-12)[:, None]
-        normal = unit_normals(skin, facet, weights)
-        normal *= -np.sign(np.einsum("ri,ri->r", normal, ray))[:, None]
-        out = mirrored(ray, normal)
+        point, normal, out, span = self._set_out(facet, weights)
         rise = GAP + 2.0 * np.abs(skin.rises[facet]).max(axis=(1, 2), initial=0.0)
         place, there, across, on, home = (np.zeros((count, 3)) for _ in range(5))
-        found = _Landing(np.full(count, -1, np.int64), place, there, across, on, home)
+        found = _Landing(np.full(count, -1, np.int64), place, there, across, on, home, point, out, np.zeros(count))
         if count == 0:
             return found
         hit = self._rays.first_hit(point + rise[:, None] * normal, out)
         self.sent += count
-        there = (hit.facet >= 0) & (hit.facet != facet) & (lengths(span) + hit.distance < self._longest)
-        lane = np.flatnonzero(there & self._wanted[np.maximum(hit.facet, 0)])
+        face = np.maximum(hit.facet, 0)
+        counts = self._wanted[face] & (self._tells[face] | self._tells[facet])
+        lane = np.flatnonzero((hit.facet >= 0) & (hit.facet != facet) & counts)
         face, place = hit.facet[lane].astype(np.int64), hit.barycentric[lane]
         found.facet[lane] = face
         if exact:
@@ -202,10 +267,25 @@ class Search:
             there = point[lane] + (hit.distance[lane] + rise[lane])[:, None] * out[lane]
             across = unit_normals(skin, face, place)
         home = self._source - there
+        beyond = lengths(span[lane]) + hit.distance[lane] + lengths(home) > self._longest
+        found.facet[lane[beyond]] = -1
+        found.lever[lane] = 2.0 * hit.distance[lane] * self._curvature[face]
         found.point[lane], found.normal[lane] = there, across
         found.on[lane] = mirrored(out[lane], across)
         found.home[lane] = home / np.maximum(lengths(home), 1e-12)[:, None]
         return found
+
+    def _set_out(
+        self, facet: NDArray[np.int64], weights: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(ray, 3) places on faces `facet` (ray,) at `weights` (ray, 3) [m], normals towards the source, unit vectors
+        in which rays from there go on, and the way from there [m]."""
+        _, point = self._skin.places(facet, weights)
+        span = point - self._source
+        ray = span / np.maximum(lengths(span), 1e-12)[:, None]
+        normal = unit_normals(self._skin, facet, weights)
+        normal *= -np.sign(np.einsum("ri,ri->r", normal, ray))[:, None]
+        return point, normal, mirrored(ray, normal), span
 
     def _solve(self, facet: NDArray[np.int64], place: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(piece, 3) places on faces from where rays come back to the source, and by how much they miss it (piece,)
@@ -271,6 +351,21 @@ class Search:
         return Glints(facet, place, point, normal, bend.reshape(-1, 2, 3, 3), twist.reshape(-1, 2, 3, 3, 3))
 
 
+def _beside(
+    start: FloatArray, out: FloatArray, turn: FloatArray, centre: FloatArray, radius: float
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """(piece,) whether rays between those from `start` (piece, 3, 3) along `out`, of pieces whose normals turn by
+    `turn` (piece,), may come into a ball, and how far the rays are apart there (piece,) [m]."""
+    middle, axis = start.mean(axis=1), out.mean(axis=1)
+    axis /= np.maximum(lengths(axis), 1e-9)[:, None]
+    width = np.sqrt(((start - middle[:, None]) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
+    offset = centre - middle
+    along = np.einsum("pi,pi->p", offset, axis)
+    across = np.sqrt(np.maximum((offset**2).sum(axis=1) - along**2, 0.0))
+    wide = width + 2.0 * turn * np.maximum(along, 0.0)
+    return (along > -radius) & (across < radius + wide), wide
+
+
 def _apart(points: FloatArray) -> NDArray[np.intp]:
     """Which of the pairs of `points` (glint, 2, 3) [m] to keep, each once: neighbouring pieces find the same ones, and
     those that go the other way round."""
@@ -297,12 +392,13 @@ def _guessed(
 
 def _may_hold(landed: _Landing, node: NDArray[np.intp], turn: FloatArray) -> NDArray[np.bool_]:
     """(piece,) which pieces with corners `node` (piece, 3) may hold a glint: misses differ by about as much as the
-    least of them. Where not all corners' rays land that is told by the `turn` (piece,) of the normals."""
-    there = landed.comes[node]
+    least of them. Where not all corners' rays come back that is told by the `turn` (piece,) of the normals."""
+    there = (landed.facet >= 0)[node]
     away = np.where(there[..., None], (landed.on - landed.home)[node], np.nan)
     least = np.fmin.reduce(np.sqrt((away**2).sum(axis=2)), axis=1)
     spread = np.sqrt(((away - away[:, [1, 2, 0]]) ** 2).sum(axis=2))
-    change = np.where(there.all(axis=1), FAR * np.fmax.reduce(spread, axis=1), SWAY * turn)
+    sway = SWAY * turn * (1.0 + landed.lever[node].max(axis=1))
+    change = np.where(landed.comes[node].all(axis=1), FAR * np.fmax.reduce(spread, axis=1), sway)
     return np.asarray(there.any(axis=1) & (least < change))
 
 

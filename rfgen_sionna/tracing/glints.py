@@ -23,6 +23,10 @@ from rfgen_sionna.tracing.tubes.skin import Skin
 
 FAR_APART = 20.0
 """Argument of the Airy functions beyond which two glints are two."""
+MANY = 3
+"""Glints within one Fresnel zone that are taken together."""
+MOST_CROWDED = 5000
+"""Glints beyond which nobody looks whether they are."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +106,28 @@ class Glints:
         zeta = np.minimum((0.5 * wavenumber * curvature**3 / cubic**2) ** (2 / 3), FAR_APART)
         ai, _, bi, _ = airy(-zeta)
         modulus = np.pi * np.cbrt(2 / (wavenumber * cubic)) * np.hypot(ai, bi)
-        gone = modulus / np.sqrt(2 * np.pi / (wavenumber * curvature))
-        return np.asarray(np.where(zeta < FAR_APART, np.minimum(gone, 1.0), 1.0).prod(axis=1))
+        width = np.sqrt(2 * np.pi / (wavenumber * curvature))
+        gone = np.where(zeta < FAR_APART, np.minimum(modulus / width, 1.0), 1.0)
+        return np.asarray(gone.prod(axis=1) * self._crowded(vectors, width))
+
+    def _crowded(self, vectors: FloatArray, width: FloatArray) -> FloatArray:
+        """(glint,) share of a glint's own return where more than two are so close that their Fresnel zones, `width`
+        (glint, 4) [m] along the principal directions `vectors` (glint, 4, 4), are one: a hollow ball has a ring of
+        them, wherever its mesh is a little off. Together they return what comes from the length that they lie along."""
+        count = len(self)
+        share = np.ones(count)
+        if count < MANY or count > MOST_CROWDED:
+            return share
+        axes = [tangents(self.normal[:, i]) for i in range(2)]
+        for n in range(count):
+            apart = self.point - self.point[n]
+            beside = np.concatenate([apart[:, i] @ axes[i][n] for i in range(2)], axis=1) @ vectors[n]
+            near = (np.abs(beside) <= 0.5 * width[n]).all(axis=1)
+            if near.sum() >= MANY:
+                extent = np.ptp(beside[near], axis=0)
+                longest = int(np.argmax(extent))
+                share[n] = min(1.0, extent[longest] / width[n, longest]) / (near.sum() - 1)
+        return share
 
 
 def matched(one: FloatArray, other: FloatArray, apart: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -19,7 +19,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import RATE_STEP
-from rfgen_sionna.tracing.glint_search import Pieces, Search
+from rfgen_sionna.tracing.glint_search import Pieces, Search, Things
 from rfgen_sionna.tracing.glints import Glints, matched
 from rfgen_sionna.tracing.surfaces import Surface, Surfaces
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
@@ -31,8 +31,6 @@ from rfgen_sionna.tracing.tubes.skin import Skin, corner_bends
 Positions = Callable[[float], Sequence[FloatArray]]
 SKIPPED = 0.5
 """Share of the tolerance that these returns may make up together to be left out."""
-REST = 3
-"""Stretches of time for which what was too weak is not looked at again."""
 APART = 1 / 16
 """Wavelengths by which ways half way between two instants may differ from one to the other to be of one glint."""
 NEAR = 0.05
@@ -43,8 +41,7 @@ NEAR = 0.05
 class RoundSeen:
     """What bent surfaces show of one another at an instant."""
 
-    glints: Glints | None
-    """None where they rest."""
+    glints: Glints
     looked_at: int
     rays: int
 
@@ -59,6 +56,13 @@ class _Tracks:
     """... and the last one."""
     entry: NDArray[np.intp]
     """(track, instant) its number among the glints of each instant, -1 beyond."""
+
+
+def _bent(skin: Skin) -> FloatArray:
+    """(face,) about how much each face's normal turns per length [1/m]."""
+    ends, normals = skin.corners[:, [1, 2, 0]] - skin.corners, skin.normals[:, [1, 2, 0]] - skin.normals
+    size = np.sqrt((ends**2).sum(axis=2))
+    return np.asarray((np.sqrt((normals**2).sum(axis=2)) / np.maximum(size, 1e-9)).max(axis=1))
 
 
 def _hat(instants: FloatArray, k: int, t: float) -> float:
@@ -97,28 +101,31 @@ class RoundBounces:
         self._optics = Optics.of([each.material for each in self._every], radar.center_frequency, self._half_band)
         self._whose = np.repeat(np.arange(len(self._every)), [len(each.faces) for each in self._every]).astype(np.int32)
         self._still = np.array([each.still for each in self._every], np.bool_)[self._whose]
-        self._tells = self._still if still else ~self._still  # (face,) one of these has to be among both
         self._static_faces = sum(len(each.faces) for each in surfaces.static)
+        # (face,) one of these has to be among both; seen from a radar that moves all are.
+        self._tells = (np.arange(len(self._whose)) < self._static_faces) == still
         self._skins: list[Skin] = []
         self._pieces: Pieces | None = None
-        self._rest = 0
+        self._bent = np.zeros(0)
 
     def see(self, rays: RayScene, vertices: Sequence[FloatArray], seen: IntArray) -> RoundSeen:
         """What is there when all surfaces have their `vertices` [m], of which the faces `seen` (face,) of the ray scene
         are seen directly among those that move."""
-        if self._rest > 0:
-            return RoundSeen(None, 0, 0)
         skin = self._skin(vertices)
         bent = (self._plates() < 0) & ~skin.plane[skin.sheet]
         if self._pieces is None:
-            # Glints by what moves and what stays are found from the former.
-            self._pieces = Pieces.of(skin, np.flatnonzero(bent & self._tells))
+            self._pieces = Pieces.of(skin, np.flatnonzero(bent))
+            self._bent = _bent(skin)
         wanted = bent & (np.arange(len(bent)) < self._static_faces)
         wanted[seen] = bent[seen]
         if not (wanted & self._tells).any():
             return RoundSeen(Glints.none(), 0, 0)
         limits = self._radar.max_range, self._radar.wavelength
-        search = Search(skin, rays, self._eyes.position, wanted, *limits, lambda facet: self._bends(skin, facet))
+        things = self._things(vertices)
+        search = Search(
+            skin, rays, self._eyes.position, wanted, *limits, self._bent, things, self._tells,
+            lambda facet: self._bends(skin, facet),
+        )  # fmt: skip
         return RoundSeen(search.find(self._pieces), int(wanted.sum()), search.sent)
 
     def trace(
@@ -131,13 +138,9 @@ class RoundBounces:
     ) -> RadarPaths | None:
         """Paths of what was `seen` at each of the `instants` [s], with delays at `knots` [s]; None where they are too
         weak, relative to the direct returns `usual` (moving surface,)."""
-        self._rest -= 1
-        found = [each.glints for each in seen if each.glints is not None]
-        if not any(len(each) for each in found):
-            self._rest = max(self._rest, REST if found else self._rest)
-            return None
-        if max(self._level(each) for each in found) <= SKIPPED * self._rtol * usual.max(initial=0.0):
-            self._rest = REST
+        found = [each.glints for each in seen]
+        level = max(self._level(each) if len(each) else 0.0 for each in found)
+        if level <= SKIPPED * self._rtol * usual.max(initial=0.0):
             return None
         return self._paths(knots, instants, found, self._tracks(instants, found, positions), positions)
 
@@ -149,6 +152,18 @@ class RoundBounces:
         first = len(self._surfaces.static)
         moved = zip(self._every[first:], vertices[first:], self._skins[first:], strict=True)
         return Skin.joined([*self._skins[:first], *(Skin.one(*each) for each in moved)])
+
+    def _things(self, vertices: Sequence[FloatArray]) -> Things:
+        """All surfaces that are bent."""
+        bent = [number for number, each in enumerate(self._every) if each.smooth is not None]
+        low, high = (np.array([end(vertices[number], axis=0) for number in bent]).reshape(-1, 3)
+                     for end in (np.min, np.max))  # fmt: skip
+        first = np.array([self._every[number].first_facet for number in bent], np.int64)
+        last = first + np.array([len(self._every[number].faces) for number in bent], np.int64)
+        radius = 0.5 * lengths(high - low)
+        # A limb is as thick as twice the radius that most of its faces bend by.
+        usual = [2.0 / max(float(np.median(self._bent[a:b])), 1e-6) for a, b in zip(first, last, strict=True)]
+        return Things(0.5 * (low + high), radius, np.minimum(np.array(usual), radius), first, last)
 
     def _bends(self, skin: Skin, facet: NDArray[np.int64]) -> FloatArray:
         """(n, 3, 3, 3) how normals turn at the corners of faces `facet` (n,) of the ray scene [1/m]."""

@@ -6,17 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.glints import Glints
 from rfgen_sionna.tracing.plates import find_flats
 from rfgen_sionna.tracing.round_bounces import RoundBounces
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.static_bounces import PLATE
 from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.tubes.skin import Skin
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,12 @@ class StaticRoundBounces:
     paths: RadarPaths
     """Of a single knot: of each glint both ways round, one way's after the other's."""
     rays: int
-    glints: Glints
+    facet: NDArray[np.int64]
+    """(glint, 2) faces of both places."""
+    places: FloatArray
+    """(glint, 2, 3) places on the mesh [m]."""
+    free: NDArray[np.bool_]
+    """(glint,) of which rays say so without actors: a ray may just touch what is bent."""
     viewpoint: FloatArray
     error: float = 0.0
     """What geometrical optics errs by is not known."""
@@ -34,15 +40,19 @@ class StaticRoundBounces:
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
         """(path,) 0 where an actor stands in one of a glint's legs, where `rays` has them, else 1; and the number of
         rays sent. The positions of the `actors` have no part in it."""
-        one, other = self.glints.point[:, 0], self.glints.point[:, 1]
-        first, second = self.glints.facet.T
-        hidden = rays.occluded(self.viewpoint, one, first) | rays.occluded(self.viewpoint, other, second)
-        hidden |= rays.occluded(one, other, second, first)
+        hidden = self.free & ~_clear(rays, self.facet, self.places, self.viewpoint)
         return np.tile(1.0 - hidden, 2), 3 * len(hidden)
 
     def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
         """As :meth:`rfgen_sionna.tracing.static.StaticTrace.shadows`, for (path, time) of :meth:`visible`."""
         return cast(self.paths, left, knots)
+
+
+def _clear(rays: RayScene, facet: NDArray[np.int64], places: FloatArray, source: FloatArray) -> NDArray[np.bool_]:
+    """(glint,) whether nothing stands in the three legs by way of both `places` (glint, 2, 3) on faces (glint, 2)."""
+    (one, other), (first, second) = places.transpose(1, 0, 2), facet.T
+    hidden = rays.occluded(source, one, first) | rays.occluded(source, other, second)
+    return np.asarray(~(hidden | rays.occluded(one, other, second, first)))
 
 
 def trace_static_round_bounces(
@@ -59,6 +69,11 @@ def trace_static_round_bounces(
     seen = rounds.see(rays, points, np.zeros(0, np.int32))
     now = np.zeros(1)
     paths = rounds.trace(now, now, [seen], lambda _: (), np.array([static.level]))
-    if paths is None or seen.glints is None:
+    if paths is None:
         return None
-    return StaticRoundBounces(paths, seen.rays, seen.glints, np.asarray(radar.position))
+    facet, place = seen.glints.facet, seen.glints.weights.reshape(-1, 3)
+    stands = Skin.some(surfaces.static, points, facet.reshape(-1))
+    places, _ = stands.places(np.arange(len(place)), place)
+    view = np.asarray(radar.position)
+    free = _clear(rays, facet, places.reshape(-1, 2, 3), view)
+    return StaticRoundBounces(paths, seen.rays, facet, places.reshape(-1, 2, 3), free, view)
