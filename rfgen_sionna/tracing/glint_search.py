@@ -26,7 +26,7 @@ faces are bent more sharply than `ROUND`, which return little."""
 ROUND = 0.1
 """Radius of curvature [m]."""
 MOST_DIVISIONS = 3
-FINER, AT_RIMS = 1, 4
+FINER, AT_RIMS = 1, 6
 """How often pieces that may hold a glint are divided further, and such of which not all corners' rays land."""
 FAR = 3.0
 """Pieces hold none where the least miss at a corner is more than this times what misses differ by ..."""

@@ -32,9 +32,9 @@ Positions = Callable[[float], Sequence[FloatArray]]
 SKIPPED = 0.5
 """Share of the tolerance that these returns may make up together to be left out."""
 APART = 1 / 16
-"""Wavelengths by which ways half way between two instants may differ from one to the other to be of one glint."""
+"""By how many wavelengths the ways of two glints may differ half way between their instants to be one glint's."""
 NEAR = 0.05
-"""... and how far off its places may be then [m], all in all."""
+"""How far apart their places may be then [m]."""
 
 
 @dataclass(frozen=True)

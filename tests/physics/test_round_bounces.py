@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy.optimize import minimize
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.radar import Radar
@@ -205,17 +206,82 @@ def test_glints_fade_where_something_comes_between(radar):
     assert size[1] < 0.02 * size[0]
 
 
-def test_weak_ones_are_left_out_and_rest(radar):
-    """Two small balls far apart show next to nothing of one another; it is not looked at again in the next frames."""
-    actors = [metal((3.0, y, 0.0), f"{y}", 2, 0.03, velocity=(0.1, 0.0, 0.0)) for y in (-1.0, 1.0)]
-    tracer = Tracer(None, radar, actors, rtol=1e-2, max_bounces=2)
+def test_weak_ones_are_left_out(radar):
+    """Two small balls show less of one another than a loose tolerance lets be missed."""
+    actors = [metal((3.0, y, 0.0), f"{y}", 2, 0.03) for y in (-1.0, 1.0)]
+    assert not around(Simulator(None, radar, actors, rtol=5e-2, max_bounces=2).paths(0.0)).num_paths
+    assert around(Simulator(None, radar, actors, rtol=1e-4, max_bounces=2).paths(0.0)).num_paths == 2
+
+
+def test_what_comes_is_there_from_its_first_frame_on(radar):
+    """A ball that comes from behind another one: frames have what instants have, whatever was before."""
+    still = metal((2.5, 0.0, 0.0), "still")
+    comes = Actor.from_mesh(ball(3, RADIUS), material="pec", name="comes", trajectory=lambda t: (2.9, 1.5 * t, 0.0))
+    tracer = Tracer(None, radar, [still, comes], rtol=1e-2, max_bounces=2)
     run = tracer.follow()
-    rays = []
-    for start in (0.0, 0.1):
-        traced = tracer.trace(start, start + LENGTH, run)
-        assert not around(traced.moving).num_paths
-        rays.append(traced.report.rays)
-    assert rays[1] < rays[0]
+    seen = []
+    for start in (0.0, 0.1, 0.2, 0.3, 0.4):
+        found = around(tracer.trace(start, start + 0.01, run).moving)
+        truth = around(tracer.instant(start))
+        seen.append(truth.num_paths)
+        size = abs(channel(truth)[0, 0]) if truth.num_paths else 0.0
+        assert abs(at(found, start)[0, 0] if found.num_paths else 0.0) == pytest.approx(size, rel=1e-3)
+    assert seen[0] == 0
+    assert seen[-1] == 2
+
+
+def stationary(balls):
+    """Places on two balls (centre, radius) by way of which the path from the origin and back is shortest."""
+
+    def places(x):
+        return [c + r * each / np.linalg.norm(each) for (c, r), each in zip(balls, (x[:3], x[3:]), strict=True)]
+
+    def length(x):
+        p, q = places(x)
+        return np.linalg.norm(p) + np.linalg.norm(q - p) + np.linalg.norm(q)
+
+    ways = [balls[1 - i][0] - balls[i][0] for i in range(2)]
+    start = [w / np.linalg.norm(w) - c / np.linalg.norm(c) for w, (c, _) in zip(ways, balls, strict=True)]
+    return places(minimize(length, np.concatenate(start), tol=1e-14).x)
+
+
+def blocked(balls, p, q):
+    """Whether a ball stands in one of the legs, or one of the places is seen at a cosine below 0.2."""
+    for a, b in ((np.zeros(3), p), (np.zeros(3), q), (p, q)):
+        for centre, radius in balls:
+            along = np.clip((centre - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+            if np.linalg.norm(a + along * (b - a) - centre) < radius * (1 - 1e-6):
+                return True
+    normals = [(each - c) / r for each, (c, r) in zip((p, q), balls, strict=True)]
+    return min(abs(n @ each) / np.linalg.norm(each) for n, each in zip(normals, (p, q), strict=True)) < 0.2
+
+
+@pytest.mark.parametrize("furniture", [False, True], ids=["two actors", "furniture"])
+def test_any_two_balls_in_the_open_have_one_glint(radar, furniture):
+    """Balls of 6 to 30 cm, 320 or 1,280 faces, 3 cm to 1 m apart anywhere in view: one glint, where the way is
+    shortest."""
+    rng, count = np.random.default_rng(3), 0
+    while count < 25:
+        level, radii = int(rng.integers(2, 4)), rng.uniform(0.06, 0.3, 2)
+        one = np.array([rng.uniform(2, 4), *rng.uniform(-1, 1, 2)])
+        towards = rng.normal(size=3)
+        other = one + towards / np.linalg.norm(towards) * (radii.sum() + rng.uniform(0.03, 1.0))
+        balls = [(one, true_radius(level, radii[0])), (other, true_radius(level, radii[1]))]
+        truth = stationary(balls)
+        if blocked(balls, *truth):
+            continue
+        count += 1
+        scene, actors = None, [metal(other, "other", level, radii[1])]
+        if furniture:
+            built, mesh = scene_of(77e9), ball(level, radii[0])
+            add_meshes(built, one=((mesh.vertices + one, mesh.faces), "pec"))
+            scene = load_scene(built.sionna)
+        else:
+            actors.append(metal(one, "one", level, radii[0]))
+        found = around(Tracer(scene, radar, actors, 1e-3, max_bounces=2).instant(0.0))
+        assert found.num_paths == 2, (level, radii, one, other)
+        length = sum(np.linalg.norm(each) for each in (truth[0], truth[1], truth[1] - truth[0]))
+        assert found.tau[0, 0, :, 0] * 299792458.0 == pytest.approx(length, abs=2e-4)
 
 
 def test_what_moves_is_shown_by_furniture_that_is_round(radar):
@@ -252,6 +318,47 @@ def test_balls_that_stay_return_what_balls_that_move_do(radar):
     assert around(Simulator(furnished(*places), radar, [], rtol=1e-2).paths(0.0)).num_paths == 0
 
 
+def test_a_radar_that_moves_sees_balls_that_stay(radar):
+    """As one that stands, at the time at which it is there."""
+    scene = furnished(*PLACES["above"])
+    going = replace(radar, trajectory=lambda t: np.array([0.8, -0.4, 0.0]) * (t - 0.1))
+    one, other = (around(Simulator(scene, each, [], rtol=1e-2, max_bounces=2).paths(0.1)) for each in (going, radar))
+    assert one.num_paths == other.num_paths == 2
+    assert channel(one) == pytest.approx(channel(other), rel=1e-3)
+
+
+@pytest.mark.parametrize("level", [3, 4])
+def test_actors_elsewhere_change_nothing(radar, level):
+    """A bowl that stays, full of glints: a small ball beside it leaves them as they are."""
+    mesh = ball(level, 0.6)
+    mesh.update_faces(mesh.triangles_center[:, 0] > 0.3)
+    mesh.remove_unreferenced_vertices()
+    scene = scene_of(77e9)
+    add_meshes(scene, bowl=((mesh.vertices + np.array([3.4, 0.0, 0.0]), mesh.faces), "pec"))
+    beside = metal((2.0, 1.5, 0.0), "beside", 2, 0.03)
+    alone, both = (
+        around(Simulator(load_scene(scene.sionna), radar, actors, rtol=1e-2, max_bounces=2).paths(0.0))
+        for actors in ([], [beside])
+    )
+    own = both.select(both.object_id == both.object_names.index("bowl"))
+    assert alone.num_paths > 10
+    assert channel(own) == pytest.approx(channel(alone), rel=1e-9)
+
+
+@pytest.mark.parametrize("level", [3, 4])
+def test_glints_of_a_bowl_are_no_more_than_what_comes_from_it(radar, level):
+    """A hollow ball, tilted, has a ring of glints, as many as its mesh has faces there, which together are 30 dB too
+    much: within 8 dB of the ray mode."""
+    mesh = ball(level, 0.5)
+    mesh.update_faces(mesh.triangles_center @ [np.cos(0.3), np.sin(0.3), 0.0] > 0.25)
+    mesh.remove_unreferenced_vertices()
+    bowl = Actor.from_mesh(mesh, material="pec", position=(3.4, 0.0, 0.0), name="bowl")
+    simulator = Simulator(None, radar, [bowl], rtol=1e-2, max_bounces=2)
+    found = channel(around(simulator.paths(0.0)))[0, 0]
+    truth = channel(around(simulator.rays(0.0, max_bounces=2, rtol=3e-2).paths))[0, 0]
+    assert abs(decibels(found / truth)) < 8
+
+
 def test_an_actor_between_balls_that_stay_hides_them(radar):
     """A plate that falls between them, edge on to the radar: what is left of the glint goes from all to nothing."""
     places = PLACES["side by side"]
@@ -275,9 +382,8 @@ def test_an_actor_between_balls_that_stay_hides_them(radar):
 
 @SLOW
 def test_a_person_shows_as_much_of_itself_as_the_ray_mode_says():
-    """An adult who walks, range cell by range cell: within 3 dB of two million rays, which differ by 0.4 dB from eight
-    million in all and by up to 6 dB in single cells. Limbs are some wavelengths thick, which is little for geometrical
-    optics; without the returns all of it would be missing, a quarter of the direct one."""
+    """An adult who walks, the sum over range cells of 12 cm: within 2 dB of two million rays, which differ by 0.4 dB
+    from eight million in all and by up to 6 dB in single cells."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     person = rfgen.Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0)
     simulator = Simulator(None, radar, [person], rtol=1e-2, max_bounces=2)
@@ -290,4 +396,4 @@ def test_a_person_shows_as_much_of_itself_as_the_ray_mode_says():
 
     found = cells(simulator.paths(0.3138))
     truth = cells(simulator.rays(0.3138, max_bounces=2, sampling="uniform", level=9).paths)
-    assert abs(decibels(found / truth)) < 3
+    assert abs(decibels(found / truth)) < 2
