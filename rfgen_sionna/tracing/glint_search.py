@@ -14,18 +14,13 @@ from scipy.spatial import cKDTree
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.glint_pieces import Pieces
 from rfgen_sionna.tracing.glints import Glints, unit_normals
 from rfgen_sionna.tracing.smooth import QUARTERS
 from rfgen_sionna.tracing.tubes.media import mirrored
 from rfgen_sionna.tracing.tubes.passage import tangents
 from rfgen_sionna.tracing.tubes.skin import Skin, tangential
 
-TURN, SHARP = 0.15, 0.5
-"""Largest angle between the normals of a piece's corners [rad]: over more, misses are not linear any more; and where
-faces are bent more sharply than `ROUND`, which return little."""
-ROUND = 0.1
-"""Radius of curvature [m]."""
-MOST_DIVISIONS = 3
 FINER, AT_RIMS = 1, 6
 """How often pieces that may hold a glint are divided further, and such of which not all corners' rays land."""
 FAR = 3.0
@@ -49,51 +44,8 @@ BESIDE = 0.1
 """How far beyond its piece a place may lie, in barycentric coordinates; the next piece has it as well."""
 _QUARTERS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2], [5, 4, 3]])
 """Corners of the four parts of a piece: its own, then the middles of its edges 01, 02 and 12."""
-_ALIKE = 1e-7
-"""Corners of pieces are the same where places [m] and normals are alike to this."""
 SAME = 1e-3
 """Glints whose places are as near to each other as that are one [m]."""
-
-
-@dataclass(frozen=True)
-class Pieces:
-    """Pieces of faces that are searched for glints."""
-
-    facet: NDArray[np.int64]
-    """(piece,) face of the ray scene."""
-    corners: FloatArray
-    """(piece, corner, vertex) barycentric coordinates."""
-    turn: FloatArray
-    """(piece,) about how much normals turn over each [rad]."""
-    node: NDArray[np.intp]
-    """(piece, corner) which of the nodes each corner is: neighbours share them where normals go on smoothly."""
-    at: NDArray[np.intp]
-    """(node,) a corner of a piece, counted through all of them, that it is."""
-
-    @staticmethod
-    def of(skin: Skin, facet: NDArray[np.int64]) -> Pieces:
-        """Of some faces, divided until normals turn by no more than `TURN` over a piece, or `SHARP`."""
-        normals, ends = skin.normals[facet], skin.corners[facet]
-        cos = np.einsum("fci,fci->fc", normals, normals[:, [1, 2, 0]]).min(axis=1, initial=1.0)
-        turn = np.arccos(np.clip(cos, -1.0, 1.0))
-        width = np.sqrt(((ends - ends[:, [1, 2, 0]]) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
-        most = np.where(width < ROUND * turn, SHARP, TURN)
-        times = np.ceil(np.log2(np.maximum(turn / most, 1.0))).clip(0, MOST_DIVISIONS).astype(int)
-        faces, parts, turns = [np.zeros(0, np.int64)], [np.zeros((0, 3, 3))], [np.zeros(0)]
-        for count in range(MOST_DIVISIONS + 1):
-            own, weights = facet[times == count], np.eye(3)[None]
-            for _ in range(count):
-                weights = np.einsum("qcv,pvw->pqcw", QUARTERS, weights).reshape(-1, 3, 3)
-            faces.append(np.repeat(own, len(weights)))
-            parts.append(np.tile(weights, (len(own), 1, 1)))
-            turns.append(np.repeat(turn[times == count] / 2**count, len(weights)))
-        of, corners = np.concatenate(faces), np.concatenate(parts)
-        lane, place = np.repeat(of, 3), corners.reshape(-1, 3)
-        _, point = skin.places(lane, place)
-        known = np.round(np.column_stack([point, unit_normals(skin, lane, place)]) / _ALIKE).astype(np.int64)
-        known = np.column_stack([known, skin.sheet[lane]])
-        _, at, node = np.unique(known, axis=0, return_index=True, return_inverse=True)
-        return Pieces(of, corners, np.concatenate(turns), node.reshape(-1, 3), at)
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,6 @@ FAR_APART = 20.0
 """Argument of the Airy functions beyond which two glints are two."""
 MANY = 3
 """Glints within one Fresnel zone that are taken together."""
-MOST_CROWDED = 5000
-"""Glints beyond which nobody looks whether they are."""
 
 
 @dataclass(frozen=True)
@@ -116,10 +114,8 @@ class Glints:
         them, wherever its mesh is a little off. Together they return what comes from the length that they lie along."""
         count = len(self)
         share = np.ones(count)
-        if count < MANY or count > MOST_CROWDED:
-            return share
         axes = [tangents(self.normal[:, i]) for i in range(2)]
-        for n in range(count):
+        for n in range(count if count >= MANY else 0):
             apart = self.point - self.point[n]
             beside = np.concatenate([apart[:, i] @ axes[i][n] for i in range(2)], axis=1) @ vectors[n]
             near = (np.abs(beside) <= 0.5 * width[n]).all(axis=1)

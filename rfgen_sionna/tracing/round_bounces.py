@@ -1,7 +1,7 @@
 """Returns by way of two bent surfaces: from body to body, from limb to trunk, from body to round furniture.
 
 Flat parts are mirrors with an outline (:mod:`rfgen_sionna.tracing.bounces`); bent surfaces show of one another but
-glints, which glide over both of them: those are found at every instant (:mod:`rfgen_sionna.tracing.glints`) and
+glints, which glide over both of them: those are found at every instant (:mod:`~rfgen_sionna.tracing.glint_search`) and
 returned by geometrical optics, with the spreading that both curvatures make of the wave. Between instants the way of a
 glint is known from either of them: where the two agree it goes on, where they do not one fades and another one comes.
 """
@@ -19,7 +19,8 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import RATE_STEP
-from rfgen_sionna.tracing.glint_search import Pieces, Search, Things
+from rfgen_sionna.tracing.glint_pieces import Pieces
+from rfgen_sionna.tracing.glint_search import Search, Things
 from rfgen_sionna.tracing.glints import Glints, matched
 from rfgen_sionna.tracing.surfaces import Surface, Surfaces
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
@@ -30,7 +31,7 @@ from rfgen_sionna.tracing.tubes.skin import Skin, corner_bends
 
 Positions = Callable[[float], Sequence[FloatArray]]
 SKIPPED = 0.5
-"""Share of the tolerance that these returns may make up together to be left out."""
+"""Share of the tolerance that the returns of one surface may make up together to be left out."""
 APART = 1 / 16
 """By how many wavelengths the ways of two glints may differ half way between their instants to be one glint's."""
 NEAR = 0.05
@@ -43,6 +44,7 @@ class RoundSeen:
 
     glints: Glints
     looked_at: int
+    """Faces that count."""
     rays: int
 
 
@@ -83,7 +85,7 @@ class RoundBounces:
     radar
         Where it stands.
     rtol
-        Tolerance, relative to the direct return of the strongest surface that moves.
+        Tolerance, relative to the direct return of the stronger of the two surfaces.
     plates
         (face,) number of the flat part that each face of the ray scene belongs to, -1 for none; asked for at first use,
         which is after the flat parts were found.
@@ -136,11 +138,14 @@ class RoundBounces:
         positions: Positions,
         usual: FloatArray,
     ) -> RadarPaths | None:
-        """Paths of what was `seen` at each of the `instants` [s], with delays at `knots` [s]; None where they are too
-        weak, relative to the direct returns `usual` (moving surface,)."""
+        """Paths of what was `seen` at each of the `instants` [s], with delays at `knots` [s], but for what is too weak
+        relative to the direct returns `usual`: (moving surface,), or one of all that stays. None where all of it is."""
+        most = self._usual(usual)
         found = [each.glints for each in seen]
-        level = max(self._level(each) if len(each) else 0.0 for each in found)
-        if level <= SKIPPED * self._rtol * usual.max(initial=0.0):
+        level = np.max([self._levels(each, most) for each in found], axis=0)
+        strong = level > SKIPPED * self._rtol * most
+        found = [each.take(np.flatnonzero(strong[self._stronger(each, most)])) for each in found]
+        if not any(len(each) for each in found):
             return None
         return self._paths(knots, instants, found, self._tracks(instants, found, positions), positions)
 
@@ -175,14 +180,36 @@ class RoundBounces:
             found[lane] = corner_bends(own, *stands, facet[lane] - first)
         return found
 
-    def _level(self, glints: Glints) -> float:
-        """What all of them return at most, for the phase centre in the middle of the band, times the pattern."""
+    def _usual(self, usual: FloatArray) -> FloatArray:
+        """(surface,) direct returns that errors are relative to: of what stays in the world the strongest one's."""
+        count, first = len(self._every), len(self._surfaces.static)
+        found = np.zeros(count)
+        found[first:] = usual if first < count else found[first:]
+        still = np.array([each.still for each in self._every], np.bool_)
+        found[still] = usual.max(initial=0.0) if first == count else found[still].max(initial=0.0)
+        return found
+
+    def _stronger(self, glints: Glints, usual: FloatArray) -> NDArray[np.intp]:
+        """(glint,) number of that of its two surfaces that returns more directly."""
+        of = self._whose[glints.facet].astype(np.intp)
+        return np.where(usual[of[:, 1]] > usual[of[:, 0]], of[:, 1], of[:, 0])
+
+    def _levels(self, glints: Glints, usual: FloatArray) -> FloatArray:
+        """(surface,) what the glints of each return at most, the stronger one counting, for the phase centre in the
+        middle of the band, times the pattern."""
+        found = np.zeros(len(self._every))
+        if len(glints) == 0:
+            return found
         eyes, place = self._eyes, self._eyes.position
         arrival, route = glints.arrival(self._whose, place, place, self._optics)
         a = self._received(arrival, route, self._radar.center_frequency) * self._softened(glints)
         a = a * np.sqrt(eyes.importance(arrival.legs[0]) * eyes.importance(-arrival.ray))
-        total = a * np.exp(-2j * np.pi * np.mod(arrival.length / self._radar.wavelength, 1.0))
-        return 2.0 * max(float(abs(total.sum())), float(np.linalg.norm(a)))
+        a = a * np.exp(-2j * np.pi * np.mod(arrival.length / self._radar.wavelength, 1.0))
+        owner = self._stronger(glints, usual)
+        for number in np.unique(owner).tolist():
+            own = a[owner == number]
+            found[number] = 2.0 * max(float(abs(own.sum())), float(np.linalg.norm(own)))
+        return found
 
     def _received(self, arrival: Arrival, route: Route, frequency: float) -> ComplexArray:
         """(glint,) gain without the propagation phase of the arrival's length."""
@@ -202,11 +229,9 @@ class RoundBounces:
 
     def _way(self, glints: Glints, t: float, positions: Positions) -> tuple[Glints, Arrival]:
         """The places and the way of glints at `t` [s], near the instant that they were seen at."""
-        there = glints.carried(Skin.some(self._every, self._stand(t, positions), glints.facet.T.reshape(-1)))
+        stand = [*self._surfaces.static_vertices, *positions(t)]
+        there = glints.carried(Skin.some(self._every, stand, glints.facet.T.reshape(-1)))
         return there, self._middle(there)
-
-    def _stand(self, t: float, positions: Positions) -> list[FloatArray]:
-        return [*self._surfaces.static_vertices, *positions(t)]
 
     def _tracks(self, instants: FloatArray, found: Sequence[Glints], positions: Positions) -> _Tracks:
         """Which glints go on from instant to instant."""

@@ -216,6 +216,29 @@ def test_weak_ones_are_left_out(radar):
     assert around(Simulator(None, radar, actors, rtol=1e-4, max_bounces=2).paths(0.0)).num_paths == 2
 
 
+def test_something_strong_elsewhere_hides_no_glints(radar):
+    """Balls of skin before a metal board that returns ten times as much: what they show of one another counts against
+    what they return themselves."""
+    balls = [
+        Actor.from_mesh(ball(3, RADIUS), material="skin", position=place, name=name)
+        for place, name in zip(PLACES["above"], "ab", strict=True)
+    ]
+    corners = np.array([[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 3, 2]])
+    board = Actor.from_mesh((corners, faces), material="pec", position=(6.0, 0.0, 0.0), name="board")
+    alone, both = (
+        around(Simulator(None, radar, actors, rtol=0.1, max_bounces=2).paths(0.0))
+        for actors in (balls, [*balls, board])
+    )
+    own = np.isin(both.object_id, [both.object_names.index(name) for name in "ab"])
+    bent = both.select(own & ~np.isclose(both.arrival[:, 0, 0], 1.0, atol=1e-9))
+    lengths = np.round(alone.tau[0, 0, :, 0] * 3e8, 6)
+    kept = np.isin(np.round(bent.tau[0, 0, :, 0] * 3e8, 6), lengths)
+    assert alone.num_paths == 2
+    assert kept.sum() == 2
+    assert channel(bent.select(kept)) == pytest.approx(channel(alone), rel=1e-6)
+
+
 def test_what_comes_is_there_from_its_first_frame_on(radar):
     """A ball that comes from behind another one: frames have what instants have, whatever was before."""
     still = metal((2.5, 0.0, 0.0), "still")
