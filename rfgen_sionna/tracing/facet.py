@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 from math import prod
 from typing import Any
 
@@ -54,6 +55,11 @@ class Nodes:
 
     def __len__(self) -> int:
         return len(self.frequency)
+
+    @property
+    def one_pair(self) -> bool:
+        """Whether they are frequencies of one pair."""
+        return bool((self.tx == self.tx[0]).all() and (self.rx == self.rx[0]).all())
 
 
 @dataclass(frozen=True)
@@ -123,6 +129,7 @@ def facet_gains(
     aim: FloatArray | None = None,
     into: Into | None = None,
     origin: FloatArray | None = None,
+    steady: bool = False,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -168,6 +175,10 @@ def facet_gains(
     origin
         (3,) [m] of the frame that nodes, mirrors and slabs are in, in that of corners, `reference` and `aim`. None is
         that it is the same frame.
+    steady
+        Whether what the materials reflect may be taken to change in proportion to the frequency from node to node.
+        Where these are of one pair, with neither mirrors nor slabs, all but the integral over the phase is reckoned
+        once for all of them then. It errs by about a tenth of the square of the band, over the frequency.
 
     Notes
     -----
@@ -184,8 +195,11 @@ def facet_gains(
     if into.found is None:
         into.found, into.tau = dr.empty(Float, 2 * prod(sizes)), dr.empty(Float, shape[0] * into.count)
     elements = [nodes.tx, nodes.rx, 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)[:, None]]
+    together = steady and via is None and screens is None and nodes.one_pair and not media.slabs
+    if together:
+        media = media.mean()
     given: dict[str, Any] = {
-        "lanes": dr.arange(UInt32, shape[0] * shape[1]),
+        "lanes": dr.arange(UInt32, (1 if together else shape[0]) * shape[1]),
         "facets": dr.opaque(UInt32, shape[1]),
         "into": dr.opaque(UInt32, into.count),
         "size": dr.opaque(UInt32, shape[0] * into.count),
@@ -212,7 +226,7 @@ def facet_gains(
         # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
         order = np.argsort(np.minimum(parts, 65_535).astype(np.uint16), kind="stable")  # short ones are quick to sort
         given["order"] = upload(UInt32, order.astype(np.uint32))
-    if axes is not None and (drifted := media.drifted) is not None:
+    if (axes is not None or (together and len(nodes) > 1)) and (drifted := media.drifted) is not None:
         given["drifted"] = media_tables(dr, types, drifted)
     if via is not None:
         given["via"] = wall_tables(dr, types, via)
@@ -223,13 +237,14 @@ def facet_gains(
         ]
     if into.index is not None:
         given["place"] = upload(UInt32, np.asarray(into.index, np.uint32))
-    _INTEGRATED(given, monostatic, None if axes is None else len(axes))
+    _INTEGRATED(given, monostatic, None if axes is None else len(axes), len(nodes) if together else 1)
     found, tau = into.found.numpy(), into.tau.numpy()
     return FacetGains(found.view(np.complex128).reshape(sizes), tau.reshape(sizes[1:]))
 
 
-def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None) -> None:
-    """The kernel of :func:`facet_gains`, of nothing but what is `given` on the device."""
+def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, together: int) -> None:
+    """The kernel of :func:`facet_gains`, of nothing but what is `given` on the device; so many nodes `together`, which
+    are frequencies of one pair, make a lane."""
     dr, types = drjit_types()
     Float, UInt32, Array3, Complex = types.Float64, types.UInt32, types.Array3f64, types.Complex2f64
 
@@ -249,8 +264,10 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None) -> Non
         return vector(name, index) if start is None else vector(name, index) - start
 
     p = [placed("corners", 3 * facet + corner) for corner in range(3)]
-    element = [dr.gather(Float, given["nodes"], 7 * node + k) for k in range(7)]
-    t, r, wavenumber = Array3(*element[:3]), Array3(*element[3:6]), element[6]
+    element = [dr.gather(Float, given["nodes"], 7 * node + k) for k in range(6)]
+    t, r = Array3(*element[:3]), Array3(*element[3:])
+    wavenumbers = [dr.gather(Float, given["nodes"], 7 * (node + k) + 6) for k in range(together)]
+    wavenumber = sum(wavenumbers[1:], wavenumbers[0]) / together
     material = whole("material", facet)
     medium = media_of_lanes(dr, types, given["media"], node, material, wavenumber)
     field_of_tx, field_of_rx = vector("fields", UInt32(0)), vector("fields", UInt32(1))
@@ -299,9 +316,9 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None) -> Non
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
     if parts is None or rises is not None:
-        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumber, through, moved, parts)
+        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumbers, through, moved, parts)
         if "reference" in given or "lifts" in given:
-            terms = _carried(dr, terms, wavenumber, excess)
+            terms = [_carried(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
     else:
         count = Float(parts)
 
@@ -315,23 +332,29 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None) -> Non
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            terms, excess = triangle(dr, Array3, Complex, surface, part, None, wavenumber, through, moved)
-            found = [each.scaled(1.0 / (count * count)) for each in _carried(dr, terms, wavenumber, excess)]
+            terms, excess = triangle(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved)
+            carried = [_carried(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
+            found = [each.scaled(1.0 / (count * count)) for each in chain(*carried)]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
-        terms = summed(dr, Float, parts * parts, step, number_of_terms(moved), dr.width(given["lanes"]))
-    if "drifted" in given:  # the integral's slope over the wavenumber is that for media that stay the same
+        several = number_of_terms(moved)
+        found = summed(dr, Float, parts * parts, step, several * together, dr.width(given["lanes"]))
+        terms = [found[first : first + several] for first in range(0, len(found), several)]
+    if "drifted" in given:  # integrals are those for media that stay as they are at the mean wavenumber
         normal = cross / dr.maximum(dr.norm(cross), 1e-30)
         known = node, material, wavenumber, normal, middle - 0.5 * (t + r)
         changing = given["media"], given["drifted"]
-        terms[1] = terms[1] + terms[0].times(drift(dr, types, changing, *known, (field_of_tx, field_of_rx)))
+        rate = drift(dr, types, changing, *known, (field_of_tx, field_of_rx))
+        terms = [_drifted(each, rate, there - wavenumber) for each, there in zip(terms, wavenumbers, strict=True)]
     length = dr.norm(through - t) + dr.norm(r - through) + bulk
     # Written as NumPy's complex numbers lie in memory, which saves copying them.
     place = node * given["into"] + (whole("place", facet) if "place" in given else facet)
     size = given["size"]
-    for k, value in enumerate(flattened(terms)):
-        dr.scatter(given["found"], value, 2 * (place + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
-    dr.scatter(given["tau"], length / SPEED_OF_LIGHT, place, mode=dr.ReduceMode.Permute)
+    for number, each in enumerate(terms):
+        there = place + number * given["into"]
+        for k, value in enumerate(flattened(each)):
+            dr.scatter(given["found"], value, 2 * (there + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
+        dr.scatter(given["tau"], length / SPEED_OF_LIGHT, there, mode=dr.ReduceMode.Permute)
     dr.eval(given["found"], given["tau"])
 
 
@@ -345,3 +368,13 @@ def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) ->
     if len(terms) > 1:
         terms = [terms[0], terms[1] - terms[0].turned().scaled(excess), *terms[2:]]
     return [each.times(carrier) for each in terms]
+
+
+def _drifted(terms: list[ComplexPair], rate: ComplexPair, beyond: Any) -> list[ComplexPair]:
+    """Gain and slopes where the media have changed at a `rate` [m], relative to the gain, over wavenumbers `beyond`
+    [rad/m] that for which they are."""
+    gain = ComplexPair(1.0 + rate.re * beyond, rate.im * beyond)
+    found = [each.times(gain) for each in terms]
+    if len(found) > 1:
+        found[1] = found[1] + terms[0].times(rate)
+    return found

@@ -77,12 +77,29 @@ class Media:
         return Media(permittivity[0], permeability, thickness, np.sqrt(1.0 - rough**2), raised)
 
     @property
+    def slabs(self) -> bool:
+        """Whether any facet stands for a slab."""
+        return bool(np.isfinite(self.thickness).any())
+
+    def mean(self) -> Media:
+        """Their mean over the nodes, as that of a single one."""
+
+        def over_nodes(values: ComplexArray) -> ComplexArray:
+            finite = np.isfinite(values).all(axis=0)  # a perfect conductor is one at all of them
+            return np.where(finite, np.mean(np.where(finite, values, 0.0), axis=0), values[0])[None]
+
+        raised = None if self.raised is None else over_nodes(self.raised)
+        return Media(
+            over_nodes(self.permittivity), over_nodes(self.permeability), self.thickness, self.smoothness, raised
+        )
+
+    @property
     def drifted(self) -> Media | None:
         """What they are at frequencies higher by `STEP`; None where what they reflect stays the same over the band, as
         permittivities do and there are no slabs."""
         if self.raised is not None:
             return replace(self, permittivity=self.raised)
-        return self if np.isfinite(self.thickness).any() else None
+        return self if self.slabs else None
 
 
 class Medium(NamedTuple):

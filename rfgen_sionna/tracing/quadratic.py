@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.simplex import Moments, moments
 
-_STEP = 1e-6
-"""By how much, of itself, the wavenumber is raised for a slope over it, which errs by as much of the phase over a
-triangle."""
+_MOST_DAMPED = 2.0
+"""What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong."""
 
 
 class Quadratic(NamedTuple):
@@ -46,25 +45,13 @@ class Quadratic(NamedTuple):
         something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
         those over ways the mean over the triangle is kept.
         """
-        total, found, bent, damped = self._mean(dr, wavenumber)
+        total, found, bent, damped, over_wavenumber = self._mean(dr, wavenumber, ways is not None)
         if ways is None:
             return [total]
-        # Its closed form has moments of third order in it, which nothing else needs.
-        over_wavenumber = (self._mean(dr, wavenumber * (1.0 + _STEP))[0] - total).scaled(1.0 / (_STEP * wavenumber))
         swell, middle = self._means()
-        strengths, edge = [each + swell for each in self.strengths], found.edge
-
-        def corners(way: list[Any]) -> list[ComplexPair]:
-            """<l_i s exp(-j k s)> for s as long as `way`."""
-            return [
-                found.corner[i].scaled(way[i])
-                + edge[i - 1].scaled(way[i - 2] - way[i])
-                + edge[i - 2].scaled(way[i - 1] - way[i])
-                for i in range(3)
-            ]
-
+        strengths = [each + swell for each in self.strengths]
         means = [wavenumber * (way[0] + way[1] + way[2]) / 3.0 for way in ways]
-        moved = [corners(way) for way in ways]
+        moved = [found.along(way) for way in ways]
         firsts = []
         for mean, (a, b, c) in zip(means, moved, strict=True):
             slope = bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)
@@ -82,26 +69,41 @@ class Quadratic(NamedTuple):
         swell = (self.swells[0] + self.swells[1] + self.swells[2]).scaled(1.0 / 3.0)
         return swell, (self.strengths[0] + self.strengths[1] + self.strengths[2]).scaled(1.0 / 3.0)
 
-    def _mean(self, dr: Any, wavenumber: Any) -> tuple[ComplexPair, Moments, ComplexPair, Any]:
+    def _mean(
+        self, dr: Any, wavenumber: Any, slope: bool
+    ) -> tuple[ComplexPair, Moments, ComplexPair, Any, ComplexPair]:
         """The mean, the moments of the linear part of the phase, what the sags have in it, over the wavenumber and not
-        damped, and what damps all."""
+        damped, what damps all, and, if asked for, the slope over the wavenumber."""
         mean_sag = (self.sags[0] + self.sags[1] + self.sags[2]) / 3.0  # <4 l_i l_k> = 1/3
-        a, b, c = (wavenumber * (length - mean_sag) for length in self.lengths)
-        found = moments(dr, (a, b, c))
-        edge = found.edge
-        quadratic = edge[0].scaled(4 * self.sags[0]) + edge[1].scaled(4 * self.sags[1])
-        quadratic = (quadratic + edge[2].scaled(4 * self.sags[2]) - found.mean.scaled(mean_sag)).turned()
+        phases = tuple(wavenumber * (length - mean_sag) for length in self.lengths)
+        found = moments(dr, phases, slope)
         swell, middle = self._means()
-        bent = (middle + swell).times(quadratic)
-        total = bent.scaled(wavenumber)
-        for i in range(3):
-            total = total + self.strengths[i].times(found.corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
+
+        def bending(mean: ComplexPair, edge: tuple[ComplexPair, ...]) -> ComplexPair:
+            total = edge[0].scaled(4 * self.sags[0]) + edge[1].scaled(4 * self.sags[1])
+            return (middle + swell).times((total + edge[2].scaled(4 * self.sags[2]) - mean.scaled(mean_sag)).turned())
+
+        def straight(corner: Sequence[ComplexPair], edge: tuple[ComplexPair, ...]) -> ComplexPair:
+            total = ComplexPair(0.0, 0.0)
+            for i in range(3):
+                total = total + self.strengths[i].times(corner[i]) + self.swells[i].times(edge[i].scaled(4.0))
+            return total
+
+        bent = bending(found.mean, found.edge)
+        total = bent.scaled(wavenumber) + straight(found.corner, found.edge)
         a, b, c = self.sags
         # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
         variance = (a * a + b * b + c * c) / 15.0 - (a * b + b * c + c * a) * (2.0 / 45.0)
-        # What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong.
-        damped = dr.exp(-dr.minimum(0.5 * wavenumber * wavenumber * variance, 2.0))
-        return total.scaled(damped), found, bent, damped
+        fading = 0.5 * wavenumber * wavenumber * variance
+        damped = dr.exp(-dr.minimum(fading, _MOST_DAMPED))
+        over_wavenumber = ComplexPair(0.0, 0.0)
+        if slope:
+            corner = [each.turned().scaled(-1.0) for each in found.along(phases)]
+            mean = corner[0] + corner[1] + corner[2]
+            grown = (bent + bending(mean, found.growth)).scaled(wavenumber) + straight(corner, found.growth)
+            fades = dr.select(fading < _MOST_DAMPED, wavenumber * variance, 0.0)
+            over_wavenumber = (grown.scaled(1.0 / wavenumber) - total.scaled(fades)).scaled(damped)
+        return total.scaled(damped), found, bent, damped, over_wavenumber
 
     def mean_in_parts(
         self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None

@@ -9,6 +9,9 @@ With barycentric coordinates l_i and corner phases p_i these are divided differe
 
 For sorted phases a <= b <= c every one of them reduces to integrals along the edges ab and bc, spherical Bessel
 functions of half the phase difference, by dividing by c - a only. Where c - a is small a power series takes over.
+
+What all of them grow by when all phases do, D = sum_i p_i d/dp_i, is found on the same way. That of lower moments are
+higher ones; of the highest, those that two corners share, (D + 1) of a quotient by c - a is that of D of its numerator.
 """
 
 from __future__ import annotations
@@ -53,10 +56,23 @@ class Moments(NamedTuple):
     """<l_i exp(-j phi)> for corners 0, 1, 2"""
     edge: tuple[Complex, Complex, Complex]
     """<l_i l_k exp(-j phi)> for the edges opposite to corners 0, 1, 2"""
+    growth: tuple[Complex, ...] = ()
+    """By how much those of the edges grow with all phases, over how much these do, in proportion; if asked for."""
+
+    def along(self, way: Any) -> list[Complex]:
+        """<l_i s exp(-j phi)> for corners 0, 1, 2 and what is linear with the values `way` at the corners."""
+        edge = self.edge
+        return [
+            self.corner[i].scaled(way[i])
+            + edge[i - 1].scaled(way[i - 2] - way[i])
+            + edge[i - 2].scaled(way[i - 1] - way[i])
+            for i in range(3)
+        ]
 
 
-def moments(dr: Any, p: tuple[Any, Any, Any]) -> Moments:
-    """Moments for corner phases `p` [rad], arrays of any one Dr.Jit real type."""
+def moments(dr: Any, p: tuple[Any, Any, Any], growth: bool = False) -> Moments:
+    """Moments for corner phases `p` [rad], arrays of any one Dr.Jit real type, with what those of the edges grow by if
+    that is asked for."""
     low = dr.minimum(dr.minimum(p[0], p[1]), p[2])
     high = dr.maximum(dr.maximum(p[0], p[1]), p[2])
     middle = p[0] + p[1] + p[2] - low - high
@@ -64,14 +80,13 @@ def moments(dr: Any, p: tuple[Any, Any, Any]) -> Moments:
 
     def by(rule: Any) -> Any:
         def values(*phases: Any) -> tuple[Any, ...]:
-            found = rule(dr, *phases)
-            return tuple(value for each in (found.mean, *found.corner, *found.edge) for value in each)
+            found = rule(dr, *phases, growth)
+            return tuple(value for each in (found.mean, *found.corner, *found.edge, *found.growth) for value in each)
 
         return values
 
     found = dr.if_stmt((low, middle, high), spread < SERIES_SPREAD, by(_by_series), by(_by_differences))
-    mean, *rest = (Complex(*found[k : k + 2]) for k in range(0, 14, 2))
-    corner, edge = rest[:3], rest[3:]
+    mean, *rest = (Complex(*found[k : k + 2]) for k in range(0, len(found), 2))
 
     # Back from sorted order: corner i is the low, the middle or the high one. Equal phases have equal moments.
     def unsorted(values: list[Complex], index: int) -> Complex:
@@ -80,11 +95,11 @@ def moments(dr: Any, p: tuple[Any, Any, Any]) -> Moments:
         im = dr.select(is_low, values[0].im, dr.select(is_high, values[2].im, values[1].im))
         return Complex(re, im)
 
-    return Moments(
-        mean,
-        (unsorted(corner, 0), unsorted(corner, 1), unsorted(corner, 2)),
-        (unsorted(edge, 0), unsorted(edge, 1), unsorted(edge, 2)),
+    corner, edge, *more = (
+        (unsorted(each, 0), unsorted(each, 1), unsorted(each, 2))
+        for each in (rest[k : k + 3] for k in range(0, len(rest), 3))
     )
+    return Moments(mean, corner, edge, *more)
 
 
 class _Edge(NamedTuple):
@@ -110,7 +125,7 @@ def _edge(dr: Any, h: Any, turn: Complex, middle: Complex) -> _Edge:
     return _Edge(even + even, even - odd, even + odd, last)
 
 
-def _by_differences(dr: Any, a: Any, b: Any, c: Any) -> Moments:
+def _by_differences(dr: Any, a: Any, b: Any, c: Any, growth: bool) -> Moments:
     inverse = 1.0 / dr.maximum(c - a, SERIES_SPREAD)
 
     def turn(angle: Any) -> Complex:
@@ -126,7 +141,7 @@ def _by_differences(dr: Any, a: Any, b: Any, c: Any) -> Moments:
     ab, bc = _edge(dr, first, along, middle), _edge(dr, second, on, middle.times(along).times(on))
     abc = divided(bc.xy, ab.xy)
     aabc, abbc, abcc = divided(abc, ab.xxy), divided(bc.xxy, ab.xyy), divided(bc.xyy, abc)
-    return Moments(
+    found = Moments(
         abc.scaled(2.0),
         (aabc.scaled(2.0), abbc.scaled(2.0), abcc.scaled(2.0)),
         (
@@ -135,9 +150,23 @@ def _by_differences(dr: Any, a: Any, b: Any, c: Any) -> Moments:
             divided(abbc, ab.xxyy).scaled(2.0),
         ),
     )
+    if not growth:
+        return found
+    of_a, of_b, of_c = (each.turned().scaled(-1.0) for each in found.along((a, b, c)))
+
+    def of_edge(edge: _Edge, mean_phase: Any) -> Complex:
+        """Of twice G over both of its corners, twice each."""
+        return edge.xy - edge.xxyy.scaled(6.0) - edge.xxyy.turned().scaled(2.0 * mean_phase)
+
+    grown = (
+        divided(of_edge(bc, 0.5 * (b + c)), of_b) - found.edge[0],
+        divided(of_c, of_a) - found.edge[1],
+        divided(of_b, of_edge(ab, 0.5 * (a + b))) - found.edge[2],
+    )
+    return found._replace(growth=grown)
 
 
-def _by_series(dr: Any, a: Any, b: Any, c: Any) -> Moments:
+def _by_series(dr: Any, a: Any, b: Any, c: Any, growth: bool) -> Moments:
     """G[x_0 ... x_n] = exp(-j m) sum_k (-j)^k h_k / (k+n)! with h_k the complete homogeneous symmetric polynomials."""
     mean = (a + b + c) / 3.0
     x = (a - mean, b - mean, c - mean)
@@ -155,24 +184,25 @@ def _by_series(dr: Any, a: Any, b: Any, c: Any) -> Moments:
     sin, cos = dr.sincos(mean)
     carrier = Complex(cos, -sin)
 
-    def total(polynomials: list[Any], order: int) -> Complex:
+    def total(polynomials: list[Any], order: int, grown: bool = False) -> Complex:
         factor = 2.0
         for n in range(2, order + 1):
             factor /= n
         sums = [0.0 * mean, 0.0 * mean]
         for k, term in enumerate(polynomials):
-            sign = (1.0, -1.0, -1.0, 1.0)[k % 4]
+            sign = (1.0, -1.0, -1.0, 1.0)[k % 4] * (k if grown else 1)
             sums[k % 2] = sums[k % 2] + sign * factor * term
             factor /= order + k + 1
         return carrier.times(Complex(sums[0], sums[1]))
 
     four = [with_another(h, value) for value in x]
-    return Moments(
+    of_edges = with_another(four[1], x[2]), with_another(four[0], x[2]), with_another(four[0], x[1])
+    found = Moments(
         total(h, 2),
         (total(four[0], 3), total(four[1], 3), total(four[2], 3)),
-        (
-            total(with_another(four[1], x[2]), 4),
-            total(with_another(four[0], x[2]), 4),
-            total(with_another(four[0], x[1]), 4),
-        ),
+        (total(of_edges[0], 4), total(of_edges[1], 4), total(of_edges[2], 4)),
     )
+    if not growth:
+        return found
+    grown = [total(each, 4, True) - edge.turned().scaled(mean) for each, edge in zip(of_edges, found.edge, strict=True)]
+    return found._replace(growth=tuple(grown))

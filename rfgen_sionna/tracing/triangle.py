@@ -45,14 +45,14 @@ def triangle(
     surface: Lanes,
     p: list[Any],
     rises: list[Any] | None,
-    wavenumber: Any,
+    wavenumbers: list[Any],
     reference: Any,
     axes: list[Any] | None,
     parts: Any = None,
-) -> tuple[list[ComplexPair], Any]:
-    """Gain of a triangle `p` as if it were the whole facet, with its slopes if there are `axes`, and by how much its
-    centroid's path exceeds that by way of the `reference` point [m]. `rises` are those of its edges, if it is bent; it
-    may be integrated in `parts` to an edge then."""
+) -> tuple[list[list[ComplexPair]], Any]:
+    """At each of the `wavenumbers` the gain of a triangle `p` as if it were the whole facet, with its slopes if there
+    are `axes`, and by how much its centroid's path exceeds that by way of the `reference` point [m]. `rises` are those
+    of its edges, if it is bent; it may be integrated in `parts` to an edge then."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
     twice_area = dr.norm(surface.cross)
@@ -141,23 +141,27 @@ def triangle(
         # Path lengths at the corners, beyond that by way of the point of reference, per unit of each displacement.
         looks = [dr.normalize(point - element) for point in (reference, *p)]
         ways = [[dr.dot(axis, looks[0] - look) for look in looks[1:]] for axis in axes]
-    if parts is None:
-        terms = quadratic.mean(dr, wavenumber, ways)
-    else:
-        terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways)
-    if axes is not None:  # nearer is stronger
-        nearer, count = [dr.dot(middle - element, axis) / spread for axis in axes], len(axes)
-        first = terms[2 : 2 + count]
-        terms[2 : 2 + count] = [each + terms[0].scaled(more) for each, more in zip(first, nearer, strict=True)]
-        for k, (one, other) in enumerate(pairs(count), 2 + count):
-            terms[k] = terms[k] + first[one].scaled(nearer[other]) + first[other].scaled(nearer[one])
     factor = dr.select(usable, twice_area / (8.0 * dr.pi), 0.0)
-    terms = [each.turned() for each in terms]
-    terms = [
-        ComplexPair(dr.select(usable, each.re * factor, 0.0), dr.select(usable, each.im * factor, 0.0))
-        for each in terms
-    ]
-    return terms, excess(centre, reference)
+    nearer = None if axes is None else [dr.dot(middle - element, axis) / spread for axis in axes]
+
+    def at_wavenumber(wavenumber: Any) -> list[ComplexPair]:
+        if parts is None:
+            terms = quadratic.mean(dr, wavenumber, ways)
+        else:
+            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways)
+        if nearer is not None:  # nearer is stronger
+            count = len(nearer)
+            first = terms[2 : 2 + count]
+            terms[2 : 2 + count] = [each + terms[0].scaled(more) for each, more in zip(first, nearer, strict=True)]
+            for k, (one, other) in enumerate(pairs(count), 2 + count):
+                terms[k] = terms[k] + first[one].scaled(nearer[other]) + first[other].scaled(nearer[one])
+        turned = [each.turned() for each in terms]
+        return [
+            ComplexPair(dr.select(usable, each.re * factor, 0.0), dr.select(usable, each.im * factor, 0.0))
+            for each in turned
+        ]
+
+    return [at_wavenumber(each) for each in wavenumbers], excess(centre, reference)
 
 
 def _swells(strengths: list[ComplexPair], middle: ComplexPair | None) -> list[ComplexPair]:

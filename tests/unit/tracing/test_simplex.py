@@ -8,7 +8,8 @@ from rfgen_sionna.tracing.simplex import moments
 
 
 def quadrature(p, n=160):
-    """(10,) mean, three corner and three edge moments; Duffy's map makes the triangle a square."""
+    """(10,) mean, three corner and three edge moments, and what the latter grow by with all phases; Duffy's map makes
+    the triangle a square."""
     node, weight = np.polynomial.legendre.leggauss(n)
     s, t = np.meshgrid((node + 1) / 2, (node + 1) / 2, indexing="ij")
     w = np.outer(weight, weight) / 4 * 2 * s  # Jacobian s, mean over an area of 1/2
@@ -16,7 +17,9 @@ def quadrature(p, n=160):
     phasor = w * np.exp(-1j * np.tensordot(p, corner, axes=1))
     pairs = ((1, 2), (0, 2), (0, 1))
     corners = [(corner[i] * phasor).sum() for i in range(3)]
-    return np.array([phasor.sum(), *corners, *((corner[i] * corner[k] * phasor).sum() for i, k in pairs)])
+    edges = [(corner[i] * corner[k] * phasor).sum() for i, k in pairs]
+    turning = -1j * np.tensordot(p, corner, axes=1) * phasor
+    return np.array([phasor.sum(), *corners, *edges, *((corner[i] * corner[k] * turning).sum() for i, k in pairs)])
 
 
 PHASES = [
@@ -41,16 +44,17 @@ PHASES = [
 
 
 def test_moments_agree_with_quadrature():
-    """All orders of the corners, in and between both branches, to 1e-11."""
+    """All orders of the corners, in and between both branches, to 1e-11, and growth over the largest phase as well."""
     dr, types = drjit_types()
     orders = [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
     phases = np.array([[phase[i] for i in order] for phase in PHASES for order in orders])
-    found = moments(dr, tuple(types.Float64(np.ascontiguousarray(column)) for column in phases.T))
-    got = np.stack(
-        [each.re.numpy() + 1j * each.im.numpy() for each in (found.mean, *found.corner, *found.edge)], axis=1
-    )
+    found = moments(dr, tuple(types.Float64(np.ascontiguousarray(column)) for column in phases.T), growth=True)
+    every = found.mean, *found.corner, *found.edge, *found.growth
+    got = np.stack([each.re.numpy() + 1j * each.im.numpy() for each in every], axis=1)
     truth = np.array([quadrature(phase) for phase in phases])
-    np.testing.assert_allclose(got, truth, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(got[:, :7], truth[:, :7], rtol=0, atol=1e-11)
+    of_one = np.maximum(np.abs(phases).max(axis=1), 1.0)[:, None]
+    np.testing.assert_allclose(got[:, 7:] / of_one, truth[:, 7:] / of_one, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e4])
