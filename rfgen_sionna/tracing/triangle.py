@@ -64,16 +64,19 @@ def triangle(
         offset = point - origin
         from_t, from_r = point - t, point - r
         base_t, base_r = origin - t, origin - r
-        return dr.dot(offset, from_t + base_t) / dr.maximum(dr.norm(from_t) + dr.norm(base_t), 1e-30) + dr.dot(
-            offset, from_r + base_r
-        ) / dr.maximum(dr.norm(from_r) + dr.norm(base_r), 1e-30)
+        there = dr.maximum(dr.norm(from_t) + dr.norm(base_t), 1e-30)
+        back = dr.maximum(dr.norm(from_r) + dr.norm(base_r), 1e-30)
+        product = dr.dot(offset, from_t + base_t) * back + dr.dot(offset, from_r + base_r) * there
+        return product / (there * back)
 
     middle = centre if rises is None else centre + (4 / 9) * (rises[0] + rises[1] + rises[2])
     from_tx, to_rx = middle - t, r - middle
     distance_tx, distance_rx = dr.norm(from_tx), dr.norm(to_rx)
     usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
     spread = dr.select(usable, distance_tx * distance_rx, 1.0)
-    k_in, k_out = from_tx / dr.maximum(distance_tx, 1e-30), to_rx / dr.maximum(distance_rx, 1e-30)
+    k_in, k_out = (
+        way * (1.0 / dr.maximum(size, 1e-30)) for way, size in ((from_tx, distance_tx), (to_rx, distance_rx))
+    )
     if rises is None or surface.walls is not None:  # an element in the facet's plane, the other behind it
         usable &= (dr.dot(normal, r - centre) > 0) & (dr.dot(normal, centre - t) < 0)
 
@@ -89,17 +92,17 @@ def triangle(
         sign = dr.select(surface.turned, -inverse, inverse)
         elements = [sign * _element(dr, p, rises, weight) for weight in _NODES]
         sizes = [dr.norm(element) for element in elements]
-        facing, *tips = [element / dr.maximum(size, 1e-9) for element, size in zip(elements, sizes, strict=True)]
+        facing, *tips = [each * (1.0 / dr.maximum(size, 1e-9)) for each, size in zip(elements, sizes, strict=True)]
         places = list(zip([*p, *edges], tips, sizes[1:], strict=True))
 
     # How spreading, Fresnel coefficients and polarisation change over the facet is taken for an element half way
     # between Tx and Rx: the difference to the pair itself is of second order.
     element = 0.5 * (t + r)
-    floor = 0.5 * dr.sqrt(spread)
+    nearest = 2.0 / dr.sqrt(spread)
 
     def at(point: Any, normal: Any) -> ComplexPair:
         fields = surface.tx_field, surface.rx_field
-        return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, floor)
+        return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, nearest)
 
     def everywhere(strength: Callable[[Any, Any], ComplexPair]) -> list[ComplexPair]:
         found = [(strength(point, normal), stretch) for point, normal, stretch in places]
