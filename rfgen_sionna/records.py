@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -108,19 +109,44 @@ class PathKind(IntEnum):
     """Path made from an image of the surroundings, random phase."""
 
 
+_DIGITS, _KEPT = 13, 10_000
+"""To how many decimals of the stretch times count, and how many weights are worth to be kept in mind."""
+
+
 def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> FloatArray:
     """(len(t), len(knots)) weights of the C² not-a-knot cubic spline through values at `knots` [s].
 
     Fewer than four knots give the polynomial through them. `derivative` is in units of 1/s^derivative.
     """
-    from scipy.interpolate import make_interp_spline
-
     t = np.atleast_1d(np.asarray(t, dtype=np.float64))
     if len(knots) == 1:
         return np.full((len(t), 1), 1.0 if derivative == 0 else 0.0)
-    # Times count from the first knot: far from t = 0 the spline's polynomials would lose digits.
-    spline = make_interp_spline(knots - knots[0], np.eye(len(knots)), k=min(3, len(knots) - 1))
-    return np.asarray(spline(t - knots[0], nu=derivative), dtype=np.float64)
+    # Times count from the first knot: far from t = 0 the spline's polynomials would lose digits. Over the stretch that
+    # the knots span they are the same from frame to frame.
+    span = float(knots[-1] - knots[0])
+    places, at = (np.round((np.asarray(each) - knots[0]) / span, _DIGITS) for each in (knots, t))
+    weigh = _known_weights if len(places) * len(at) <= _KEPT else _weights
+    return np.asarray(weigh(places.tobytes(), at.tobytes(), derivative) / span**derivative)
+
+
+def _weights(knots: bytes, t: bytes, derivative: int) -> FloatArray:
+    """:func:`knot_weights` of float64 numbers."""
+    from scipy.interpolate import make_interp_spline
+
+    places = np.frombuffer(knots)
+    spline = make_interp_spline(places, np.eye(len(places)), k=min(3, len(places) - 1))
+    return np.asarray(spline(np.frombuffer(t), nu=derivative), dtype=np.float64)
+
+
+_known_weights = lru_cache(maxsize=256)(_weights)
+
+
+def through_knots(weights: FloatArray, values: ComplexArray) -> ComplexArray:
+    """(..., new) complex numbers at other times from `values` (..., old), by `weights` (new, old)."""
+    # Real and imaginary parts side by side and one product of real matrices: several times quicker than a complex one.
+    real = np.ascontiguousarray(values, np.complex128).view(np.float64).reshape(-1, 2 * values.shape[-1])
+    found = real @ np.kron(weights, np.eye(2)).T
+    return found.view(np.complex128).reshape(*values.shape[:-1], len(weights))
 
 
 @dataclass(frozen=True)

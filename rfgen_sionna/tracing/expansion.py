@@ -6,7 +6,7 @@ Either from gains at pairs and frequencies of the radar (nodes), by the polynomi
 
 in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight; or from gains in
 the middle of the array and their slopes, which the same integral gives for little more, by Hermite's polynomial in u
-and Taylor's of second order in v. The latter takes a fraction of the integrals wherever the array is small.
+and Taylor's of first or second order in v. The latter takes a fraction of the integrals wherever the array is small.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ class Expansion:
     """Exponents (u, v_y, v_z, w_y, w_z) that it was to have, through nodes."""
     axes: FloatArray | None = None
     """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
+    second: bool = True
+    """Whether second ones over each two of the axes are among them."""
 
 
 def band_nodes(count: int) -> FloatArray:
@@ -41,9 +43,11 @@ def band_nodes(count: int) -> FloatArray:
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
-def tangent_weights(order: int, count: int, displaced: FloatArray, wavenumbers: float) -> FloatArray:
+def tangent_weights(
+    order: int, count: int, displaced: FloatArray, wavenumbers: float, second: bool = True
+) -> FloatArray:
     """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes over the wavenumber,
-    over each axis and over each two of them.
+    over each axis and, `second` ones, over each two of them.
 
     Parameters
     ----------
@@ -72,7 +76,7 @@ def tangent_weights(order: int, count: int, displaced: FloatArray, wavenumbers: 
     across = np.zeros((order, count))
     across[:count] = np.linalg.inv(values[:, :count])
     moved = [displaced[:, axis] for axis in range(displaced.shape[1])]
-    for one, other in pairs(len(moved)):
+    for one, other in pairs(len(moved)) if second else ():
         moved.append(moved[one] * moved[other] * (0.5 if one == other else 1.0))
     weights = np.empty((order, len(displaced), count * (2 + len(moved))))
     weights[..., : 2 * count] = through[:, None]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights, through_knots
 from rfgen_sionna.scene.mesh import lengths, middles
 from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.placing import Placed, place_facets
@@ -252,7 +252,7 @@ def over_time(
     """
     coefficients = gains
     if len(knots) > len(instants):
-        coefficients = coefficients @ knot_weights(instants, knots).T
+        coefficients = through_knots(knot_weights(instants, knots), coefficients)
     tau = np.stack([delays(float(t)) for t in knots], axis=-1)
     if len(knots) > 1:
         return coefficients, tau, tau @ knot_weights(knots, knots, 1).T

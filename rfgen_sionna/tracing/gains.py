@@ -29,9 +29,12 @@ from rfgen_sionna.tracing.obliquity import Media
 MAX_ORDER = 8
 SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
-TANGENTS = ((1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (6, 3))
-"""Expansions by slopes, the cheapest first: coefficients over the band and nodes."""
-USUAL = 2
+TANGENTS = (
+    (1, 1, False), (2, 1, False), (2, 1, True), (3, 2, False), (4, 2, False), (3, 2, True), (4, 2, True), (5, 3, True),
+    (6, 3, True),
+)  # fmt: skip
+"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and whether second slopes count."""
+USUAL = 3
 """Which of them is tried first."""
 MAX_DEGREE = 6
 INNER = 12
@@ -201,7 +204,7 @@ class BandTracer:
                 )
 
             # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
-            some = [self.tangent(*order_and_nodes) for order_and_nodes in TANGENTS]
+            some = [self.tangent(*each) for each in TANGENTS]
             cheapest = next((k for k in range(USUAL, len(some)) if follows(some[k])), None)
             while cheapest is not None and 0 < cheapest <= USUAL and follows(some[cheapest - 1]):
                 cheapest -= 1
@@ -253,7 +256,8 @@ class BandTracer:
         instead of the centroids."""
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
-        found = self._integrated(facets, materials, expansion.nodes, facets.parts, expansion.axes, reference)
+        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.second
+        found = self._integrated(facets, materials, *given)
         return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
 
     def _probes(
@@ -310,6 +314,7 @@ class BandTracer:
         parts: IntArray,
         axes: FloatArray | None = None,
         reference: FloatArray | None = None,
+        second: bool = True,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
@@ -333,6 +338,7 @@ class BandTracer:
                 into=into,
                 origin=self._origin,
                 steady=steady,
+                second=second,
             )
 
         return by_curvature(facets.curved, of)
@@ -361,15 +367,16 @@ class BandTracer:
                 found.append((k, m, n, p, q))
         return found
 
-    def tangent(self, order: int, count: int) -> Expansion:
-        """From gains in the middle of the array and their slopes at `count` places of the band, `order` coefficients
-        over it."""
+    def tangent(self, order: int, count: int, second: bool = True) -> Expansion:
+        """From gains in the middle of the array and their slopes, `second` ones over it too or not, at `count` places
+        of the band, `order` coefficients over it."""
         u = band_nodes(count)
         tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
         nodes = Nodes(tx, rx, self.frequency(u))
         wavenumbers = 2 * np.pi * self.half_band / SPEED_OF_LIGHT
-        weights = tangent_weights(order, count, self._sum[:, self._spanned], wavenumbers)
-        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), -1), axes=self._axes)
+        weights = tangent_weights(order, count, self._sum[:, self._spanned], wavenumbers, second)
+        shape = order, len(self._tx), len(self._rx), -1
+        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, second=second)
 
     def expansion(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.

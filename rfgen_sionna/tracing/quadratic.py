@@ -38,12 +38,14 @@ class Quadratic(NamedTuple):
             strength = strength + self.strengths[i].scaled(weight[i]) + self.swells[i].scaled(product)
         return length, strength
 
-    def mean(self, dr: Any, wavenumber: Any, ways: Sequence[list[Any]] | None = None) -> list[ComplexPair]:
+    def mean(
+        self, dr: Any, wavenumber: Any, ways: Sequence[list[Any]] | None = None, second: bool = True
+    ) -> list[ComplexPair]:
         """Mean of w exp(-j k s), to first order in the sags and with their variance; with `ways` its slopes as well.
 
         These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
-        something, that are added to s; then the second ones over each two ways (:func:`pairs`). Of the sags' share in
-        those over ways the mean over the triangle is kept.
+        something, that are added to s; then, if `second`, the second ones over each two ways (:func:`pairs`). Of the
+        sags' share in those over ways the mean over the triangle is kept.
         """
         total, found, bent, damped, over_wavenumber = self._mean(dr, wavenumber, ways is not None)
         if ways is None:
@@ -57,11 +59,11 @@ class Quadratic(NamedTuple):
             slope = bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)
             firsts.append(slope.turned().scaled(-wavenumber * damped))
         seconds = []
-        for one, other in pairs(len(ways)):
+        for one, other in pairs(len(ways)) if second else ():
             a, b, c = (each.scaled(at) for each, at in zip(moved[other], ways[one], strict=True))
-            second = (a + b + c).times(middle + swell).scaled(wavenumber)
-            second = second + bent.scaled(means[one] * means[other])
-            seconds.append(second.scaled(-wavenumber * damped))
+            both = (a + b + c).times(middle + swell).scaled(wavenumber)
+            both = both + bent.scaled(means[one] * means[other])
+            seconds.append(both.scaled(-wavenumber * damped))
         return [total, over_wavenumber, *firsts, *seconds]
 
     def _means(self) -> tuple[ComplexPair, ComplexPair]:
@@ -106,7 +108,7 @@ class Quadratic(NamedTuple):
         return total.scaled(damped), found, bent, damped, over_wavenumber
 
     def mean_in_parts(
-        self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None
+        self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None, second: bool = True
     ) -> list[ComplexPair]:
         """The same, each edge divided into so many `parts`."""
         Float = type(wavenumber)
@@ -135,10 +137,10 @@ class Quadratic(NamedTuple):
             there = None
             if ways is not None:
                 there = [[sum(w * at for w, at in zip(place, way, strict=True)) for place in places] for way in ways]
-            found = [part.scaled(scale * scale) for part in piece.mean(dr, wavenumber, there)]
+            found = [part.scaled(scale * scale) for part in piece.mean(dr, wavenumber, there, second)]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
-        return summed(dr, Float, parts * parts, step, number_of_terms(ways), dr.width(wavenumber))
+        return summed(dr, Float, parts * parts, step, number_of_terms(ways, second), dr.width(wavenumber))
 
 
 def pairs(count: int) -> list[tuple[int, int]]:
@@ -146,9 +148,9 @@ def pairs(count: int) -> list[tuple[int, int]]:
     return [(one, other) for one in range(count) for other in range(one, count)]
 
 
-def number_of_terms(ways: Sized | None) -> int:
+def number_of_terms(ways: Sized | None, second: bool = True) -> int:
     """Length of what :meth:`Quadratic.mean` returns."""
-    return 1 if ways is None else 2 + len(ways) + len(pairs(len(ways)))
+    return 1 if ways is None else 2 + len(ways) + (len(pairs(len(ways))) if second else 0)
 
 
 def flattened(numbers: Sequence[ComplexPair]) -> list[Any]:

@@ -15,7 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights
+from rfgen_sionna.records import (
+    SPEED_OF_LIGHT,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    PathKind,
+    RadarPaths,
+    knot_weights,
+    through_knots,
+)
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import RATE_STEP
@@ -284,8 +293,8 @@ class RoundBounces:
             beside[..., off, k] = beside[..., off, near[off]]
         way, first, last = self._at_knots(knots, instants, found, tracks, positions)
         if not np.array_equal(knots, instants):
-            weights = knot_weights(instants, knots).T
-            gains, beside = gains @ weights, beside @ weights
+            weights = knot_weights(instants, knots)
+            gains, beside = through_knots(weights, gains), beside @ weights.T
         tau = (np.tile(way, (2, 1)) + beside) / SPEED_OF_LIGHT
         if len(knots) > 1:
             rate = tau @ knot_weights(knots, knots, 1).T

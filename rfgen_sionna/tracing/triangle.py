@@ -48,11 +48,12 @@ def triangle(
     wavenumbers: list[Any],
     reference: Any,
     axes: list[Any] | None,
+    second: bool,
     parts: Any = None,
 ) -> tuple[list[list[ComplexPair]], Any]:
     """At each of the `wavenumbers` the gain of a triangle `p` as if it were the whole facet, with its slopes if there
-    are `axes`, and by how much its centroid's path exceeds that by way of the `reference` point [m]. `rises` are those
-    of its edges, if it is bent; it may be integrated in `parts` to an edge then."""
+    are `axes`, `second` ones too or not, and by how much its centroid's path exceeds that by way of the `reference`
+    point [m]. `rises` are those of its edges, if it is bent; it may be integrated in `parts` to an edge then."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
     twice_area = dr.norm(surface.cross)
@@ -149,14 +150,14 @@ def triangle(
 
     def at_wavenumber(wavenumber: Any) -> list[ComplexPair]:
         if parts is None:
-            terms = quadratic.mean(dr, wavenumber, ways)
+            terms = quadratic.mean(dr, wavenumber, ways, second)
         else:
-            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways)
+            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways, second)
         if nearer is not None:  # nearer is stronger
             count = len(nearer)
             first = terms[2 : 2 + count]
             terms[2 : 2 + count] = [each + terms[0].scaled(more) for each, more in zip(first, nearer, strict=True)]
-            for k, (one, other) in enumerate(pairs(count), 2 + count):
+            for k, (one, other) in enumerate(pairs(count) if second else (), 2 + count):
                 terms[k] = terms[k] + first[one].scaled(nearer[other]) + first[other].scaled(nearer[one])
         turned = [each.turned() for each in terms]
         return [
