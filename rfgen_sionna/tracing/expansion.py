@@ -17,7 +17,7 @@ import numpy as np
 
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.tracing.facet import Nodes
-from rfgen_sionna.tracing.quadratic import pairs
+from rfgen_sionna.tracing.quadratic import Slopes, pairs
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Expansion:
     """Exponents (u, v_y, v_z, w_y, w_z) that it was to have, through nodes."""
     axes: FloatArray | None = None
     """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
-    second: bool = True
-    """Whether second ones over each two of the axes are among them."""
+    slopes: Slopes = Slopes.SECOND
+    """Which of them."""
 
 
 def band_nodes(count: int) -> FloatArray:
@@ -44,10 +44,16 @@ def band_nodes(count: int) -> FloatArray:
 
 
 def tangent_weights(
-    order: int, count: int, displaced: FloatArray, wavenumbers: float, second: bool = True
+    order: int,
+    count: int,
+    displaced: FloatArray,
+    wavenumbers: float,
+    slopes: Slopes,
+    apart: FloatArray,
+    middle: FloatArray,
 ) -> FloatArray:
-    """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes over the wavenumber,
-    over each axis and, `second` ones, over each two of them.
+    """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes: those of
+    :attr:`~rfgen_sionna.tracing.facet.FacetGains.slopes`.
 
     Parameters
     ----------
@@ -61,6 +67,10 @@ def tangent_weights(
         (pair, axis) how far along each axis each pair lies.
     wavenumbers
         Change of the wavenumber per unit of u [rad/m].
+    slopes
+        Which slopes there are.
+    apart, middle
+        (pair, axis) how far along each axis Tx is from Rx, in the unit of `displaced`, and (axis,) in the middle.
     """
     u = band_nodes(count)
     known = count if order == count else 2 * count
@@ -76,8 +86,13 @@ def tangent_weights(
     across = np.zeros((order, count))
     across[:count] = np.linalg.inv(values[:, :count])
     moved = [displaced[:, axis] for axis in range(displaced.shape[1])]
-    for one, other in pairs(len(moved)) if second else ():
-        moved.append(moved[one] * moved[other] * (0.5 if one == other else 1.0))
+    each_two = [(one, other, 0.5 if one == other else 1.0) for one, other in pairs(len(moved))]
+    squares = [by * moved[one] * moved[other] for one, other, by in each_two]
+    if slopes >= Slopes.SECOND:
+        moved += squares
+    if slopes == Slopes.BOWED:
+        more = [by * (apart[:, one] * apart[:, other] - middle[one] * middle[other]) for one, other, by in each_two]
+        moved += [square + beside for square, beside in zip(squares, more, strict=True)]
     weights = np.empty((order, len(displaced), count * (2 + len(moved))))
     weights[..., : 2 * count] = through[:, None]
     for number, by in enumerate(moved, 2):

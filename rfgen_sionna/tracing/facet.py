@@ -34,7 +34,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.obliquity import Media, drift, media_of_lanes, media_tables
-from rfgen_sionna.tracing.quadratic import flattened, lattice_triangle, number_of_terms, summed
+from rfgen_sionna.tracing.quadratic import Slopes, flattened, lattice_triangle, number_of_terms, summed
 from rfgen_sionna.tracing.reflected import Via, Wall, wall_tables, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed, Screens, bulk_length, screen_tables, screens_of_lanes
@@ -78,8 +78,8 @@ class FacetGains:
 
     @property
     def slopes(self) -> ComplexArray:
-        """(slope, node, facet) of the gains over the wavenumber [m], over the `axes` and, second ones, over each two of
-        them."""
+        """(slope, node, facet) of the gains over the wavenumber [m], over the `axes` and, if asked for, over each two
+        of them and over what path lengths have of second order in each two."""
         return self.terms[1:]
 
 
@@ -130,7 +130,7 @@ def facet_gains(
     into: Into | None = None,
     origin: FloatArray | None = None,
     steady: bool = False,
-    second: bool = True,
+    kinds: Slopes = Slopes.SECOND,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -180,8 +180,9 @@ def facet_gains(
         Whether what the materials reflect may be taken to change in proportion to the frequency from node to node.
         Where these are of one pair, with neither mirrors nor slabs, all but the integral over the phase is reckoned
         once for all of them then. It errs by about a tenth of the square of the band, over the frequency.
-    second
-        Whether second slopes over each two of the axes are asked for as well.
+    kinds
+        Which slopes are asked for. Those over path lengths of second order stand apart, as displacements of Tx from Rx
+        have the same as those of both together.
 
     Notes
     -----
@@ -192,9 +193,9 @@ def facet_gains(
     Float, UInt32 = types.Float64, types.UInt32
     shape = (len(nodes), len(corners))
     if 0 in shape:
-        return FacetGains(np.zeros((number_of_terms(axes, second), *shape), np.complex128), np.zeros(shape))
+        return FacetGains(np.zeros((number_of_terms(axes, kinds), *shape), np.complex128), np.zeros(shape))
     into = into or Into(shape[1])
-    sizes = number_of_terms(axes, second), shape[0], into.count
+    sizes = number_of_terms(axes, kinds), shape[0], into.count
     if into.found is None:
         into.found, into.tau = dr.empty(Float, 2 * prod(sizes)), dr.empty(Float, shape[0] * into.count)
     elements = [nodes.tx, nodes.rx, 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)[:, None]]
@@ -240,12 +241,12 @@ def facet_gains(
         ]
     if into.index is not None:
         given["place"] = upload(UInt32, np.asarray(into.index, np.uint32))
-    _INTEGRATED(given, monostatic, None if axes is None else len(axes), second, len(nodes) if together else 1)
+    _INTEGRATED(given, monostatic, None if axes is None else len(axes), kinds, len(nodes) if together else 1)
     found, tau = into.found.numpy(), into.tau.numpy()
     return FacetGains(found.view(np.complex128).reshape(sizes), tau.reshape(sizes[1:]))
 
 
-def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, second: bool, together: int) -> None:
+def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds: Slopes, together: int) -> None:
     """The kernel of :func:`facet_gains`, of nothing but what is `given` on the device; so many nodes `together`, which
     are frequencies of one pair, make a lane."""
     dr, types = drjit_types()
@@ -319,7 +320,7 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, second
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
     if parts is None or rises is not None:
-        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumbers, through, moved, second, parts)
+        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumbers, through, moved, kinds, parts)
         if "reference" in given or "lifts" in given:
             terms = [_carried(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
     else:
@@ -335,12 +336,12 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, second
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            terms, excess = triangle(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved, second)
+            terms, excess = triangle(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved, kinds)
             carried = [_carried(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
             found = [each.scaled(1.0 / (count * count)) for each in chain(*carried)]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
-        several = number_of_terms(moved, second)
+        several = number_of_terms(moved, kinds)
         found = summed(dr, Float, parts * parts, step, several * together, dr.width(given["lanes"]))
         terms = [found[first : first + several] for first in range(0, len(found), several)]
     if "drifted" in given:  # integrals are those for media that stay as they are at the mean wavenumber

@@ -25,15 +25,17 @@ from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weight
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.quadratic import Slopes
 
 MAX_ORDER = 8
 SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
 TANGENTS = (
-    (1, 1, False), (2, 1, False), (2, 1, True), (3, 2, False), (4, 2, False), (3, 2, True), (4, 2, True), (5, 3, True),
-    (6, 3, True),
+    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (4, 2, Slopes.FIRST),
+    (3, 2, Slopes.SECOND), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
+    (6, 3, Slopes.BOWED),
 )  # fmt: skip
-"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and whether second slopes count."""
+"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
 USUAL = 3
 """Which of them is tried first."""
 MAX_DEGREE = 6
@@ -100,6 +102,9 @@ class BandTracer:
         self._middle = self._tx.mean(axis=0), radar.rotation @ [along, *middle] - self._tx.mean(axis=0)
         self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
         self._axes = size * radar.rotation.T[1:][self._spanned]
+        # How far Tx and Rx are from each other along these, and in the middle, in the same unit.
+        between = 2.0 * radar.tx_positions[:, 1:].mean(axis=0) - middle
+        self._apart, self._between = (each[..., self._spanned] / max(size, 1e-9) for each in (apart, between))
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         self._powers = 2 if np.allclose(*self._fields) else 1
 
@@ -256,7 +261,7 @@ class BandTracer:
         instead of the centroids."""
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
-        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.second
+        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes
         found = self._integrated(facets, materials, *given)
         return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
 
@@ -314,7 +319,7 @@ class BandTracer:
         parts: IntArray,
         axes: FloatArray | None = None,
         reference: FloatArray | None = None,
-        second: bool = True,
+        slopes: Slopes = Slopes.SECOND,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
@@ -338,7 +343,7 @@ class BandTracer:
                 into=into,
                 origin=self._origin,
                 steady=steady,
-                second=second,
+                kinds=slopes,
             )
 
         return by_curvature(facets.curved, of)
@@ -367,16 +372,17 @@ class BandTracer:
                 found.append((k, m, n, p, q))
         return found
 
-    def tangent(self, order: int, count: int, second: bool = True) -> Expansion:
-        """From gains in the middle of the array and their slopes, `second` ones over it too or not, at `count` places
-        of the band, `order` coefficients over it."""
+    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND) -> Expansion:
+        """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
+        over it."""
         u = band_nodes(count)
         tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
         nodes = Nodes(tx, rx, self.frequency(u))
         wavenumbers = 2 * np.pi * self.half_band / SPEED_OF_LIGHT
-        weights = tangent_weights(order, count, self._sum[:, self._spanned], wavenumbers, second)
+        across = self._sum[:, self._spanned], wavenumbers, slopes, self._apart, self._between
+        weights = tangent_weights(order, count, *across)
         shape = order, len(self._tx), len(self._rx), -1
-        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, second=second)
+        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes)
 
     def expansion(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.

@@ -8,6 +8,7 @@ it is large the triangle is integrated in parts, each with its own corners.
 from __future__ import annotations
 
 from collections.abc import Sequence, Sized
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
@@ -15,6 +16,34 @@ from rfgen_sionna.tracing.simplex import Moments, moments
 
 _MOST_DAMPED = 2.0
 """What bulges by several radians is not to fade altogether: finer parts are to tell that it is wrong."""
+
+
+class Slopes(IntEnum):
+    """Which slopes of a mean there are."""
+
+    FIRST = 0
+    """Over the wavenumber and over each of the ways."""
+    SECOND = 1
+    """Over each two ways as well."""
+    BOWED = 2
+    """And over path lengths of second order, one for each two ways."""
+
+
+class Detour(NamedTuple):
+    """A path length [m] that is added to the others, per unit of something."""
+
+    corners: list[Any]
+    """At the corners."""
+    rises: list[Any] | None = None
+    """By how much it lies above the mean of its ends in the middle of the edge opposite each corner; None: nowhere."""
+
+    def at(self, weight: tuple[Any, Any, Any]) -> Any:
+        """At barycentric coordinates."""
+        total = sum(w * each for w, each in zip(weight, self.corners, strict=True))
+        if self.rises is not None:
+            for i, rise in enumerate(self.rises):
+                total = total + 4.0 * weight[(i + 1) % 3] * weight[(i + 2) % 3] * rise
+        return total
 
 
 class Quadratic(NamedTuple):
@@ -39,32 +68,46 @@ class Quadratic(NamedTuple):
         return length, strength
 
     def mean(
-        self, dr: Any, wavenumber: Any, ways: Sequence[list[Any]] | None = None, second: bool = True
+        self,
+        dr: Any,
+        wavenumber: Any,
+        ways: Sequence[Detour] | None = None,
+        slopes: Slopes = Slopes.SECOND,
+        bows: Sequence[Detour] = (),
     ) -> list[ComplexPair]:
         """Mean of w exp(-j k s), to first order in the sags and with their variance; with `ways` its slopes as well.
 
-        These are those over the wavenumber k [m] and over each of the ways: path lengths at the corners [m] per unit of
-        something, that are added to s; then, if `second`, the second ones over each two ways (:func:`pairs`). Of the
-        sags' share in those over ways the mean over the triangle is kept.
+        These are those over the wavenumber k [m] and over each of the ways; then, where `slopes` say so, second ones
+        over each two ways (:func:`pairs`), and first ones over the `bows`, of which there is one for each two. Of the
+        sags' share in those over ways and bows the mean over the triangle is kept.
         """
         total, found, bent, damped, over_wavenumber = self._mean(dr, wavenumber, ways is not None)
         if ways is None:
             return [total]
         swell, middle = self._means()
         strengths = [each + swell for each in self.strengths]
-        means = [wavenumber * (way[0] + way[1] + way[2]) / 3.0 for way in ways]
-        moved = [found.along(way) for way in ways]
-        firsts = []
-        for mean, (a, b, c) in zip(means, moved, strict=True):
-            slope = bent.scaled(mean) + strengths[0].times(a) + strengths[1].times(b) + strengths[2].times(c)
-            firsts.append(slope.turned().scaled(-wavenumber * damped))
+        means = [wavenumber * (way.corners[0] + way.corners[1] + way.corners[2]) / 3.0 for way in ways]
+        moved = [found.along(way.corners) for way in ways]
+
+        def over(way: Detour, mean: Any, moments: list[ComplexPair]) -> ComplexPair:
+            a, b, c = (strength.times(each) for strength, each in zip(strengths, moments, strict=True))
+            total = bent.scaled(mean) + a + b + c
+            if way.rises is not None:
+                a, b, c = (edge.scaled(4.0 * rise) for edge, rise in zip(found.edge, way.rises, strict=True))
+                total = total + (a + b + c).times(middle + swell)
+            return total.turned().scaled(-wavenumber * damped)
+
+        firsts = [over(*each) for each in zip(ways, means, moved, strict=True)]
         seconds = []
-        for one, other in pairs(len(ways)) if second else ():
-            a, b, c = (each.scaled(at) for each, at in zip(moved[other], ways[one], strict=True))
+        for one, other in pairs(len(ways)) if slopes >= Slopes.SECOND else ():
+            a, b, c = (each.scaled(at) for each, at in zip(moved[other], ways[one].corners, strict=True))
             both = (a + b + c).times(middle + swell).scaled(wavenumber)
-            both = both + bent.scaled(means[one] * means[other])
-            seconds.append(both.scaled(-wavenumber * damped))
-        return [total, over_wavenumber, *firsts, *seconds]
+            seconds.append((both + bent.scaled(means[one] * means[other])).scaled(-wavenumber * damped))
+        bowed = []
+        for bow in bows:
+            mean = wavenumber * (bow.corners[0] + bow.corners[1] + bow.corners[2]) / 3.0
+            bowed.append(over(bow, mean, found.along(bow.corners)))
+        return [total, over_wavenumber, *firsts, *seconds, *bowed]
 
     def _means(self) -> tuple[ComplexPair, ComplexPair]:
         """Of swells and of strengths."""
@@ -108,7 +151,13 @@ class Quadratic(NamedTuple):
         return total.scaled(damped), found, bent, damped, over_wavenumber
 
     def mean_in_parts(
-        self, dr: Any, wavenumber: Any, parts: Any, ways: Sequence[list[Any]] | None = None, second: bool = True
+        self,
+        dr: Any,
+        wavenumber: Any,
+        parts: Any,
+        ways: Sequence[Detour] | None = None,
+        slopes: Slopes = Slopes.SECOND,
+        bows: Sequence[Detour] = (),
     ) -> list[ComplexPair]:
         """The same, each edge divided into so many `parts`."""
         Float = type(wavenumber)
@@ -134,13 +183,16 @@ class Quadratic(NamedTuple):
                 [strength for _, strength in ends],
                 [ComplexPair(*each) for each in swells],
             )
-            there = None
-            if ways is not None:
-                there = [[sum(w * at for w, at in zip(place, way, strict=True)) for place in places] for way in ways]
-            found = [part.scaled(scale * scale) for part in piece.mean(dr, wavenumber, there, second)]
+
+            def there(of: Sequence[Detour]) -> list[Detour]:
+                rises = [None if each.rises is None else own(each.rises) for each in of]
+                return [Detour([each.at(at) for at in places], rise) for each, rise in zip(of, rises, strict=True)]
+
+            mean = piece.mean(dr, wavenumber, None if ways is None else there(ways), slopes, there(bows))
+            found = [part.scaled(scale * scale) for part in mean]
             return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
 
-        return summed(dr, Float, parts * parts, step, number_of_terms(ways, second), dr.width(wavenumber))
+        return summed(dr, Float, parts * parts, step, number_of_terms(ways, slopes), dr.width(wavenumber))
 
 
 def pairs(count: int) -> list[tuple[int, int]]:
@@ -148,9 +200,9 @@ def pairs(count: int) -> list[tuple[int, int]]:
     return [(one, other) for one in range(count) for other in range(one, count)]
 
 
-def number_of_terms(ways: Sized | None, second: bool = True) -> int:
+def number_of_terms(ways: Sized | None, slopes: Slopes = Slopes.SECOND) -> int:
     """Length of what :meth:`Quadratic.mean` returns."""
-    return 1 if ways is None else 2 + len(ways) + (len(pairs(len(ways))) if second else 0)
+    return 1 if ways is None else 2 + len(ways) + slopes * len(pairs(len(ways)))
 
 
 def flattened(numbers: Sequence[ComplexPair]) -> list[Any]:

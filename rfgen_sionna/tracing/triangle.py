@@ -6,13 +6,19 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rfgen_sionna.tracing.obliquity import Medium, Way, backscatter, transverse
-from rfgen_sionna.tracing.quadratic import Quadratic, pairs
+from rfgen_sionna.tracing.quadratic import Detour, Quadratic, Slopes, pairs
 from rfgen_sionna.tracing.reflected import Strength, Wall
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed
 
 MOST_PULL = 1.0
 """Logarithm of the ratio by which the antennas' gain may change over a facet: patterns are not as steep for long."""
+
+
+_STEP = 1e-3
+"""Share of a displacement over which the change of a strength is differenced."""
+_TELLING = 0.01
+"""Share of what a strength might be above which its change over itself tells anything."""
 
 
 class Lanes(NamedTuple):
@@ -48,11 +54,11 @@ def triangle(
     wavenumbers: list[Any],
     reference: Any,
     axes: list[Any] | None,
-    second: bool,
+    slopes: Slopes,
     parts: Any = None,
 ) -> tuple[list[list[ComplexPair]], Any]:
     """At each of the `wavenumbers` the gain of a triangle `p` as if it were the whole facet, with its slopes if there
-    are `axes`, `second` ones too or not, and by how much its centroid's path exceeds that by way of the `reference`
+    are `axes`, those that `slopes` say, and by how much its centroid's path exceeds that by way of the `reference`
     point [m]. `rises` are those of its edges, if it is bent; it may be integrated in `parts` to an edge then."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
@@ -140,25 +146,36 @@ def triangle(
             strengths = [each.scaled(rise) for each, rise in zip(strengths, raised[1:], strict=True)]
             swells = _swells(strengths, None if half_way is None or rises is not None else half_way.scaled(raised[0]))
     quadratic = Quadratic(lengths, sags, strengths[:3], swells)
-    ways = None
+    ways, bows = None, list[Detour]()
     if axes is not None:
         # Path lengths at the corners, beyond that by way of the point of reference, per unit of each displacement.
         looks = [dr.normalize(point - element) for point in (reference, *p)]
-        ways = [[dr.dot(axis, looks[0] - look) for look in looks[1:]] for axis in axes]
+        ways = [Detour([dr.dot(axis, looks[0] - look) for look in looks[1:]]) for axis in axes]
+        if rises is not None:
+            beside = [dr.normalize(edge - element) for edge in edges]
+            over = [0.5 * (looks[1 + (i + 1) % 3] + looks[1 + (i + 2) % 3]) - look for i, look in enumerate(beside)]
+            ways = [
+                way._replace(rises=[dr.dot(axis, each) for each in over]) for way, axis in zip(ways, axes, strict=True)
+            ]
+        if slopes == Slopes.BOWED:
+            far = [dr.norm(point - element) for point in (reference, *p)]
+            bows = [_bows(dr, axes[one], axes[other], looks, far) for one, other in pairs(len(axes))]
     factor = dr.select(usable, twice_area / (8.0 * dr.pi), 0.0)
-    nearer = None if axes is None else [dr.dot(middle - element, axis) / spread for axis in axes]
+    rates = None
+    if axes is not None:  # nearer is stronger, and so is what looks at the elements
+        rates = _rates(dr, lambda offset: at(offset + element, facing), middle - element, axes, nearest)
 
     def at_wavenumber(wavenumber: Any) -> list[ComplexPair]:
         if parts is None:
-            terms = quadratic.mean(dr, wavenumber, ways, second)
+            terms = quadratic.mean(dr, wavenumber, ways, slopes, bows)
         else:
-            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways, second)
-        if nearer is not None:  # nearer is stronger
-            count = len(nearer)
+            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways, slopes, bows)
+        if rates is not None:
+            count = len(rates)
             first = terms[2 : 2 + count]
-            terms[2 : 2 + count] = [each + terms[0].scaled(more) for each, more in zip(first, nearer, strict=True)]
-            for k, (one, other) in enumerate(pairs(count) if second else (), 2 + count):
-                terms[k] = terms[k] + first[one].scaled(nearer[other]) + first[other].scaled(nearer[one])
+            terms[2 : 2 + count] = [each + terms[0].times(rate) for each, rate in zip(first, rates, strict=True)]
+            for k, (one, other) in enumerate(pairs(count) if slopes >= Slopes.SECOND else (), 2 + count):
+                terms[k] = terms[k] + first[one].times(rates[other]) + first[other].times(rates[one])
         turned = [each.turned() for each in terms]
         return [
             ComplexPair(dr.select(usable, each.re * factor, 0.0), dr.select(usable, each.im * factor, 0.0))
@@ -166,6 +183,37 @@ def triangle(
         ]
 
     return [at_wavenumber(each) for each in wavenumbers], excess(centre, reference)
+
+
+def _bows(dr: Any, one: Any, other: Any, looks: list[Any], far: list[Any]) -> Detour:
+    """Second slopes of path lengths at the corners over two displacements of Tx and Rx together, or, as they are the
+    same, of Tx from Rx; beyond that by way of the point of reference, which comes first among the `looks`, unit vectors
+    from the elements, and distances `far` [m]."""
+    first, *corners = (
+        (dr.dot(one, other) - dr.dot(one, look) * dr.dot(other, look)) / (2.0 * dr.maximum(size, 1e-30))
+        for look, size in zip(looks, far, strict=True)
+    )
+    return Detour([each - first for each in corners])
+
+
+def _rates(
+    dr: Any, strength: Callable[[Any], ComplexPair], offset: Any, axes: list[Any], nearest: Any
+) -> list[ComplexPair]:
+    """By how much the `strength` of what lies at an `offset` from the elements rises with their displacement along each
+    of the axes, over itself; where there is next to none, as that of what is nearer alone."""
+    here = strength(offset)
+    size = here.re * here.re + here.im * here.im
+    telling = size > dr.square(_TELLING * dr.square(nearest))
+    inverse = dr.select(telling, 1.0 / dr.select(telling, size, 1.0), 0.0)
+    square = dr.maximum(dr.squared_norm(offset), 1e-30)
+    found = []
+    for axis in axes:
+        # Both elements' displacements add up to the axis: each goes half of it.
+        there = strength(offset - (0.5 * _STEP) * axis)
+        rate = (there - here).times(ComplexPair(here.re * inverse, -here.im * inverse)).scaled(1.0 / _STEP)
+        nearer = dr.dot(offset, axis) / square
+        found.append(ComplexPair(dr.select(telling, rate.re, nearer), dr.select(telling, rate.im, 0.0)))
+    return found
 
 
 def _swells(strengths: list[ComplexPair], middle: ComplexPair | None) -> list[ComplexPair]:
