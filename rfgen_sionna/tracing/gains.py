@@ -31,8 +31,8 @@ MAX_ORDER = 8
 SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
 TANGENTS = (
-    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (4, 2, Slopes.FIRST),
-    (3, 2, Slopes.SECOND), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
+    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (3, 2, Slopes.SECOND),
+    (4, 2, Slopes.FIRST), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
     (6, 3, Slopes.BOWED),
 )  # fmt: skip
 """Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
