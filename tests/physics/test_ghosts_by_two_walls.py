@@ -60,7 +60,9 @@ def ball():
     return Actor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
 
 
-@pytest.mark.parametrize(("left", "right"), [("pec", "pec"), ("pec", "concrete"), ("concrete", "wood")])
+@pytest.mark.parametrize(
+    ("left", "right"), [("pec", "pec"), pytest.param("pec", "concrete", marks=pytest.mark.slow), ("concrete", "wood")]
+)
 def test_they_are_as_far_and_as_strong_as_between_the_two_images(radar, left, right):
     """Half a decibel for each element pair; delays to what the ball's facets are from its specular point."""
     scene, ball = corridor(left, right), Actor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
@@ -78,7 +80,7 @@ def test_they_are_as_far_and_as_strong_as_between_the_two_images(radar, left, ri
         assert SPEED_OF_LIGHT * paths.tau[0, 0, strongest, 0] == pytest.approx(length, abs=0.04)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
     """A box that mirrors one image to the other, but for a few degrees, two different walls, elements at 45 degrees: to
     what the report states, of the strongest return."""
@@ -154,7 +156,7 @@ def test_changing_tx_and_rx_over_exchanges_them(ball):
         assert abs(channel(here[way]) / channel(there[way[::-1]]) - 1).max() < 1e-9
 
 
-@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("side", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_what_stands_before_one_of_the_walls_removes_both_ways_round(radar, side):
     wall = SIDE if side > 0 else OTHER
     crossing = np.array([wall / (2 * wall - BALL[1]) * BALL[0], wall, 1.0])

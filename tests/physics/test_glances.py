@@ -242,7 +242,7 @@ def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
     assert error < min(traced.report.between + traced.report.error, 0.03)
 
 
-@pytest.mark.parametrize("start", [0.6, 1.8, 1.9])
+@pytest.mark.parametrize("start", [0.6, pytest.param(1.8, marks=pytest.mark.slow), 1.9])
 def test_a_walking_person_between_instants(radar, start):
     """Where an arm swings before the body, and where all are so slow that three instants do: right to the error stated,
     against four times as many instants."""
@@ -374,8 +374,14 @@ MOTIONS = {
 }
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize(
+    ("motion", "rtol"),
+    [
+        pytest.param(motion, rtol, marks=[pytest.mark.slow] if (motion, rtol) == ("a limb that swings", 1e-3) else [])
+        for motion in MOTIONS
+        for rtol in (1e-2, 1e-3)
+    ],
+)
 def test_what_gains_miss_between_instants_is_stated(radar, motion, rtol):
     """Of what turns alone, against instants traced there."""
     mesh, angle = MOTIONS[motion]
