@@ -118,7 +118,7 @@ def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> Float
 
     Fewer than four knots give the polynomial through them. `derivative` is in units of 1/s^derivative.
     """
-    t = np.atleast_1d(np.asarray(t, dtype=np.float64))
+    knots, t = np.asarray(knots, np.float64), np.atleast_1d(np.asarray(t, dtype=np.float64))
     if len(knots) == 1:
         return np.full((len(t), 1), 1.0 if derivative == 0 else 0.0)
     # Times count from the first knot: far from t = 0 the spline's polynomials would lose digits. Over the stretch that

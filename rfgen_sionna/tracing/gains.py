@@ -50,8 +50,8 @@ ENOUGH = 20_000
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
 STEADY = 2.0
-"""A band whose square is less than this times the tolerance, against the square of the frequency, is narrow: a fifth of
-the tolerance is missed at most."""
+"""A band whose square is less than this times the tolerance, against the square of the frequency, is narrow: about a
+third of the tolerance is missed at most, of materials that change smoothly."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -261,7 +261,7 @@ class BandTracer:
         instead of the centroids."""
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
-        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes
+        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes, True
         found = self._integrated(facets, materials, *given)
         return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
 
@@ -320,11 +320,13 @@ class BandTracer:
         axes: FloatArray | None = None,
         reference: FloatArray | None = None,
         slopes: Slopes = Slopes.SECOND,
+        steady: bool = False,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
         monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
-        steady = float(np.ptp(nodes.frequency)) ** 2 < STEADY * self._rtol * self.centre**2
+        # What expansions are held against is exact, so that it tells what they miss of materials as well.
+        steady = steady and float(np.ptp(nodes.frequency)) ** 2 < STEADY * self._rtol * self.centre**2
 
         def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             return facet_gains(

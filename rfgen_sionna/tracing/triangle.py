@@ -203,7 +203,7 @@ def _rates(
     of the axes, over itself; where there is next to none, as that of what is nearer alone."""
     here = strength(offset)
     size = here.re * here.re + here.im * here.im
-    telling = size > dr.square(_TELLING * dr.square(nearest))
+    telling = size > dr.square(_TELLING * dr.square(0.5 * nearest))  # that is 1 over the distance
     inverse = dr.select(telling, 1.0 / dr.select(telling, size, 1.0), 0.0)
     square = dr.maximum(dr.squared_norm(offset), 1e-30)
     found = []

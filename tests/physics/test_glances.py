@@ -257,7 +257,7 @@ def test_a_walking_person_between_instants(radar, start):
     times = np.linspace(start, start + length, 25)[1::2]
     truth = traced_there(tracer, times)
     error = rms(channel(traced.actors, times) - truth) / rms(truth)
-    assert error < traced.report.between
+    assert error < np.hypot(traced.report.between, traced.report.error)
     assert error < 0.03
 
 
