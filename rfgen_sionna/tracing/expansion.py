@@ -6,18 +6,34 @@ Either from gains at pairs and frequencies of the radar (nodes), by the polynomi
 
 in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight; or from gains in
 the middle of the array and their slopes, which the same integral gives for little more, by Hermite's polynomial in u
-and Taylor's of first or second order in v. The latter takes a fraction of the integrals wherever the array is small.
+and Taylor's of first or second order in v, and of second in w where that counts. The latter takes a fraction of the
+integrals wherever the array is small.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
+from scipy.linalg import qr
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.tracing.facet import Nodes
 from rfgen_sionna.tracing.quadratic import Slopes, pairs
+
+TANGENTS = (
+    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (3, 2, Slopes.SECOND),
+    (4, 2, Slopes.FIRST), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
+    (6, 3, Slopes.BOWED),
+)  # fmt: skip
+"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
+USUAL = 3
+"""Which of them is tried first."""
+INNER = 12
+"""Pairs that are tried at most beside the outermost ones."""
 
 
 @dataclass(frozen=True)
@@ -98,3 +114,114 @@ def tangent_weights(
     for number, by in enumerate(moved, 2):
         weights[..., number * count : (number + 1) * count] = by[:, None] * across[:, None]
     return weights
+
+
+class ArrayExpansions:
+    """Expansions for the element pairs of a radar, positions relative to its phase centre.
+
+    `powers` is 2 where exchanging Tx and Rx changes nothing, which leaves even powers of their difference only.
+    """
+
+    def __init__(self, radar: Radar, powers: int) -> None:
+        self.powers = powers
+        self._centre, self._half_band = radar.center_frequency, 0.5 * radar.waveform.bandwidth
+        origin = np.asarray(radar.position)
+        self._tx, self._rx = radar.tx_world - origin, radar.rx_world - origin
+        # Across the boresight, in units of half the array's width; along it elements hardly differ.
+        tx, rx = radar.tx_positions[:, None, 1:], radar.rx_positions[None, :, 1:]
+        total, apart = (
+            np.reshape(np.broadcast_to(each, (*np.broadcast_shapes(tx.shape, rx.shape),)), (-1, 2))
+            for each in (tx + rx, tx - rx)
+        )
+        self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
+        # The middle of the array, and what a unit of the sum is.
+        middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
+        self.aperture = size  # of Tx and Rx displacements added up, from the middle to the outermost [m]
+        along = radar.tx_positions[:, 0].mean() + radar.rx_positions[:, 0].mean()
+        self._middle = self._tx.mean(axis=0), radar.rotation @ [along, *middle] - self._tx.mean(axis=0)
+        self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
+        self._axes = size * radar.rotation.T[1:][self._spanned]
+        # How far Tx and Rx are from each other along these, and in the middle, in the same unit.
+        between = 2.0 * radar.tx_positions[:, 1:].mean(axis=0) - middle
+        self._apart, self._between = (each[..., self._spanned] / max(size, 1e-9) for each in (apart, between))
+
+    def frequency(self, u: FloatArray) -> FloatArray:
+        """Frequencies [Hz] at places -1 … 1 of the band."""
+        return np.asarray(self._centre + self._half_band * u)
+
+    def nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
+        tx, rx = np.divmod(pairs, len(self._rx))
+        return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
+
+    def telling(self) -> IntArray:
+        """Pairs at the corners of the array and furthest apart, at most nine, and some others; all of a small one."""
+        found = set()
+        for angle in np.arange(8) * (np.pi / 4):
+            found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
+        found.add(int(np.argmax((self._difference**2).sum(axis=1))))
+        # What goes through the outermost ones may stray between them.
+        found.update(np.random.default_rng(0).permutation(len(self._sum))[:INNER].tolist())
+        return np.array(sorted(found), dtype=np.int32)
+
+    def basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:
+        """Exponents (u, v_y, v_z, w_y, w_z); not `full` leaves the mixed ones of high degree out."""
+        found: list[tuple[int, ...]] = []
+        for k, m, n, p, q in product(range(order), *[range(degree + 1)] * 4):
+            if (p + q) % self.powers or m + n + p + q > degree:
+                continue
+            if full or k / (order - 0.5) + (m + n + p + q) / (degree + 0.5) <= 1.0:
+                found.append((k, m, n, p, q))
+        return found
+
+    def tangents(self) -> tuple[list[Expansion], list[Expansion]]:
+        """The usual expansion by slopes and dearer ones, and cheaper ones, each from there on. Without axes all slopes
+        over them are the same."""
+        kinds = {(order, count, kind if len(self._axes) else Slopes.FIRST): None for order, count, kind in TANGENTS}
+        usual = list(kinds).index(TANGENTS[USUAL])
+        some = [self.tangent(*each) for each in kinds]
+        return some[usual:], some[:usual][::-1]
+
+    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND) -> Expansion:
+        """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
+        over it."""
+        u = band_nodes(count)
+        tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
+        nodes = Nodes(tx, rx, self.frequency(u))
+        wavenumbers = 2 * np.pi * self._half_band / SPEED_OF_LIGHT
+        across = self._sum[:, self._spanned], wavenumbers, slopes, self._apart, self._between
+        weights = tangent_weights(order, count, *across)
+        shape = order, len(self._tx), len(self._rx), -1
+        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes)
+
+    def through(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
+        """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
+
+        Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
+        (all elements on a line) falls out of the basis.
+        """
+        wanted = tuple(basis)
+        order = 1 + max(each[0] for each in basis)
+        u = band_nodes(order)
+        powers = np.vander(u, order, increasing=True)
+        coordinates = np.hstack([self._sum, self._difference])
+        spatial = {each[1:]: np.prod(coordinates ** np.array(each[1:]), axis=1) for each in basis}
+        columns = np.stack([np.outer(powers[:, each[0]], spatial[each[1:]]).ravel() for each in basis], axis=1)
+        _, r, pivots = qr(columns, mode="economic", pivoting=True)
+        rank = int(np.count_nonzero(np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0])))
+        kept = np.sort(pivots[:rank])
+        basis, columns = [basis[each] for each in kept], columns[:, kept]
+        _, _, rows = qr(columns.T, mode="economic", pivoting=True)
+        rows = np.sort(rows[:rank])
+        inverse = np.linalg.inv(columns[rows])
+        weights = np.zeros((order, len(self._sum), rank))
+        for number, each in enumerate(basis):
+            weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
+        nodes = self.nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
+        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank), wanted)
+
+
+def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:
+    """(pair, 2) positions in -1 … 1; without `centred` zero stays where it is."""
+    if centred:
+        positions = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
+    return np.asarray(positions / max(float(np.abs(positions).max()), 1e-9))

@@ -177,9 +177,9 @@ def facet_gains(
         (3,) [m] of the frame that nodes, mirrors and slabs are in, in that of corners, `reference` and `aim`. None is
         that it is the same frame.
     steady
-        Whether what the materials reflect may be taken to change in proportion to the frequency from node to node.
-        Where these are of one pair, with neither mirrors nor slabs, all but the integral over the phase is reckoned
-        once for all of them then. It errs by about a tenth of the square of the band, over the frequency.
+        Whether what the materials reflect may be taken to change linearly from node to node, as it does in the middle
+        of the facet. Where nodes are of one pair, with neither mirrors nor slabs, all but the integral over the phase
+        is reckoned once for all of them then. It errs by 0.1 to 0.2 times the square of the band over the frequency.
     kinds
         Which slopes are asked for. Those over path lengths of second order stand apart, as displacements of Tx from Rx
         have the same as those of both together.

@@ -8,20 +8,17 @@ polarisation on both sides reciprocity leaves even powers of the difference of T
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
-from rfgen_sionna.tracing.expansion import Expansion, band_nodes, tangent_weights
+from rfgen_sionna.tracing.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
@@ -30,17 +27,7 @@ from rfgen_sionna.tracing.quadratic import Slopes
 MAX_ORDER = 8
 SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
-TANGENTS = (
-    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (3, 2, Slopes.SECOND),
-    (4, 2, Slopes.FIRST), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
-    (6, 3, Slopes.BOWED),
-)  # fmt: skip
-"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
-USUAL = 3
-"""Which of them is tried first."""
 MAX_DEGREE = 6
-INNER = 12
-"""Pairs that are tried at most beside the outermost ones."""
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which gains are tried and returns compared."""
 SHARE = 0.3
@@ -88,25 +75,9 @@ class BandTracer:
         self._fields = radar.tx_field, radar.rx_field
         self._rtol, self._seed = rtol, seed
         self._pattern, self._rotation = radar.pattern, radar.rotation
-        # Across the boresight, in units of half the array's width; along it elements hardly differ.
-        tx, rx = radar.tx_positions[:, None, 1:], radar.rx_positions[None, :, 1:]
-        total, apart = (
-            np.reshape(np.broadcast_to(each, (*np.broadcast_shapes(tx.shape, rx.shape),)), (-1, 2))
-            for each in (tx + rx, tx - rx)
-        )
-        self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
-        # The middle of the array, and what a unit of the sum is.
-        middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
-        self.aperture = size  # of Tx and Rx displacements added up, from the middle to the outermost [m]
-        along = radar.tx_positions[:, 0].mean() + radar.rx_positions[:, 0].mean()
-        self._middle = self._tx.mean(axis=0), radar.rotation @ [along, *middle] - self._tx.mean(axis=0)
-        self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
-        self._axes = size * radar.rotation.T[1:][self._spanned]
-        # How far Tx and Rx are from each other along these, and in the middle, in the same unit.
-        between = 2.0 * radar.tx_positions[:, 1:].mean(axis=0) - middle
-        self._apart, self._between = (each[..., self._spanned] / max(size, 1e-9) for each in (apart, between))
+        self.expansions = ArrayExpansions(radar, 2 if np.allclose(*self._fields) else 1)
+        self.aperture = self.expansions.aperture
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
-        self._powers = 2 if np.allclose(*self._fields) else 1
 
     @property
     def viewpoint(self) -> FloatArray:
@@ -132,7 +103,7 @@ class BandTracer:
 
     def frequency(self, u: FloatArray) -> FloatArray:
         """Frequencies [Hz] at places -1 … 1 of the band."""
-        return np.asarray(self.centre + self.half_band * u)
+        return self.expansions.frequency(u)
 
     def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
@@ -188,7 +159,7 @@ class BandTracer:
             strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), self.enough)[: self.enough])
             facets, weight = facets.take(strongest), weight[strongest]
             reference = None if reference is None else reference[strongest]
-        pairs = self._telling()
+        pairs = self.expansions.telling()
         middle = np.zeros(len(pairs))
         ends = np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
@@ -197,7 +168,10 @@ class BandTracer:
             return self._probes(facets, materials, weight, u, at, coherent, reference)
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
-            return self._error(facets, materials, probes(u, at), self.expansion(basis), reference) <= SHARE * self._rtol
+            return (
+                self._error(facets, materials, probes(u, at), self.expansions.through(basis), reference)
+                <= SHARE * self._rtol
+            )
 
         first = np.zeros(len(PROBES), np.int32)
         if self.tangents:
@@ -209,15 +183,22 @@ class BandTracer:
                 )
 
             # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
-            some = [self.tangent(*each) for each in TANGENTS]
-            cheapest = next((k for k in range(USUAL, len(some)) if follows(some[k])), None)
-            while cheapest is not None and 0 < cheapest <= USUAL and follows(some[cheapest - 1]):
-                cheapest -= 1
-            if cheapest is not None:
-                return some[cheapest]
+            dearer, cheaper = self.expansions.tangents()
+            found = next((number for number, each in enumerate(dearer) if follows(each)), None)
+            if found is not None:
+                best = dearer[found]
+                for each in cheaper if best.order == dearer[0].order else ():
+                    if not follows(each):
+                        break
+                    best = each
+                return best
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
             order += 1
-        while degree < MAX_DEGREE and len(pairs) > 1 and not fits(middle, pairs, self._basis(1, degree, full=True)):
+        while (
+            degree < MAX_DEGREE
+            and len(pairs) > 1
+            and not fits(middle, pairs, self.expansions.basis(1, degree, full=True))
+        ):
             degree += 1
         if order > MAX_ORDER or degree == MAX_DEGREE:
             _LOG.warning(
@@ -225,10 +206,10 @@ class BandTracer:
                 self._rtol, min(order, MAX_ORDER), degree,
             )  # fmt: skip
             order = min(order, MAX_ORDER)
-        basis = self._basis(order, degree, full=False)
+        basis = self.expansions.basis(order, degree, full=False)
         if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
-            basis = self._basis(order, degree, full=True)
-        return self.expansion(basis)
+            basis = self.expansions.basis(order, degree, full=True)
+        return self.expansions.through(basis)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(facet,) what rough facets add for every pair (:mod:`rfgen_sionna.tracing.diffuse`); None if none is."""
@@ -245,7 +226,7 @@ class BandTracer:
     ) -> FacetGains:
         """Gains (probe, facet) of one pair at places `u` of the band without expansion, integrated in `parts`; the
         `reference` is that of :meth:`values`."""
-        nodes = self._nodes(u, np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32))
+        nodes = self.expansions.nodes(u, np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32))
         if reference is None:
             return self._gains(facets, materials, nodes, parts)
         return self._integrated(facets, materials, nodes, parts, reference=reference)
@@ -275,7 +256,7 @@ class BandTracer:
         coherent: bool,
         reference: FloatArray | None = None,
     ) -> _Probes:
-        nodes = self._nodes(u, pairs)
+        nodes = self.expansions.nodes(u, pairs)
         if reference is None:
             exact = self._gains(facets, materials, nodes)
         else:
@@ -350,68 +331,6 @@ class BandTracer:
 
         return by_curvature(facets.curved, of)
 
-    def _nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
-        tx, rx = np.divmod(pairs, len(self._rx))
-        return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
-
-    def _telling(self) -> IntArray:
-        """Pairs at the corners of the array and furthest apart, at most nine, and some others; all of a small one."""
-        found = set()
-        for angle in np.arange(8) * (np.pi / 4):
-            found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
-        found.add(int(np.argmax((self._difference**2).sum(axis=1))))
-        # What goes through the outermost ones may stray between them.
-        found.update(np.random.default_rng(0).permutation(len(self._sum))[:INNER].tolist())
-        return np.array(sorted(found), dtype=np.int32)
-
-    def _basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:
-        """Exponents (u, v_y, v_z, w_y, w_z); not `full` leaves the mixed ones of high degree out."""
-        found: list[tuple[int, ...]] = []
-        for k, m, n, p, q in product(range(order), *[range(degree + 1)] * 4):
-            if (p + q) % self._powers or m + n + p + q > degree:
-                continue
-            if full or k / (order - 0.5) + (m + n + p + q) / (degree + 0.5) <= 1.0:
-                found.append((k, m, n, p, q))
-        return found
-
-    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND) -> Expansion:
-        """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
-        over it."""
-        u = band_nodes(count)
-        tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
-        nodes = Nodes(tx, rx, self.frequency(u))
-        wavenumbers = 2 * np.pi * self.half_band / SPEED_OF_LIGHT
-        across = self._sum[:, self._spanned], wavenumbers, slopes, self._apart, self._between
-        weights = tangent_weights(order, count, *across)
-        shape = order, len(self._tx), len(self._rx), -1
-        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes)
-
-    def expansion(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
-        """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
-
-        Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
-        (all elements on a line) falls out of the basis.
-        """
-        wanted = tuple(basis)
-        order = 1 + max(each[0] for each in basis)
-        u = band_nodes(order)
-        powers = np.vander(u, order, increasing=True)
-        coordinates = np.hstack([self._sum, self._difference])
-        spatial = {each[1:]: np.prod(coordinates ** np.array(each[1:]), axis=1) for each in basis}
-        columns = np.stack([np.outer(powers[:, each[0]], spatial[each[1:]]).ravel() for each in basis], axis=1)
-        _, r, pivots = qr(columns, mode="economic", pivoting=True)
-        rank = int(np.count_nonzero(np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0])))
-        kept = np.sort(pivots[:rank])
-        basis, columns = [basis[each] for each in kept], columns[:, kept]
-        _, _, rows = qr(columns.T, mode="economic", pivoting=True)
-        rows = np.sort(rows[:rank])
-        inverse = np.linalg.inv(columns[rows])
-        weights = np.zeros((order, len(self._sum), rank))
-        for number, each in enumerate(basis):
-            weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
-        nodes = self._nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
-        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank), wanted)
-
 
 def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:
     """(facet,) distances of an `element` (3,) from each `place` (axis, facet) [m]."""
@@ -424,13 +343,6 @@ def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> F
     x, y, z = place - element[:, None]
     along = x * speed[0] + y * speed[1] + z * speed[2]
     return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))
-
-
-def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:
-    """(pair, 2) positions in -1 … 1; without `centred` zero stays where it is."""
-    if centred:
-        positions = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
-    return np.asarray(positions / max(float(np.abs(positions).max()), 1e-9))
 
 
 def _rms(values: ComplexArray) -> float:

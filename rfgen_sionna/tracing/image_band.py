@@ -68,7 +68,7 @@ class ImageBand(BandTracer):
         self._normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
         self._offsets = np.array([mirror.height(self._origin) for mirror in mirrors])
         if tx != rx:  # Tx and Rx changed over make another path
-            self._powers = 1
+            self.expansions.powers = 1
 
     def lengths(self, centroids: FloatArray, shown: MirroredFacets) -> FloatArray:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets."""

@@ -214,7 +214,7 @@ class ImageReturns:
             band = self._band(mirrors, way, tolerance)
             reverse = self._expansions.get((way[1], way[0]))
             if reverse is not None:  # what was enough for one way round
-                expansion = band.expansion(reverse[1].basis)
+                expansion = band.expansions.through(reverse[1].basis)
             else:
                 expansion = band.expansion_for(facets, self._materials, weight)
             self._expansions[way] = tolerance, expansion

@@ -26,8 +26,9 @@ STEP = 1e-4
 """Share of the frequency over which the change of what is reflected is differenced."""
 _TELLING = 0.01
 """Share of what a facet's obliquity might be above which its change over itself tells anything."""
-_ALONG = 1e-14
-"""Square of the sine of the angle to an element's field, both elements' multiplied, at which it has no direction."""
+_ALONG = 1e-36
+"""Squares of the sines of the angles to the elements' fields, multiplied, up to which there is no direction across: for
+like fields 1e-9 rad."""
 _NEAREST = 1e-4
 """Distance [m] that nearer elements count as there."""
 
@@ -210,12 +211,12 @@ def backscatter(
     across = dr.cross(k, normal)
     sin2 = dr.dot(across, across)
     r_s, r_p = reflection(dr, complex_type, medium, cos, sin2)
-    # Of the transverse parts of the fields, of which `across` is one direction.
-    along_e, along_f = dr.dot(tx_field, k), dr.dot(rx_field, k)
-    squares = (dr.dot(tx_field, tx_field) - dr.square(along_e)) * (dr.dot(rx_field, rx_field) - dr.square(along_f))
+    # Of the transverse parts of the fields, as long as these and turned by 90 degrees: their product is the same.
+    e, f = dr.cross(tx_field, k), dr.cross(rx_field, k)
+    squares = dr.squared_norm(e) * dr.squared_norm(f)
     size = dr.select(squares > _ALONG, 1.0 / dr.sqrt(dr.maximum(squares, _ALONG)), 0.0)
     along_s = dr.dot(tx_field, across) * dr.dot(rx_field, across) / dr.maximum(sin2, 1e-18)
-    along_p = dr.dot(tx_field, rx_field) - along_e * along_f - along_s
+    along_p = dr.dot(e, f) - along_s
     scale = cos * size * dr.square(dr.minimum(inverse, nearest))
     return ComplexPair(
         scale * (r_s.real * along_s - r_p.real * along_p), scale * (r_s.imag * along_s - r_p.imag * along_p)

@@ -45,6 +45,14 @@ class Detour(NamedTuple):
                 total = total + 4.0 * weight[(i + 1) % 3] * weight[(i + 2) % 3] * rise
         return total
 
+    @property
+    def mean(self) -> Any:
+        """Over the triangle."""
+        total = self.corners[0] + self.corners[1] + self.corners[2]
+        if self.rises is not None:  # <4 l_i l_k> = 1/3
+            total = total + self.rises[0] + self.rises[1] + self.rises[2]
+        return total / 3.0
+
 
 class Quadratic(NamedTuple):
     """Path length and strength over a triangle."""
@@ -86,7 +94,7 @@ class Quadratic(NamedTuple):
             return [total]
         swell, middle = self._means()
         strengths = [each + swell for each in self.strengths]
-        means = [wavenumber * (way.corners[0] + way.corners[1] + way.corners[2]) / 3.0 for way in ways]
+        means = [wavenumber * way.mean for way in ways]
         moved = [found.along(way.corners) for way in ways]
 
         def over(way: Detour, mean: Any, moments: list[ComplexPair]) -> ComplexPair:
@@ -103,10 +111,7 @@ class Quadratic(NamedTuple):
             a, b, c = (each.scaled(at) for each, at in zip(moved[other], ways[one].corners, strict=True))
             both = (a + b + c).times(middle + swell).scaled(wavenumber)
             seconds.append((both + bent.scaled(means[one] * means[other])).scaled(-wavenumber * damped))
-        bowed = []
-        for bow in bows:
-            mean = wavenumber * (bow.corners[0] + bow.corners[1] + bow.corners[2]) / 3.0
-            bowed.append(over(bow, mean, found.along(bow.corners)))
+        bowed = [over(bow, wavenumber * bow.mean, found.along(bow.corners)) for bow in bows]
         return [total, over_wavenumber, *firsts, *seconds, *bowed]
 
     def _means(self) -> tuple[ComplexPair, ComplexPair]:

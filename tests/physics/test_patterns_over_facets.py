@@ -86,7 +86,7 @@ def test_halves_of_facets_add_up_to_them(name):
     facets = replace(facets, parts=np.full(len(facets), 8, np.int32)).pulled(band.pull(facets))
     owner = np.repeat(np.arange(len(facets)), 2)
     halves = np.array([[[1, 0, 0], [0, 1, 0], [0, 0.5, 0.5]], [[1, 0, 0], [0, 0.5, 0.5], [0, 0, 1]]])
-    cut, expansion = facets.cut(owner, np.tile(halves, (len(facets), 1, 1))), band.tangent(3, 2)
+    cut, expansion = facets.cut(owner, np.tile(halves, (len(facets), 1, 1))), band.expansions.tangent(3, 2)
     whole = band.values(facets, (surface.material,), expansion, facets.centroids)[0]
     both = band.values(cut, (surface.material,), expansion, facets.centroids[owner])[0]
     off = both.reshape(-1, 2).sum(axis=1) - whole
