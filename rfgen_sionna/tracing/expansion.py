@@ -150,6 +150,7 @@ class ArrayExpansions:
         return np.asarray(self._centre + self._half_band * u)
 
     def nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
+        """Element `pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
         tx, rx = np.divmod(pairs, len(self._rx))
         return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
 

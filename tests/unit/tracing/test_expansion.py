@@ -88,6 +88,30 @@ def test_slopes_are_those_of_the_gains(bent, parts, medium):
         assert np.linalg.norm(found - expected) < 0.1 * np.linalg.norm(expected)
 
 
+@pytest.mark.parametrize("bent", [False, True])
+def test_frequencies_of_a_pair_together_are_those_one_by_one(bent):
+    """Of skin, and of metal beside it, seen from all sides: what materials reflect changes linearly over the band, and
+    that misses less than 0.2 of the square of band over frequency. Slopes, which others hold to a thousandth (over
+    the wavenumber) and to several per cent, are the same to a thousandth or two: materials are those of the middle."""
+    rng = np.random.default_rng(2)
+    count, band = 400, 4e9
+    middles = np.array([3.0, 0, 0]) + rng.normal(size=(count, 1, 3)) * 0.3
+    corners = middles + rng.normal(size=(count, 3, 3)) * 0.006
+    bend = Bend(rng.normal(size=(count, 3, 3)) * 5e-5) if bent else None
+    nodes = Nodes(np.zeros((3, 3)), np.full((3, 3), 1e-3), 78e9 + band * band_nodes(3) / 2)
+    media = Media.at((material("skin"), material("pec")), nodes.frequency)
+    index, across = rng.integers(0, 2, count).astype(np.int32), np.array([0, 0, 1.0])
+    known = corners, index, media, nodes, across, across, rng.integers(1, 4, count)
+    more = {"bend": bend, "axes": np.eye(3)[1:], "kinds": Slopes.BOWED}
+    one_by_one = facet_gains(*known, **more).terms.copy()
+    together = facet_gains(*known, **more, steady=True).terms.copy()
+    for number, (found, expected) in enumerate(zip(together, one_by_one, strict=True)):
+        error, level = found - expected, np.linalg.norm(expected)
+        assert np.linalg.norm(error) < (2e-3 if number else 0.2 * (band / 78e9) ** 2) * level
+        assert np.linalg.norm(error[:, index == 1]) < 1e-9 * level  # a difference over 1e-4 of the frequency
+    assert not np.array_equal(together, one_by_one)
+
+
 def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
     """A ball before the mmMesh array: two integrals a facet instead of nine, and the same return to the tolerance."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))

@@ -16,6 +16,7 @@ from rfgen_sionna.tracing import facet, placing
 from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.placing import place_facets
+from rfgen_sionna.tracing.quadratic import Slopes
 from rfgen_sionna.tracing.reflected import Via
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
 from rfgen_sionna.tracing.smooth import Bend
@@ -67,6 +68,8 @@ def gains(count, nodes, kind, seed=0):
             "parts": {"parts": parts, "reference": middle, "axes": np.eye(3)[:2]},
             "no axes": {"axes": np.zeros((0, 3)), "monostatic": True},
             "bent": {"parts": parts, "bend": Bend(rises, lifts), "axes": np.eye(3)[1:2], "monostatic": True},
+            "together": {"parts": parts, "axes": np.eye(3)[:2], "kinds": Slopes.FIRST, "steady": True},
+            "bent together": {"bend": Bend(rises, lifts), "axes": np.eye(3)[:2], "kinds": Slopes.BOWED, "steady": True},
             "antennas": {"pull": rng.normal(size=(count, 3)), "aim": middle, "monostatic": True},
             "mirror": {"via": by_wall},
             "mirrors": {"via": replace(by_wall, tx=0 * index), "bend": Bend(rises, None)},
@@ -80,8 +83,8 @@ def gains(count, nodes, kind, seed=0):
 
 
 KINDS = (
-    "plain", "slabs", "two places", "parts", "no axes", "bent", "antennas", "mirror", "mirrors", "screen", "screens",
-    "mirror behind screens", "mixed",
+    "plain", "slabs", "two places", "parts", "no axes", "bent", "together", "bent together", "antennas", "mirror",
+    "mirrors", "screen", "screens", "mirror behind screens", "mixed",
 )  # fmt: skip
 
 

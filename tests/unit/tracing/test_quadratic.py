@@ -92,6 +92,11 @@ def test_slopes_are_those_of_the_mean():
     along += tuple((along_them(step * bow) - along_them(-step * bow)) / (2 * step) for bow in bows)
     for term, difference in zip([*terms[2:4], *terms[7:]], along, strict=True):
         assert (np.abs(term - difference) < 2 * bulge * np.abs([*ways, *bows]).max(axis=(0, 1))).all()
+    # Where nothing bulges, ways that rise themselves are followed exactly.
+    flat = case[0], 0.0 * case[1], *case[2:]
+    for way, term in zip(ways, found(k, *flat, ways, bows)[2:4], strict=True):
+        there, back = (found(k, flat[0] + by * way[:3], -by * way[3:], *flat[2:])[0] for by in (step, -step))
+        assert np.abs(term - (there - back) / (2 * step)).max() < 1e-6
     step = 1e-3
     twice = (moved(step) - 2 * moved(0) + moved(-step)) / step**2
     mixed = (moved(step, step) - moved(step, -step) - moved(-step, step) + moved(-step, -step)) / (4 * step**2)
