@@ -244,8 +244,9 @@ def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
 
 @pytest.mark.parametrize("start", [0.6, pytest.param(1.8, marks=pytest.mark.slow), 1.9])
 def test_a_walking_person_between_instants(radar, start):
-    """Where an arm swings before the body, and where all are so slow that three instants do: right to the error stated,
-    against four times as many instants."""
+    """Where an arm swings before the body, and where all are so slow that three instants do: right to what is stated,
+    against single instants. These differ from the frame's own by 0.3 to 1.3 % at its instants, too, as facets and edges
+    of shadows are looked at anew; that is in `report.error`, and what comes between them in `report.between`."""
     pytest.importorskip("anny")
     from rfgen_sionna.generative.actor import Actor as Person
 
