@@ -25,6 +25,7 @@ def drjit_types() -> tuple[ModuleType, Any]:
 
 _RECORDING = Lock()
 """One for all kernels and threads: whether garbage is collected is one switch for the process."""
+_PLAIN = (bool, int, float, str, type(None))
 _KINDS, _NEVER = 256, 2**31 - 1
 """How many kinds of inputs a kernel is kept for, and after how many Dr.Jit warns that there were more."""
 
@@ -35,7 +36,7 @@ class Frozen:
     To go through thousands of operations takes milliseconds, as long as the kernel takes for ten thousand facets.
 
     Args:
-        kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and options that can be hashed. It
+        kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and plain numbers as options. It
             writes into some of the former and returns nothing. What is recorded serves inputs of all sizes: so an array
             of lanes is given, and a width (:func:`drjit.width`) is nothing but that of another array. Names of its
             module that it uses are part of the kind, and no two of the arrays share their memory.
@@ -49,8 +50,14 @@ class Frozen:
 
         Raises:
             ValueError: an array is empty.
+            TypeError: an option is of another type than Python's own plain ones.
         """
         _check(given)
+        for option in options:
+            # Dr.Jit looks at them with its lock held: where a class answers with Python of its own, as enumerations do,
+            # another thread may go on in between, and wait for that lock for ever.
+            if type(option) not in _PLAIN:
+                raise TypeError(f"a kernel was given {option!r}, a {type(option).__name__}: plain options are needed")
         with _RECORDING:
             collecting = gc.isenabled()
             gc.disable()  # a scene that is collected while its thread records ends the process

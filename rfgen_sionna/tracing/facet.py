@@ -241,12 +241,12 @@ def facet_gains(
         ]
     if into.index is not None:
         given["place"] = upload(UInt32, np.asarray(into.index, np.uint32))
-    _INTEGRATED(given, monostatic, None if axes is None else len(axes), kinds, len(nodes) if together else 1)
+    _INTEGRATED(given, monostatic, None if axes is None else len(axes), int(kinds), len(nodes) if together else 1)
     found, tau = into.found.numpy(), into.tau.numpy()
     return FacetGains(found.view(np.complex128).reshape(sizes), tau.reshape(sizes[1:]))
 
 
-def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds: Slopes, together: int) -> None:
+def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds: int, together: int) -> None:
     """The kernel of :func:`facet_gains`, of nothing but what is `given` on the device; so many nodes `together`, which
     are frequencies of one pair, make a lane."""
     dr, types = drjit_types()

@@ -80,7 +80,7 @@ class Quadratic(NamedTuple):
         dr: Any,
         wavenumber: Any,
         ways: Sequence[Detour] | None = None,
-        slopes: Slopes = Slopes.SECOND,
+        slopes: int = Slopes.SECOND,
         bows: Sequence[Detour] = (),
     ) -> list[ComplexPair]:
         """Mean of w exp(-j k s), to first order in the sags and with their variance; with `ways` its slopes as well.
@@ -161,7 +161,7 @@ class Quadratic(NamedTuple):
         wavenumber: Any,
         parts: Any,
         ways: Sequence[Detour] | None = None,
-        slopes: Slopes = Slopes.SECOND,
+        slopes: int = Slopes.SECOND,
         bows: Sequence[Detour] = (),
     ) -> list[ComplexPair]:
         """The same, each edge divided into so many `parts`."""
@@ -205,7 +205,7 @@ def pairs(count: int) -> list[tuple[int, int]]:
     return [(one, other) for one in range(count) for other in range(one, count)]
 
 
-def number_of_terms(ways: Sized | None, slopes: Slopes = Slopes.SECOND) -> int:
+def number_of_terms(ways: Sized | None, slopes: int = Slopes.SECOND) -> int:
     """Length of what :meth:`Quadratic.mean` returns."""
     return 1 if ways is None else 2 + len(ways) + slopes * len(pairs(len(ways)))
 

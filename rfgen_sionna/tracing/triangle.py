@@ -54,12 +54,13 @@ def triangle(
     wavenumbers: list[Any],
     reference: Any,
     axes: list[Any] | None,
-    slopes: Slopes,
+    slopes: int,
     parts: Any = None,
 ) -> tuple[list[list[ComplexPair]], Any]:
     """At each of the `wavenumbers` the gain of a triangle `p` as if it were the whole facet, with its slopes if there
-    are `axes`, those that `slopes` say, and by how much its centroid's path exceeds that by way of the `reference`
-    point [m]. `rises` are those of its edges, if it is bent; it may be integrated in `parts` to an edge then."""
+    are `axes`, those that `slopes` say (one of :class:`Slopes`), and by how much its centroid's path exceeds that by
+    way of the `reference` point [m]. `rises` are those of its edges, if it is bent; it may be integrated in `parts` to
+    an edge then."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
     twice_area = dr.norm(surface.cross)

@@ -170,3 +170,9 @@ def test_nothing_is_an_error_and_not_the_end_of_the_process():
     dr, types = drjit_types()
     with pytest.raises(ValueError, match="'axes'"):
         Frozen(lambda given: None)({"media": [{"axes": dr.zeros(types.Float64, 0)}]})
+
+
+def test_an_option_that_would_let_another_thread_in_is_refused():
+    dr, types = drjit_types()
+    with pytest.raises(TypeError, match="Slopes"):
+        Frozen(lambda given, kinds: None)({"one": dr.zeros(types.Float64, 1)}, Slopes.FIRST)
