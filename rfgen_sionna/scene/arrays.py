@@ -6,6 +6,7 @@ Mitsuba and Sionna run in float32; phases need more, and Dr.Jit itself has float
 from __future__ import annotations
 
 import gc
+from ast import literal_eval
 from collections.abc import Callable
 from functools import cached_property
 from threading import Lock
@@ -38,8 +39,8 @@ class Frozen:
     Args:
         kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and plain numbers as options. It
             writes into some of the former and returns nothing. What is recorded serves inputs of all sizes: so an array
-            of lanes is given, and a width (:func:`drjit.width`) is nothing but that of another array. Names of its
-            module that it uses are part of the kind, and no two of the arrays share their memory.
+            of lanes is given, and a width (:func:`drjit.width`) is nothing but that of another array. No two of the
+            arrays share their memory.
     """
 
     def __init__(self, kernel: Callable[..., None]) -> None:
@@ -62,7 +63,7 @@ class Frozen:
             collecting = gc.isenabled()
             gc.disable()  # a scene that is collected while its thread records ends the process
             try:
-                self._frozen(given, *options)
+                self._frozen(given, repr(options))
             finally:
                 if collecting:
                     gc.enable()
@@ -71,7 +72,14 @@ class Frozen:
     def _frozen(self) -> Callable[..., None]:
         import drjit
 
-        found: Callable[..., None] = drjit.freeze(self._kernel, limit=_KINDS, warn_after=_NEVER, auto_opaque=False)
+        kernel = self._kernel
+
+        def recorded(given: dict[str, Any], options: str) -> None:
+            # Options are one string as Dr.Jit 1.5 takes an object that it has met for one of those before, whichever it
+            # is: what was recorded for (2, 1, 2) serves (2, 1, 1), and writes beyond its arrays.
+            kernel(given, *literal_eval(options))
+
+        found: Callable[..., None] = drjit.freeze(recorded, limit=_KINDS, warn_after=_NEVER, auto_opaque=False)
         return found
 
 

@@ -3,6 +3,7 @@
 import gc
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import product
 from unittest.mock import Mock
 
 import numpy as np
@@ -147,6 +148,22 @@ def test_it_goes_through_its_kernel_once_for_each_kind():
             kernel({"lanes": dr.arange(types.UInt32, size), "numbers": numbers, "found": found}, option)
             assert found.numpy().tolist() == [(2 if option else 3) * (k + 1.0) for k in range(size)]
     assert [each.args for each in gone_through.mock_calls] == [(True,), (False,)]
+
+
+def test_options_are_told_apart_whichever_of_them_are_equal():
+    """Dr.Jit by itself replays for (2, 1, 1) what it recorded for (2, 1, 2): an object met before is the same to it."""
+    dr, types = drjit_types()
+
+    def written(given, *options):
+        number = sum(int(option) * 10**k for k, option in enumerate(options))
+        dr.scatter(given["found"], types.Float64(number), given["lanes"])
+        dr.eval(given["found"])
+
+    kernel = Frozen(written)
+    for options in product((False, True), (0, 1, 2), (0, 1, 2), (0, 1, 2)):
+        found = dr.zeros(types.Float64, 3)
+        kernel({"lanes": dr.arange(types.UInt32, 3), "found": found}, *options)
+        assert found.numpy().tolist() == 3 * [sum(int(option) * 10**k for k, option in enumerate(options))]
 
 
 def test_garbage_waits_until_a_kernel_is_recorded():
