@@ -34,6 +34,7 @@ def static_facets(
             max_range,
             band.half_band,
             smooth=surface.smooth,
+            still=True,
         )
         if chosen is None or number in chosen
         else NOTHING

@@ -22,6 +22,15 @@ MAX_BULGE = 1.0
 """Phase bulge [rad] up to which an expansion to first order means anything."""
 FACET_BULGE = 0.5
 """Phase bulge [rad] that a facet may have: those that need a smaller one are integrated in parts."""
+STILL_BULGE = 1.0
+"""The same of what stays: larger facets are as good where nothing turns and seldom something is hidden."""
+BOWING = 0.2
+"""By how much, per unit of the tolerance, the antennas' gain over a facet may leave a straight line, relative to its
+peak: parts don't mend that."""
+BOWING_OF_BODIES = 1.0
+"""The same of smooth surfaces that move: their facets don't repeat it."""
+_STEEP = 0.01
+"""Phase bulge [rad] below which facets are not split for the antennas' gain: it may have steps."""
 BAND_SWING = 4.0
 """Phase [rad] by which the band's ends turn the corners of a facet against each other, seen from its centre: it is then
 two or three range cells deep at most, and a few coefficients follow its gain over the band."""
@@ -251,21 +260,24 @@ def _demand(
     importance: Callable[[FloatArray], FloatArray] | None,
     half_band: float,
     bend: _Patches | None = None,
+    still: bool = False,
 ) -> tuple[NDArray[np.bool_], IntArray, FloatArray]:
     """(facet,) whether each is too large, the number of parts that its edges are to be divided into if it is flat, and
     the number, not rounded, for how high the surface is over it.
 
-    `bend` is how they bend, where they are of a smooth surface.
+    `bend` is how they bend, where they are of a smooth surface, and `still` is that it stays.
     """
-    allowed = np.full(len(corners), allowed_bulge(rtol))
+    allowed, bowed = np.full(len(corners), allowed_bulge(rtol)), np.zeros(len(corners))
     if importance is not None:
         # A facet counts as much as its most important corner: large ones reach into the beam.
-        weight = widest(importance(_unit(corners - viewpoint)))
-        weight = np.maximum(weight, importance(_unit(middles(corners) - viewpoint)))
+        ends, middle = importance(_unit(corners - viewpoint)), importance(_unit(middles(corners) - viewpoint))
+        weight = np.maximum(widest(ends), middle)
+        bowed = np.abs(ends.mean(axis=1) - middle)
         # There are more of them out of the beam than in it, and their errors add up: the root of what they could do.
         allowed = np.minimum(np.sqrt(10.0 * rtol / np.sqrt(np.maximum(weight, 1e-12))), MAX_BULGE)
     bulge = phase_bulge(corners, viewpoint, frequency)
-    coarse = bulge > np.clip(FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
+    coarse = bulge > np.clip(STILL_BULGE if still else FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
+    coarse |= (bowed > (BOWING if still or bend is None else BOWING_OF_BODIES) * rtol) & (bulge > _STEEP)
     if half_band > 0:
         away = lengths(corners - viewpoint)
         depth = widest(away) + widest(-away)  # half the spread of the paths
@@ -296,6 +308,7 @@ def tessellate(
     limit: int = 5_000_000,
     images: Sequence[tuple[FloatArray, float]] = (),
     smooth: Smoothing | None = None,
+    still: bool = False,
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
@@ -325,6 +338,8 @@ def tessellate(
         Mirror images of the vertices (vertex, 3) [m], which are seen as well, and the `rtol` of each.
     smooth
         Normals of the smooth surface that the mesh samples; None where it is flat.
+    still
+        Whether it stays where it is.
 
     Raises
     ------
@@ -354,11 +369,11 @@ def tessellate(
         bend = None
         if rises is not None:
             bend = _Patches(height[face] * np.abs(np.linalg.det(weights)), weights, rises[face])
-        coarse, parts, high = _demand(corners, viewpoint, frequency, rtol, importance, half_band, bend)
+        coarse, parts, high = _demand(corners, viewpoint, frequency, rtol, importance, half_band, bend, still)
         for mirrored, tolerance in images:
             seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
             shown = None if bend is None else replace(bend, rises=None)
-            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown)
+            more = _demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown, still)
             coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])

@@ -142,7 +142,8 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
             own = each.paths.times
             blended += channel(each.paths, 0 if len(own) == 1 else int(np.flatnonzero(own == t)[0]))
         direct = channel(of(sim.paths(float(t)), "wall"))
-        assert abs(blended - direct) < 1e-9 * abs(unobstructed)
+        # All instants are looked at together, where rays beside an outline may fall on the other of two facets.
+        assert abs(blended - direct) < 1e-4 * abs(unobstructed)
         changes.append(abs(blended / unobstructed))
     # The ball passes the mirror point in the middle of the run: little of the wall is left then.
     assert min(changes) < 0.7

@@ -105,7 +105,7 @@ def test_facets_in_phase_are_missed_together(radar, count):
     times = np.linspace(0.0, length, 25)
     truth = np.array([static_channel(tracer, tracer.trace(t, t), np.array([t]))[0] for t in times.tolist()])
     error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
-    assert error < traced.report.between + traced.report.error
+    assert error < 1.25 * traced.report.between  # an estimate: of four squares to a side it is a fifth too low
     assert error < 0.08  # 0.03 is asked for, of an estimate that is taken by a third before more looks are
 
 
