@@ -26,7 +26,7 @@ def drjit_types() -> tuple[ModuleType, Any]:
 
 _RECORDING = Lock()
 """One for all kernels and threads: whether garbage is collected is one switch for the process."""
-_PLAIN = (bool, int, float, str, type(None))
+_PLAIN = (bool, int, str, type(None))
 _KINDS, _NEVER = 256, 2**31 - 1
 """How many kinds of inputs a kernel is kept for, and after how many Dr.Jit warns that there were more."""
 
@@ -37,10 +37,10 @@ class Frozen:
     To go through thousands of operations takes milliseconds, as long as the kernel takes for ten thousand facets.
 
     Args:
-        kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and plain numbers as options. It
+        kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and plain values as options. It
             writes into some of the former and returns nothing. What is recorded serves inputs of all sizes: so an array
             of lanes is given, and a width (:func:`drjit.width`) is nothing but that of another array. No two of the
-            arrays share their memory.
+            arrays share their memory. Names of its module that it uses are what they were when it was recorded.
     """
 
     def __init__(self, kernel: Callable[..., None]) -> None:
@@ -50,10 +50,10 @@ class Frozen:
         """Run it.
 
         Raises:
-            ValueError: an array is empty.
-            TypeError: an option is of another type than Python's own plain ones.
+            ValueError: an array is empty, or given twice.
+            TypeError: something given is no array, or an option of another type than Python's own plain ones.
         """
-        _check(given)
+        _check(given, set())
         for option in options:
             # Dr.Jit looks at them with its lock held: where a class answers with Python of its own, as enumerations do,
             # another thread may go on in between, and wait for that lock for ever.
@@ -83,12 +83,18 @@ class Frozen:
         return found
 
 
-def _check(given: dict[str, Any] | list[Any]) -> None:
-    """Raises ValueError where an array is empty, which would end the process."""
+def _check(given: dict[str, Any] | list[Any], known: set[int]) -> None:
+    """Raises ValueError where an array is empty, which would end the process, or among those `known` by their id, and
+    TypeError where something is none: what is met again is taken for any other."""
     import drjit
 
     for name, each in given.items() if isinstance(given, dict) else enumerate(given):
+        if id(each) in known:
+            raise ValueError(f"a kernel was given the same for {name!r} as for something else")
+        known.add(id(each))
         if isinstance(each, (dict, list)):
-            _check(each)
+            _check(each, known)
+        elif not drjit.is_array_v(each):
+            raise TypeError(f"a kernel was given {each!r} for {name!r}: arrays are needed, and options for the rest")
         elif drjit.width(each) == 0:
             raise ValueError(f"a kernel was given nothing for {name!r}")

@@ -52,6 +52,9 @@ class Expansion:
     """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
     slopes: Slopes = Slopes.SECOND
     """Which of them."""
+    steady: bool = False
+    """Whether what materials reflect is taken to change linearly from node to node, for which they are integrated
+    together."""
 
 
 def band_nodes(count: int) -> FloatArray:
@@ -174,15 +177,15 @@ class ArrayExpansions:
                 found.append((k, m, n, p, q))
         return found
 
-    def tangents(self) -> tuple[list[Expansion], list[Expansion]]:
-        """The usual expansion by slopes and dearer ones, and cheaper ones, each from there on. Without axes all slopes
-        over them are the same."""
-        kinds = {(order, count, kind if len(self._axes) else Slopes.FIRST): None for order, count, kind in TANGENTS}
-        usual = list(kinds).index(TANGENTS[USUAL])
-        some = [self.tangent(*each) for each in kinds]
-        return some[usual:], some[:usual][::-1]
+    def tangents(self, steady: bool) -> tuple[list[Expansion], list[Expansion]]:
+        """The usual expansion by slopes and dearer ones, and cheaper ones, each from there on, all of them `steady` or
+        not. Without axes all slopes over them are the same."""
+        kinds = [(order, count, kind if len(self._axes) else Slopes.FIRST) for order, count, kind in TANGENTS]
+        usual, kinds = kinds[USUAL], list(dict.fromkeys(kinds))
+        some = [self.tangent(*each, steady) for each in kinds]
+        return some[kinds.index(usual) :], some[: kinds.index(usual)][::-1]
 
-    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND) -> Expansion:
+    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND, steady: bool = False) -> Expansion:
         """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
         over it."""
         u = band_nodes(count)
@@ -192,7 +195,7 @@ class ArrayExpansions:
         across = self._sum[:, self._spanned], wavenumbers, slopes, self._apart, self._between
         weights = tangent_weights(order, count, *across)
         shape = order, len(self._tx), len(self._rx), -1
-        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes)
+        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes, steady=steady)
 
     def through(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.

@@ -25,20 +25,20 @@ from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.quadratic import Slopes
 
 MAX_ORDER = 8
-SLOPED = 0.2
-"""The same for one by slopes, which errs everywhere and not at single pairs alone."""
 MAX_DEGREE = 6
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which gains are tried and returns compared."""
 SHARE = 0.3
 """Share of the tolerance that an expansion may use up; the rest is left to the facets."""
+SLOPED = 0.2
+"""The same for one by slopes, which errs everywhere and not at single pairs alone."""
 ENOUGH = 20_000
 """Facets that tell which expansion will do."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
 STEADY = 2.0
-"""A band whose square is less than this times the tolerance, against the square of the frequency, is narrow: about a
-third of the tolerance is missed at most, of materials that change smoothly."""
+"""A band whose square is less than this times the tolerance, against the square of the frequency, is narrow enough to
+try whether what materials reflect may be taken to change linearly over it: 0.1 to 0.2 times that square is missed."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -78,6 +78,8 @@ class BandTracer:
         self.expansions = ArrayExpansions(radar, 2 if np.allclose(*self._fields) else 1)
         self.aperture = self.expansions.aperture
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
+        # The outermost of three nodes are the root of 3 half bands apart.
+        self._steady = 3.0 * self.half_band**2 < STEADY * rtol * self.centre**2
 
     @property
     def viewpoint(self) -> FloatArray:
@@ -183,15 +185,18 @@ class BandTracer:
                 )
 
             # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
-            dearer, cheaper = self.expansions.tangents()
-            found = next((number for number, each in enumerate(dearer) if follows(each)), None)
-            if found is not None:
-                best = dearer[found]
-                for each in cheaper if best.order == dearer[0].order else ():
-                    if not follows(each):
-                        break
-                    best = each
-                return best
+            # Where what materials do over the band is too much, no slopes mend it; node by node they may do.
+            for steady in (True, False) if self._steady else (False,):
+                dearer, cheaper = self.expansions.tangents(steady)
+                found = next((number for number, each in enumerate(dearer) if follows(each)), None)
+                if found is not None:
+                    best = dearer[found]
+                    # Where second slopes alone were dear they may be spared at other places of the band.
+                    for each in cheaper if best.order == dearer[0].order else ():
+                        if not follows(each):
+                            break
+                        best = each
+                    return best
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
             order += 1
         while (
@@ -242,7 +247,8 @@ class BandTracer:
         instead of the centroids."""
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
-        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes, True
+        # What expansions are held against is exact, so that it tells what they miss of materials as well.
+        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes, expansion.steady
         found = self._integrated(facets, materials, *given)
         return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
 
@@ -305,9 +311,7 @@ class BandTracer:
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
-        monostatic = self._baseline**2 < MONOSTATIC * self._rtol * nearest**2
-        # What expansions are held against is exact, so that it tells what they miss of materials as well.
-        steady = steady and float(np.ptp(nodes.frequency)) ** 2 < STEADY * self._rtol * self.centre**2
+        monostatic = bool(self._baseline**2 < MONOSTATIC * self._rtol * nearest**2)
 
         def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             return facet_gains(

@@ -17,7 +17,7 @@ from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.patches import Patches
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.surfaces import Surface
-from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
+from rfgen_sionna.tracing.tessellate import Tessellation, outgrown, tessellate
 
 RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""
@@ -56,8 +56,9 @@ class MovingFacets:
         self._distance = np.zeros(len(surfaces))
 
     def follow(self, positions: Positions, knots: FloatArray) -> bool:
-        """Make new facets where an actor has come nearer by a fifth or gone twice as far, or where its range decides
-        what is made of it; returns whether there are new ones, the coarsest."""
+        """Make new facets where an actor has come nearer by a fifth or gone twice as far, where its range decides what
+        is made of it, or where something flat has turned or moved to where the antennas' gain changes more; returns
+        whether there are new ones, the coarsest."""
         poses = [positions(t) for t in sorted({float(knots[0]), float(knots[-1])})]
         changed = not self.pieces
         for index, _ in enumerate(self.surfaces):
@@ -67,6 +68,10 @@ class MovingFacets:
             if beyond or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:
                 self._distance[index] = nearest
                 changed = True
+            elif not changed and self.surfaces[index].smooth is None:
+                corners = self.pieces[index].corners(poses[0][index], self.surfaces[index].faces)
+                known = self._viewpoint, self._band.highest, self._rtol, self._band.importance
+                changed = outgrown(corners, *known)
         if changed:
             # From the coarsest ones on: what was asked for elsewhere need not be here.
             self._fineness[:] = 1.0

@@ -23,14 +23,18 @@ MAX_BULGE = 1.0
 FACET_BULGE = 0.5
 """Phase bulge [rad] that a facet may have: those that need a smaller one are integrated in parts."""
 STILL_BULGE = 1.0
-"""The same of what stays: larger facets are as good where nothing turns and seldom something is hidden."""
-BOWING = 0.2
-"""By how much, per unit of the tolerance, the antennas' gain over a facet may leave a straight line, relative to its
-peak: parts don't mend that."""
-BOWING_OF_BODIES = 1.0
-"""The same of smooth surfaces that move: their facets don't repeat it."""
-_STEEP = 0.01
-"""Phase bulge [rad] below which facets are not split for the antennas' gain: it may have steps."""
+"""The same of what stays: nothing turns, and what shadows cut of facets is known whatever their size."""
+PATTERN, STILL_PATTERN = 0.5, 0.2
+"""By how much, per unit of the tolerance, what the antennas make of a facet's points may differ from what its
+middle and the rise there tell of them, relative to the largest: parts don't mend that, and facets alike repeat it. The
+second is of what stays, smooth or not; the facets of bodies don't repeat it."""
+_FINEST = 1e-4
+"""Tolerance below which no facets are split for that: it goes with the square of their size, and what is made finer for
+its phase takes parts."""
+_LEAST_BULGE = 0.003
+"""Phase bulge [rad] below which facets are not split for that either: patterns may have steps."""
+_NONE = 1e-6
+"""Gain that counts as none, relative to the largest."""
 BAND_SWING = 4.0
 """Phase [rad] by which the band's ends turn the corners of a facet against each other, seen from its centre: it is then
 two or three range cells deep at most, and a few coefficients follow its gain over the band."""
@@ -252,6 +256,26 @@ class _Patches:
         return np.asarray((np.min(found, axis=0) < 0) & (np.max(found, axis=0) > 0))
 
 
+def _untold(ends: FloatArray, middle: FloatArray) -> FloatArray:
+    """(facet,) by how much gains at the corners, `ends` (facet, 3), differ in the mean from what follows from that in
+    the `middle` (facet,) and the rise there: the integral lets gains change by the same share per metre all over."""
+    return np.asarray(np.abs(np.exp(np.log(np.maximum(ends, _NONE)).mean(axis=1)) - middle))
+
+
+def outgrown(
+    corners: FloatArray,
+    viewpoint: FloatArray,
+    frequency: float,
+    rtol: float,
+    importance: Callable[[FloatArray], FloatArray],
+) -> bool:
+    """Whether flat facets with these `corners` (facet, 3, 3) [m] have moved to where the antennas' gain asks for such
+    of a third of the area, which is no matter of distance; the others are arguments of :func:`tessellate`."""
+    left = _untold(importance(_unit(corners - viewpoint)), importance(_unit(middles(corners) - viewpoint)))
+    steep = np.flatnonzero(left > 3.0 * PATTERN * max(rtol, _FINEST))
+    return bool((phase_bulge(corners[steep], viewpoint, frequency) > _LEAST_BULGE).any())
+
+
 def _demand(
     corners: FloatArray,
     viewpoint: FloatArray,
@@ -267,17 +291,19 @@ def _demand(
 
     `bend` is how they bend, where they are of a smooth surface, and `still` is that it stays.
     """
-    allowed, bowed = np.full(len(corners), allowed_bulge(rtol)), np.zeros(len(corners))
+    allowed = np.full(len(corners), allowed_bulge(rtol))
+    bulge = phase_bulge(corners, viewpoint, frequency)
+    coarse = np.zeros(len(corners), np.bool_)
     if importance is not None:
         # A facet counts as much as its most important corner: large ones reach into the beam.
         ends, middle = importance(_unit(corners - viewpoint)), importance(_unit(middles(corners) - viewpoint))
         weight = np.maximum(widest(ends), middle)
-        bowed = np.abs(ends.mean(axis=1) - middle)
+        if bend is None or still:
+            most = (STILL_PATTERN if still else PATTERN) * max(rtol, _FINEST)
+            coarse |= (_untold(ends, middle) > most) & (bulge > _LEAST_BULGE)
         # There are more of them out of the beam than in it, and their errors add up: the root of what they could do.
         allowed = np.minimum(np.sqrt(10.0 * rtol / np.sqrt(np.maximum(weight, 1e-12))), MAX_BULGE)
-    bulge = phase_bulge(corners, viewpoint, frequency)
-    coarse = bulge > np.clip(STILL_BULGE if still else FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
-    coarse |= (bowed > (BOWING if still or bend is None else BOWING_OF_BODIES) * rtol) & (bulge > _STEEP)
+    coarse |= bulge > np.clip(STILL_BULGE if still else FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
     if half_band > 0:
         away = lengths(corners - viewpoint)
         depth = widest(away) + widest(-away)  # half the spread of the paths
@@ -327,7 +353,7 @@ def tessellate(
         Allowed error relative to what the surface would return in the most important direction.
     importance
         Unit vectors (facet, 3) from the viewpoint to the weight in 0 … 1 that the radar gives to what comes from there:
-        where it hardly listens, coarser facets will do. None is 1 all around.
+        where it hardly listens, coarser facets will do, where that changes steeply finer ones. None is 1 all around.
     max_range
         Facets that lie beyond it as a whole are left out [m]: of a town only what is near is split.
     half_band

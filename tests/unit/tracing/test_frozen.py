@@ -131,7 +131,7 @@ def test_threads_share_what_is_frozen(monkeypatch):
 
 def test_it_goes_through_its_kernel_once_for_each_kind():
     dr, types = drjit_types()
-    gone_through = Mock()  # as a list it would be looked at as an input
+    gone_through = Mock()
 
     def multiplied(given, option):
         gone_through(option)
@@ -187,6 +187,16 @@ def test_nothing_is_an_error_and_not_the_end_of_the_process():
     dr, types = drjit_types()
     with pytest.raises(ValueError, match="'axes'"):
         Frozen(lambda given: None)({"media": [{"axes": dr.zeros(types.Float64, 0)}]})
+
+
+def test_what_would_be_taken_for_something_else_is_refused():
+    """An array twice, and what is no array: Dr.Jit tells neither from others of its kind."""
+    dr, types = drjit_types()
+    one = dr.zeros(types.Float64, 1)
+    with pytest.raises(ValueError, match="'second'"):
+        Frozen(lambda given: None)({"first": one, "second": one})
+    with pytest.raises(TypeError, match="'count'"):
+        Frozen(lambda given: None)({"first": one, "count": 2})
 
 
 def test_an_option_that_would_let_another_thread_in_is_refused():
