@@ -127,10 +127,16 @@ _DEMAND = tessellate._demand
 
 
 def _as_in_the_beam(
-    corners: Any, viewpoint: Any, frequency: float, rtol: float, _importance: Any, *more: Any
-) -> tuple[Any, Any]:
-    """What is demanded of facets, as if the antennas sent as much everywhere."""
-    return _DEMAND(corners, viewpoint, frequency, rtol, lambda places: np.ones(places.shape[:-1]), *more)
+    corners: Any, viewpoint: Any, frequency: float, rtol: float, importance: Any, *more: Any
+) -> tuple[Any, Any, Any]:
+    """What is demanded of facets, as if the antennas sent as much everywhere, and as their gain asks for."""
+    given = [_DEMAND(corners, viewpoint, frequency, rtol, gain, *more) for gain in (importance, _everywhere)]
+    (coarse, parts, high), (coarse_too, *finer) = given
+    return coarse | coarse_too, np.maximum(parts, finer[0]), np.maximum(high, finer[1])
+
+
+def _everywhere(places: Any) -> Any:
+    return np.ones(places.shape[:-1])
 
 
 _EVERYWHERE = (tessellate, "_demand", _as_in_the_beam)
