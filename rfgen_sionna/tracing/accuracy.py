@@ -10,6 +10,7 @@ import numpy as np
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
+from rfgen_sionna.tracing.fineness import beyond_rise
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import unit
 
@@ -110,14 +111,13 @@ class Finer:
         counted = weight[index]
         if facets.pull is not None:
             # Each of the finer ones counts by its own direction; flat ones are the same, in more parts, but for what
-            # the antennas' rise in the middle leaves out: of a quadratic function a quarter of its mean at the corners.
+            # the antennas' rise in the middle leaves out.
             finer_ones = finer_ones.pulled(band.pull(finer_ones))
             usual_gain = np.maximum(band.importance(facets.directions(band.viewpoint)), 1e-12)
             counted = counted * band.importance(finer_ones.directions(band.viewpoint)) / usual_gain[index]
             flat = np.arange(len(index)) if finer_ones.curved is None else np.flatnonzero(~finer_ones.curved)
             ends = band.importance(unit(finer_ones.corners[flat] - band.viewpoint))
-            rest = np.log(np.maximum(ends, 1e-12)).mean(axis=1) - np.log(usual_gain[index[flat]])
-            counted[flat] *= np.exp(np.clip(0.25 * rest, -1.0, 1.0))
+            counted[flat] *= np.exp(np.clip(0.25 * beyond_rise(ends, usual_gain[index[flat]]), -1.0, 1.0))
         fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
         turns = np.mod(band.frequency(probes)[:, None] * fine.tau, 1.0)
         returned = sums(fine.a * np.exp(-2j * np.pi * turns) * counted, finer_ones.surface, len(materials))

@@ -18,8 +18,8 @@ from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import lengths, middles
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.aslant import mean_phasor, solid_angles, width_and_distance
+from rfgen_sionna.tracing.fineness import FACET_BULGE, phase_bulge
 from rfgen_sionna.tracing.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS, telling
-from rfgen_sionna.tracing.tessellate import FACET_BULGE, phase_bulge
 
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
 """Longest gap between three instants [s], and how far at most any vertex goes across the view in it [rad]: no further

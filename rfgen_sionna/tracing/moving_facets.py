@@ -12,12 +12,13 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.accuracy import finer
 from rfgen_sionna.tracing.facets import Facets, bent, stack_facets
+from rfgen_sionna.tracing.fineness import outgrown
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.patches import Patches
 from rfgen_sionna.tracing.sampling import touching
 from rfgen_sionna.tracing.surfaces import Surface
-from rfgen_sionna.tracing.tessellate import Tessellation, outgrown, tessellate
+from rfgen_sionna.tracing.tessellate import Tessellation, tessellate
 
 RANGE_MARGIN = 1.1
 """Facets are made as far as this times the range window: they may come into it during the stretch."""

@@ -191,4 +191,5 @@ def _volume(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[:, None])
+    """(..., 3) of length 1, as `vectors` (..., 3) point; those of length 0 stay."""
+    return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[..., None])

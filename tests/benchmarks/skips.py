@@ -123,7 +123,7 @@ def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
 
 
 _COLLECT = tracer.collect_surfaces
-_DEMAND = tessellate._demand
+_DEMAND = tessellate.demand
 
 
 def _as_in_the_beam(
@@ -139,7 +139,7 @@ def _everywhere(places: Any) -> Any:
     return np.ones(places.shape[:-1])
 
 
-_EVERYWHERE = (tessellate, "_demand", _as_in_the_beam)
+_EVERYWHERE = (tessellate, "demand", _as_in_the_beam)
 _BEHIND = (static, "behind", _everything)
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)

@@ -251,7 +251,7 @@ def furnished() -> tuple[Radar, StaticTrace]:
 def test_a_furnished_room_misses_no_more_of_its_shadows_than_is_allowed(furnished, monkeypatch):
     """Edges of shadows are looked at more closely: what a few hundred thousand facets miss adds up in part."""
     radar, static = furnished
-    monkeypatch.setattr(sampling, "_STILL_BENT", 1.6)  # cells a third as wide
+    monkeypatch.setattr(sampling, "_STILL_BENT", 1.6)  # cells two fifths as wide
     closer = Tracer(load_scene("living_room"), radar, [], 1e-2).static
     found, expected = (synthesize(radar, each.paths, 0.0, eps=1e-4, device="cpu") for each in (static, closer))
     assert closer.rays > 1.5 * static.rays

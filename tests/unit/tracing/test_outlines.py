@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.outlines import APART, CLEARANCE, Outline, Passing, Places
+from rfgen_sionna.tracing.outlines import APART, CLEARANCE, Outline, Passing, Places, unit
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 
 WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
@@ -79,3 +79,10 @@ def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
 
     assert lit(None) == 0
     assert lit(passing) == pytest.approx(2 * gap, rel=0.05)
+
+
+def test_directions_have_length_one_whatever_the_shape():
+    vectors = np.random.default_rng(0).normal(size=(4, 3, 3))
+    assert np.allclose(np.linalg.norm(unit(vectors), axis=-1), 1.0, rtol=0, atol=1e-15)
+    assert np.array_equal(unit(vectors)[:, 1], unit(vectors[:, 1]))
+    assert not unit(np.zeros((2, 3))).any()

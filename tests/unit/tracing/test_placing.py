@@ -6,9 +6,10 @@ import trimesh
 
 from rfgen_sionna.scene.mesh import columns, face_normals
 from rfgen_sionna.tracing.aslant import loudness, mean_phasor, solid_angles, width_and_distance
+from rfgen_sionna.tracing.fineness import FACET_BULGE
 from rfgen_sionna.tracing.instants import _told
 from rfgen_sionna.tracing.placing import place_facets
-from rfgen_sionna.tracing.tessellate import FACET_BULGE, NOTHING, Tessellation, tessellate
+from rfgen_sionna.tracing.tessellate import NOTHING, Tessellation, tessellate
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
 VERTICES, FACES = np.asarray(BALL.vertices), BALL.faces.astype(np.int32)
