@@ -216,8 +216,8 @@ class MovingParts:
             found_there, missed = plates.trace(knots, instants, whole, shown, centroids, self._level)
             more, error = more + found_there, error + missed
         if self._rounds is not None:
-            around = self._rounds.trace(knots, instants, rounded, positions, self._level)
-            more = more if around is None else [*more, around]
+            around, missed = self._rounds.trace(knots, instants, rounded, positions, self._level)
+            more, error = more if around is None else [*more, around], error + missed
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             glanced,

@@ -28,6 +28,7 @@ from rfgen_sionna.records import (
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import RATE_STEP
+from rfgen_sionna.tracing.glint_doubts import doubts
 from rfgen_sionna.tracing.glint_pieces import Pieces
 from rfgen_sionna.tracing.glint_search import Search, Things
 from rfgen_sionna.tracing.glints import Glints, matched
@@ -52,6 +53,8 @@ class RoundSeen:
     """What bent surfaces show of one another at an instant."""
 
     glints: Glints
+    doubt: FloatArray
+    """(glint,) what each one's return may be off by, relative to it (:mod:`~rfgen_sionna.tracing.glint_doubts`)."""
     looked_at: int
     """Faces that count."""
     rays: int
@@ -130,14 +133,16 @@ class RoundBounces:
         wanted = bent & (np.arange(len(bent)) < self._static_faces)
         wanted[seen] = bent[seen]
         if not (wanted & self._tells).any():
-            return RoundSeen(Glints.none(), 0, 0)
+            return RoundSeen(Glints.none(), np.zeros(0), 0, 0)
         limits = self._radar.max_range, self._radar.wavelength
         things = self._things(vertices)
         search = Search(
             skin, rays, self._eyes.position, wanted, *limits, self._bent, things, self._tells,
             lambda facet: self._bends(skin, facet),
         )  # fmt: skip
-        return RoundSeen(search.find(self._pieces), int(wanted.sum()), search.sent)
+        found = search.find(self._pieces)
+        doubt = doubts(found, self._middle(found), self._eyes.position, 2 * np.pi / self._radar.wavelength, rays)
+        return RoundSeen(found, doubt, int(wanted.sum()), search.sent)
 
     def trace(
         self,
@@ -146,17 +151,21 @@ class RoundBounces:
         seen: Sequence[RoundSeen],
         positions: Positions,
         usual: FloatArray,
-    ) -> RadarPaths | None:
+    ) -> tuple[RadarPaths | None, float]:
         """Paths of what was `seen` at each of the `instants` [s], with delays at `knots` [s], but for what is too weak
-        relative to the direct returns `usual`: (moving surface,), or one of all that stays. None where all of it is."""
+        relative to the direct returns `usual`: (moving surface,), or one of all that stays. None where all of it is.
+        And what geometrical optics may be off by and what is left out, relative to these returns, of the surface of
+        which that is most."""
         most = self._usual(usual)
         found = [each.glints for each in seen]
-        level = np.max([self._levels(each, most) for each in found], axis=0)
+        level, off = np.max([self._levels(each.glints, most, each.doubt) for each in seen], axis=0)
         strong = level > SKIPPED * self._rtol * most
+        error = np.where(strong, off, level) / np.where(most > 0, most, np.inf)
         found = [each.take(np.flatnonzero(strong[self._stronger(each, most)])) for each in found]
+        worst = float(error.max(initial=0.0))
         if not any(len(each) for each in found):
-            return None
-        return self._paths(knots, instants, found, self._tracks(instants, found, positions), positions)
+            return None, worst
+        return self._paths(knots, instants, found, self._tracks(instants, found, positions), positions), worst
 
     def _skin(self, vertices: Sequence[FloatArray]) -> Skin:
         if not self._skins:
@@ -203,12 +212,12 @@ class RoundBounces:
         of = self._whose[glints.facet].astype(np.intp)
         return np.where(usual[of[:, 1]] > usual[of[:, 0]], of[:, 1], of[:, 0])
 
-    def _levels(self, glints: Glints, usual: FloatArray) -> FloatArray:
+    def _levels(self, glints: Glints, usual: FloatArray, doubt: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(surface,) what the glints of each return at most, the stronger one counting, for the phase centre in the
-        middle of the band, times the pattern."""
-        found = np.zeros(len(self._every))
+        middle of the band, times the pattern, and what they may be off by, each with a `doubt` (glint,) of its own."""
+        found, off = np.zeros((2, len(self._every)))
         if len(glints) == 0:
-            return found
+            return found, off
         eyes, place = self._eyes, self._eyes.position
         arrival, route = glints.arrival(self._whose, place, place, self._optics)
         a = self._received(arrival, route, self._radar.center_frequency) * self._softened(glints)
@@ -216,9 +225,11 @@ class RoundBounces:
         a = a * np.exp(-2j * np.pi * np.mod(arrival.length / self._radar.wavelength, 1.0))
         owner = self._stronger(glints, usual)
         for number in np.unique(owner).tolist():
-            own = a[owner == number]
+            lane = owner == number
+            own = a[lane]
             found[number] = 2.0 * max(float(abs(own.sum())), float(np.linalg.norm(own)))
-        return found
+            off[number] = 2.0 * float(np.linalg.norm(own * doubt[lane]))
+        return found, off
 
     def _received(self, arrival: Arrival, route: Route, frequency: float) -> ComplexArray:
         """(glint,) gain without the propagation phase of the arrival's length."""

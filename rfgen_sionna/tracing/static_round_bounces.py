@@ -34,8 +34,9 @@ class StaticRoundBounces:
     free: NDArray[np.bool_]
     """(glint,) of which rays say so without actors: a ray may just touch what is bent."""
     viewpoint: FloatArray
-    error: float = 0.0
-    """What geometrical optics errs by is not known."""
+    error: float
+    """What geometrical optics may be off by (:mod:`~rfgen_sionna.tracing.glint_doubts`), relative to what the static
+    scene's own is."""
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
         """(path,) 0 where an actor stands in one of a glint's legs, where `rays` has them, else 1; and the number of
@@ -68,7 +69,7 @@ def trace_static_round_bounces(
     rounds = RoundBounces(replace(surfaces, moving=()), radar, rtol, lambda: owner, still=True)
     seen = rounds.see(rays, points, np.zeros(0, np.int32))
     now = np.zeros(1)
-    paths = rounds.trace(now, now, [seen], lambda _: (), np.array([static.level]))
+    paths, error = rounds.trace(now, now, [seen], lambda _: (), np.array([static.level]))
     if paths is None:
         return None
     facet, place = seen.glints.facet, seen.glints.weights.reshape(-1, 3)
@@ -76,4 +77,4 @@ def trace_static_round_bounces(
     places, _ = stands.places(np.arange(len(place)), place)
     view = np.asarray(radar.position)
     free = _clear(rays, facet, places.reshape(-1, 2, 3), view)
-    return StaticRoundBounces(paths, seen.rays, facet, places.reshape(-1, 2, 3), free, view)
+    return StaticRoundBounces(paths, seen.rays, facet, places.reshape(-1, 2, 3), free, view, error)

@@ -68,7 +68,10 @@ class TraceReport:
 
     It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of shadows' edges
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
-    kept by each of the two."""
+    kept by each of the two. With further bounces what is left out of these is added, and what geometrical optics may be
+    off by where bent surfaces show one another (:mod:`rfgen_sionna.tracing.glint_doubts`): of a walking person, with
+    two of them, that is 10 to 40 % of its direct return at 77 GHz, as most of its glints are near an edge or a shadow,
+    and a smaller tolerance does not mend it."""
     between: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on and that of
     gains that turn with them, the root of the sum of their squares.

@@ -79,6 +79,42 @@ def test_two_balls_return_by_way_of_each_other_what_quadrature_says(radar, place
     assert abs(truth) > 0.15 * np.abs(channel(paths.select(paths.bounces == 1))).max()
 
 
+@pytest.mark.parametrize(
+    ("frequency", "radius", "name"), [(24, 0.15, "side by side"), (24, 0.15, "above"), (77, 0.05, "above")]
+)
+def test_what_geometrical_optics_is_off_by_is_stated(frequency, radius, name):
+    """The error that a trace states grows by what glints may be off by: no less than they are, against dense physical
+    optics without what its rims add, and no more than six times as much."""
+    radar, middle = radar_of(frequency), np.mean(PLACES[name], axis=0)
+    places = [middle + (np.array(each) - middle) * radius / RADIUS for each in PLACES[name]]
+    actors = [metal(place, each, radius=radius) for place, each in zip(places, "ab", strict=True)]
+    one, two = (Tracer(None, radar, actors, 1e-2, max_bounces=n).trace(0.0, 1e-4) for n in (1, 2))
+    balls = [(place, true_radius(3, radius)) for place in places]
+    ends = radar.tx_world[0], radar.rx_world[0], radar.tx_field, radar.rx_field, radar.center_frequency
+    truth = sum(by_way_of(*pair, *ends, n=250, taper=0.35) for pair in (balls, balls[::-1]))
+    direct = max(abs(at(one.moving.select(one.moving.object_id == n), 0.0)[0, 0]) for n in (0, 1))
+    off = abs(at(around(two.moving), 0.0)[0, 0] - truth) / direct
+    assert off < two.report.error - one.report.error < 6 * off
+
+
+def test_what_an_edge_leaves_of_a_glint_is_in_doubt(radar):
+    """A ball that ends just beside its glint, or has something in the way there: a fifth of the glint or more."""
+    whole = metal(PLACES["side by side"][1], "b")
+
+    def stated(cut):
+        mesh = ball(4, RADIUS)
+        mesh.update_faces(mesh.triangles_center[:, 1] < cut)
+        mesh.remove_unreferenced_vertices()
+        part = Actor.from_mesh(mesh, material="pec", position=PLACES["side by side"][0], name="a")
+        found = [Tracer(None, radar, [part, whole], 1e-2, max_bounces=n).trace(0.0, 1e-4) for n in (1, 2)]
+        return found[1].report.error - found[0].report.error, around(found[1].moving).num_paths
+
+    # Glints lie about 45 degrees off the way to the radar, at 0.106 m of 0.15 m.
+    (inside, there), (rim, near) = stated(0.16), stated(0.115)
+    assert there == near == 2
+    assert rim > 5 * inside
+
+
 def test_without_further_bounces_there_are_none(radar):
     actors = [metal(place, name) for place, name in zip(PLACES["above"], "ab", strict=True)]
     assert not around(Simulator(None, radar, actors, rtol=1e-2, max_bounces=1).paths(0.0)).num_paths
