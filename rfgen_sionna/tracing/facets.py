@@ -142,13 +142,11 @@ class Facets:
         corners, bend, width = pieces(self.corners, self.bend, owner, weights)
         found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None).take(owner)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
-        middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.int32)
-        place = 31 * found.place + 2**16 * middle[:, 0] + middle[:, 1]  # wraps; pieces have phases of their own
+        place = _places_within(found.place, weights)
         aim = None
         if self.pull is not None:
             aim = np.take(self.centroids, owner, axis=0) if found.aim is None else found.aim
-        parts, place = np.maximum(parts, 1), place.astype(np.int32)
-        return replace(found, corners=corners, bend=bend, parts=parts, place=place, aim=aim)
+        return replace(found, corners=corners, bend=bend, parts=np.maximum(parts, 1), place=place, aim=aim)
 
     @cached_property
     def centroids(self) -> FloatArray:
@@ -303,3 +301,14 @@ def facet_paths(
         dispersion=coefficients[1:] if len(coefficients) > 1 else None,
         half_band=half_band if len(coefficients) > 1 else 0.0,
     )
+
+
+def _places_within(place: IntArray, weights: FloatArray) -> IntArray:
+    """(piece,) numbers by which pieces of facets of the numbers `place` (piece,) draw phases of their own, with corners
+    at barycentric coordinates `weights` (piece, 3, 3): mixed (SplitMix64), as sums of a few would fall together."""
+    middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.uint64)
+    z = place.astype(np.uint32).astype(np.uint64) << np.uint64(32) | middle[:, 0] << np.uint64(16) | middle[:, 1]
+    with np.errstate(over="ignore"):
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray((z >> np.uint64(32)).astype(np.uint32).view(np.int32))
