@@ -28,6 +28,8 @@ from rfgen_sionna.scene.transfer import joined, upload
 
 _FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
+_TIP, _STRAIGHT = 0.02, 10.0
+"""A vertex is a tip where edges are more aslant to its normal, in the mean, and so many times as at their other ends."""
 QUARTERS = 0.5 * np.array(
     [
         [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
@@ -170,8 +172,37 @@ def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> 
     corners = 3 * len(faces)
     links = coo_array((np.ones(len(row), np.int8), (row, column)), shape=(corners, corners))
     count, group = connected_components(links, directed=False)
-    gather = csr_array((np.ones(corners), (group, np.arange(corners))), shape=(count, corners))
+    found = _grouped(group, count)
+    around = np.bincount(group[row], minlength=count) == 2 * np.bincount(group, minlength=count)
+    tip = _tips(found, vertices, faces) & around[group]  # an open fan of faces is part of something else
+    if not tip.any():
+        return found
+    group[tip] = count + np.arange(np.count_nonzero(tip))
+    _, group = np.unique(group, return_inverse=True)
+    return _grouped(group, int(group.max()) + 1)
+
+
+def _grouped(group: NDArray[np.integer[Any]], count: int) -> Smoothing:
+    """Of corners in so many groups (face corner,)."""
+    gather = csr_array((np.ones(len(group)), (group, np.arange(len(group)))), shape=(count, len(group)))
     return Smoothing(group.reshape(-1, 3).astype(np.int32), gather)
+
+
+def _tips(smooth: Smoothing, vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
+    """(face corner,) which are at the tip of a cone: faces around it turn little from one to the next and much from the
+    mean of them all, but edges that leave it aslant to that arrive at their other ends straight, where on something
+    round they would be as much aslant. With the mean normal there all sides of the cone would bulge."""
+    normals, places = smooth.normals(vertices, faces), vertices[faces]
+    leaving, arriving = np.zeros((2, *faces.shape))
+    for on in (1, 2):
+        other = np.roll(np.arange(3), -on)
+        edge = places[:, other] - places
+        edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), 1e-300)
+        leaving += 0.5 * np.einsum("fci,fci->fc", normals, edge)
+        arriving += 0.5 * np.abs(np.einsum("fci,fci->fc", normals[:, other], edge))
+    count = smooth.gather @ np.ones(faces.size)
+    here, there = (smooth.gather @ each.ravel() / count for each in (leaving, arriving))
+    return np.asarray(((count > 2) & (np.abs(here) > np.maximum(_TIP, _STRAIGHT * there)))[smooth.group].ravel())
 
 
 def _next(corner: NDArray[np.int64]) -> NDArray[np.int64]:
