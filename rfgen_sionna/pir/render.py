@@ -46,7 +46,8 @@ def render_pir(
 ) -> Pir:
     """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
 
-    A pixel's energy is what its surfaces return coherently and diffusely, isotropic and vertically polarised.
+    A pixel's energy is what its surfaces return to isotropic elements, coherently to vertically polarised ones and
+    diffusely in the mean of both polarisations.
 
     Coherent, (1 - S^2) of the energy: each pixel is split into patches a few wavelengths wide, the return of each is
     integrated in closed form, and the energy is |sum of the pixel's patches' gains|^2. Pixels overlap by linear weights

@@ -4,9 +4,14 @@ A facet of area A returns, per unit of what would reach the receiver without it,
 
     |a|^2 = (lambda / 4 pi)^2 S^2 |Gamma|^2 cos(theta_i) f A / (R_t R_r)^2
 
-with the scattering pattern f (as Sionna's paths do, per area instead of per ray), and |Gamma|^2 the mean of both
-polarisations. The phase is drawn from the seed for each facet and stays with it: diffuse returns of things at rest stay
-coherent from chirp to chirp and from frame to frame.
+with the scattering pattern f (as Sionna's paths do, per area instead of per ray), and |Gamma|^2 the share that is
+reflected of a wave polarised as the Tx element's is there: that of the Rx element's counts as much, so that the two may
+change places (Sionna takes the former alone; of elements that are polarised alike that is the same).
+
+The phase is drawn from the seed for each facet and stays with it: diffuse returns stay coherent from chirp to chirp and
+from frame to frame. Where facets are chosen anew, as what moves asks for others, it is drawn for *grains* instead:
+pieces of faces that are the same from wherever they are seen. A grain scatters from its middle, with its whole area,
+and each of the facets that it is divided into has its share of that.
 """
 
 from __future__ import annotations
@@ -18,6 +23,18 @@ import numpy as np
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.surfaces import Surface
+
+GRAIN, STILL_GRAIN = 0.05, 0.2
+"""Longest edge of grains [m], of actors and of what stays and is seen by a radar that moves: speckle changes over
+wavelength / (2 x edge), 2 degrees at 77 GHz."""
+
+
+def grain_of(surface: Surface) -> float | None:
+    """Longest edge [m] of the grains of a surface; None where it is smooth."""
+    if surface.material.scattering_coefficient == 0:
+        return None
+    return STILL_GRAIN if surface.still else GRAIN
 
 
 def diffuse_gains(
@@ -59,14 +76,17 @@ def diffuse_gains(
         normal *= -np.sign((normal * k).sum(axis=1))[:, None]
         cos = np.clip(-(normal * k).sum(axis=1), 0.0, 1.0)
         material = materials[number]
-        energy = rough[number] ** 2 * reflectance(material, frequency, cos) * cos * 0.5 * size
+        e, f = (_across(field, k) for field in fields)
+        shares = [_reflected(material, frequency, cos, k, normal, each) for each in (e, f)]
+        energy = rough[number] ** 2 * np.sqrt(shares[0] * shares[1]) * cos * 0.5 * size
         energy *= material.scattering_pattern(k, -k, normal) / distance**4
         phases = 2 * np.pi * _draws(facets.face[index], facets.place[index], number, seed)
-        e, f = (_across(field, k) for field in fields)
         kept, turned = np.sqrt(1.0 - material.xpd_coefficient), np.sqrt(material.xpd_coefficient)
         along = (e * f).sum(axis=1) * np.exp(1j * phases[0])
         crossed = (np.cross(e, f) * k).sum(axis=1) * np.exp(1j * phases[1])
         wavelength = SPEED_OF_LIGHT / frequency
+        if facets.grain is not None:  # a grain's parts scatter in phase, as one
+            energy *= facets.grain[index, 0]
         gains[index] = wavelength / (4 * np.pi) * np.sqrt(energy) * (kept * along + turned * crossed)
     return gains
 
@@ -77,11 +97,28 @@ def _across(field: FloatArray, k: FloatArray) -> FloatArray:
     return np.asarray(part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-9))
 
 
+def _reflected(
+    material: Material, frequency: float, cos: FloatArray, k: FloatArray, normal: FloatArray, field: FloatArray
+) -> FloatArray:
+    """(facet,) share of the energy that a smooth surface reflects of waves along `k` with unit fields (facet, 3)."""
+    aside = np.cross(k, normal)
+    size = np.linalg.norm(aside, axis=1)
+    across = np.where(size > 1e-9, (aside * field).sum(axis=1) / np.maximum(size, 1e-9), 0.0) ** 2
+    one, other = reflectances(material, frequency, cos)
+    return np.asarray(across * one + (1.0 - across) * other)
+
+
 def reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatArray:
     """Share of the energy that a smooth surface reflects, mean of both polarisations; as the facet integral has it."""
+    one, other = reflectances(material, frequency, cos)
+    return np.asarray(0.5 * (one + other))
+
+
+def reflectances(material: Material, frequency: float, cos: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Shares of the energy that a smooth surface reflects, field across the plane of incidence and in it."""
     eps, mu = complex(material.relative_permittivity(frequency)), complex(material.relative_permeability(frequency))
     if not np.isfinite(eps):
-        return np.ones_like(cos)
+        return np.ones_like(cos), np.ones_like(cos)
     root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
     root = np.where(root.imag > 0, -root, root)
     cos = np.maximum(cos, 1e-9)
@@ -89,7 +126,7 @@ def reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatA
     if material.thickness is not None:
         trip = np.exp(-4j * np.pi * frequency / SPEED_OF_LIGHT * material.thickness * root)
         found = [r * (1.0 - trip) / np.where(abs(1.0 - r * r * trip) > 1e-12, 1.0 - r * r * trip, 1.0) for r in found]
-    return np.asarray(0.5 * (abs(found[0]) ** 2 + abs(found[1]) ** 2))
+    return abs(found[0]) ** 2, abs(found[1]) ** 2
 
 
 def _draws(face: np.ndarray, place: np.ndarray, surface: int, seed: int) -> FloatArray:

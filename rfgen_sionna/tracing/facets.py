@@ -57,6 +57,10 @@ class Facets:
     loud: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.aslant.loudness`; None where nobody told."""
 
+    grain: FloatArray | None = field(default=None, kw_only=True)
+    """(facet, 4) of what scatters as one: :attr:`rfgen_sionna.tracing.tessellate.Tessellation.shares`; None where each
+    facet does so by itself."""
+
     def __len__(self) -> int:
         return len(self.number)
 
@@ -74,6 +78,7 @@ class Facets:
             curved=None if self.curved is None else self.curved[index],
             pull=None if self.pull is None else np.take(self.pull, index, axis=0),
             aim=None if self.aim is None else np.take(self.aim, index, axis=0),
+            grain=None if self.grain is None else self.grain[index],
         )
         if "centroids" in self.__dict__:  # they are known
             found.__dict__["centroids"] = np.take(self.centroids, index, axis=0)
@@ -100,7 +105,9 @@ class Facets:
         flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
         index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
         count = len(flat)
-        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None, pull=None, aim=None).take(index)
+        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None, pull=None, aim=None, grain=None).take(
+            index
+        )
         corners = np.empty((len(index), 3, 3))
         np.take(self.corners, flat, axis=0, out=corners[:count])
         found.parts[:count] *= 2
@@ -124,6 +131,7 @@ class Facets:
             curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if bends else None,
             pull=_filled(parts, "pull", lambda each: np.zeros((len(each), 3))),
             aim=_filled(parts, "aim", lambda each: each.centroids),
+            grain=_filled(parts, "grain", lambda each: _alone(len(each))),
         )
         if all("centroids" in each.__dict__ for each in parts):  # they are known
             found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])
@@ -140,7 +148,7 @@ class Facets:
         counts out; integrated in so many parts that theirs are as small as the facets' are. Their paths go by the
         facets' points."""
         corners, bend, width = pieces(self.corners, self.bend, owner, weights)
-        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None).take(owner)
+        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None, grain=None).take(owner)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
         place = _places_within(found.place, weights)
         aim = None
@@ -157,6 +165,11 @@ class Facets:
         """(facet, 3) unit vectors from the viewpoint to the centroids, of the facets that `chosen` counts out."""
         offset = self.centroids[chosen] - viewpoint
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
+
+
+def _alone(count: int) -> FloatArray:
+    """:attr:`Facets.grain` of so many facets that scatter each by itself."""
+    return np.tile([1.0, 1 / 3, 1 / 3, 1 / 3], (count, 1))
 
 
 def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], FloatArray]) -> FloatArray | None:
@@ -181,6 +194,8 @@ def stack_facets(
     curved = any(surface.smooth is not None for surface in surfaces)
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     smooth, placed = [np.zeros(0, np.bool_)], list[Placed]()
+    grains = [_alone(len(each.face)) if each.shares is None else each.shares for each in pieces]
+    grain = np.concatenate(grains) if any(each.shares is not None for each in pieces) else None
     for position, (surface, piece) in enumerate(zip(surfaces, pieces, strict=True)):
         count = len(piece.face)
         points = [there[position] for there in vertices]
@@ -203,7 +218,9 @@ def stack_facets(
             for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("loud", ()))
         )
         looking = _stacked([np.zeros(0, np.bool_), *facing])
-        there = Facets(corners, numbers, of_faces, positions, looking, in_parts, places, curved=bends, loud=loud)
+        there = Facets(
+            corners, numbers, of_faces, positions, looking, in_parts, places, curved=bends, loud=loud, grain=grain
+        )
         there.__dict__["centroids"] = centroids
         found.append(there)
     return found

@@ -217,8 +217,18 @@ class BandTracer:
         return self.expansions.through(basis)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
-        """(facet,) what rough facets add for every pair (:mod:`rfgen_sionna.tracing.diffuse`); None if none is."""
-        return diffuse_gains(facets, materials, self._origin, self._fields, self.centre, self._seed)
+        """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.diffuse`), or (1, 1, facet) the same for
+        every pair; None if none is."""
+        found = diffuse_gains(facets, materials, self._origin, self._fields, self.centre, self._seed)
+        if found is None or facets.grain is None:
+            return found if found is None else found[None, None]
+        # As far as the middle of its grain, from wherever on it a facet's path comes.
+        rough = np.flatnonzero(found)
+        middle = np.einsum("fc,fci->fi", facets.grain[rough, 1:], facets.corners[rough])
+        way = self.delays(middle) - self.delays(facets.centroids[rough])
+        every = np.zeros((*way.shape[:2], len(found)), np.complex128)
+        every[..., rough] = found[rough] * np.exp(-2j * np.pi * self.centre * way)
+        return every
 
     def at_probes(
         self,

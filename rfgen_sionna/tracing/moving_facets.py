@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.accuracy import finer
+from rfgen_sionna.tracing.diffuse import grain_of
 from rfgen_sionna.tracing.facets import Facets, bent, stack_facets
 from rfgen_sionna.tracing.fineness import outgrown
 from rfgen_sionna.tracing.gains import BandTracer
@@ -157,6 +158,7 @@ class MovingFacets:
                 self._band.half_band,
                 images=mirrored,
                 smooth=surface.smooth,
+                grain=grain_of(surface),
             )
             for points, surface, fineness, mirrored in zip(vertices, self.surfaces, self._fineness, images, strict=True)
         ]

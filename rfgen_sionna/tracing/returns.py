@@ -108,5 +108,5 @@ class FacetReturns:
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
                 rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
-                found[0, ..., k] += np.add.reduceat(rough[order], first)
+                found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
         return found, led

@@ -29,7 +29,7 @@ from rfgen_sionna.scene.transfer import joined, upload
 _FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
 _TIP, _STRAIGHT = 0.02, 10.0
-"""A vertex is a tip where edges are more aslant to its normal, in the mean, and so many times as at their other ends."""
+"""A vertex is a tip where edges are more aslant to its normal, in the mean, and so many times what they are beyond."""
 QUARTERS = 0.5 * np.array(
     [
         [[2, 0, 0], [1, 1, 0], [1, 0, 1]],

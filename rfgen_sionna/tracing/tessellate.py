@@ -18,6 +18,7 @@ from rfgen_sionna.scene.transfer import joined, upload
 from rfgen_sionna.tracing.fineness import MAX_PARTS, SmoothPieces, demand
 from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
+_ALIKE = 1e-9
 _MAX_SPLITS = 64
 
 
@@ -35,6 +36,9 @@ class Tessellation:
     """(facet,) those that would do if it were flat; None: `parts`."""
     bent_parts: FloatArray | None = None
     """(facet,) those that the surface's height over it asks for where it is seen straight on, not rounded."""
+    grains: FloatArray | None = None
+    """(facet, 3, 3) corners, likewise, of the grain that each facet is of: what scatters as one, however finely it is
+    integrated. None: each facet by itself."""
 
     def parts_seen(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
         """(facet,) `parts` that will do for what is seen from the viewpoint in each of the `poses`, (vertex, 3) [m]:
@@ -46,9 +50,20 @@ class Tessellation:
 
     @cached_property
     def places(self) -> IntArray:
-        """(facet,) where in its face each facet lies, as a number that no other facet of the face has."""
-        middle = np.rint(self.weights.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
+        """(facet,) where in its face each facet's grain lies, as a number that no other grain of the face has."""
+        own = self.weights if self.grains is None else self.grains
+        middle = np.rint(own.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
         return np.asarray(middle[:, 0] * 2**16 + middle[:, 1], dtype=np.int32)
+
+    @cached_property
+    def shares(self) -> FloatArray | None:
+        """(facet, 4) which share of its grain each facet is, and the grain's middle in barycentric coordinates of the
+        facet; None where each facet is a grain."""
+        if self.grains is None:
+            return None
+        share = np.abs(np.linalg.det(self.weights) / np.linalg.det(self.grains))
+        middle = np.linalg.solve(self.weights.transpose(0, 2, 1), self.grains.mean(axis=1)[..., None])[..., 0]
+        return np.column_stack([share, middle])
 
     @cached_property
     def pieces(self) -> NDArray[np.intp]:
@@ -173,6 +188,7 @@ def tessellate(
     images: Sequence[tuple[FloatArray, float]] = (),
     smooth: Smoothing | None = None,
     still: bool = False,
+    grain: float | None = None,
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
@@ -204,6 +220,9 @@ def tessellate(
         Normals of the smooth surface that the mesh samples; None where it is flat.
     still
         Whether it stays where it is.
+    grain
+        Longest edge of grains [m]: facets are no larger, and know theirs, which are the same from wherever the surface
+        is seen as long as it keeps its shape. None: there are none.
 
     Raises
     ------
@@ -217,6 +236,8 @@ def tessellate(
         rises = smooth.bend(vertices, faces).rises
         height = lengths(rises).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
+    grains = np.full(weights.shape, np.nan)
+    done_grains: list[FloatArray] = []
     done_face: list[IntArray] = []
     done_weights: list[FloatArray] = []
     done_parts: list[IntArray] = []
@@ -228,7 +249,7 @@ def tessellate(
             centre = middles(corners)
             radius = widest(lengths(corners - centre[:, None]))
             near = lengths(centre - viewpoint) - radius < max_range
-            face, weights, corners = face[near], weights[near], corners[near]
+            face, weights, grains, corners = face[near], weights[near], grains[near], corners[near]
         # It goes with the square of a piece's edges, as its area does.
         bend = None
         if rises is not None:
@@ -239,12 +260,19 @@ def tessellate(
             shown = None if bend is None else replace(bend, rises=None)
             more = demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown, still)
             coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
+        sides = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]])  # opposite corner
+        # Of edges alike the first, and those as long as a grain, whatever rounding says: the same from any side.
+        if grain is not None:
+            fresh = np.isnan(grains[:, 0, 0]) & (widest(sides) <= (1.0 + _ALIKE) * grain)
+            grains[fresh] = weights[fresh]
+            coarse |= np.isnan(grains[:, 0, 0])
         done_face.append(face[~coarse])
         done_weights.append(weights[~coarse])
+        done_grains.append(grains[~coarse])
         done_parts.append(parts[~coarse])
         done_heights.append(high[~coarse])
         count += int(np.count_nonzero(~coarse))
-        face, weights, corners = face[coarse], weights[coarse], corners[coarse]
+        face, weights, grains, sides = face[coarse], weights[coarse], grains[coarse], sides[coarse]
         if len(face) == 0:
             break
         if count + 2 * len(face) > limit:
@@ -252,15 +280,16 @@ def tessellate(
                 f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
                 "near surfaces that the radar does not need to see"
             )
-        edge = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]]).argmax(axis=1)  # opposite corner
+        edge = (sides > (1.0 - _ALIKE) * widest(sides)[:, None]).argmax(axis=1)
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
         middle = 0.5 * (left + right)
-        face = np.concatenate([face, face])
+        face, grains = np.concatenate([face, face]), np.concatenate([grains, grains])
         weights = np.concatenate([np.stack([apex, left, middle], axis=1), np.stack([apex, middle, right], axis=1)])
     else:
         done_face.append(face)
         done_weights.append(weights)
+        done_grains.append(np.where(np.isnan(grains), weights, grains))
         done_parts.append(np.full(len(face), MAX_PARTS, dtype=np.int32))
         done_heights.append(np.zeros(len(face)))
     order = np.argsort(np.concatenate(done_face), kind="stable")
@@ -271,4 +300,5 @@ def tessellate(
         np.maximum(flat, np.ceil(high).astype(np.int32)),
         flat,
         high,
+        None if grain is None else np.concatenate(done_grains)[order],
     )
