@@ -18,6 +18,8 @@ faces are bent more sharply than `ROUND`, which return little."""
 ROUND = 0.1
 """Radius of curvature [m]."""
 MOST_DIVISIONS = 3
+LONG = 0.1
+"""Longest edge of a piece [m]: along a cylinder's side normals don't turn, but where rays go from there does."""
 _ALIKE = 1e-7
 """Corners of pieces are the same where places [m] and normals are alike to this."""
 
@@ -39,7 +41,8 @@ class Pieces:
 
     @staticmethod
     def of(skin: Skin, facet: NDArray[np.int64]) -> Pieces:
-        """Of some faces, divided until normals turn by no more than `TURN` over a piece, or `SHARP`."""
+        """Of some faces, divided until normals turn by no more than `TURN` over a piece, or `SHARP`, and none is longer
+        than `LONG`."""
         normals, ends = skin.normals[facet], skin.corners[facet]
         cos = np.einsum("fci,fci->fc", normals, normals[:, [1, 2, 0]]).min(axis=1, initial=1.0)
         turn = np.arccos(np.clip(cos, -1.0, 1.0))
@@ -54,10 +57,32 @@ class Pieces:
             faces.append(np.repeat(own, len(weights)))
             parts.append(np.tile(weights, (len(own), 1, 1)))
             turns.append(np.repeat(turn[times == count] / 2**count, len(weights)))
-        of, corners = np.concatenate(faces), np.concatenate(parts)
+        of, corners, turn = _shortened(skin, np.concatenate(faces), np.concatenate(parts), np.concatenate(turns))
         lane, place = np.repeat(of, 3), corners.reshape(-1, 3)
         _, point = skin.places(lane, place)
         known = np.round(np.column_stack([point, unit_normals(skin, lane, place)]) / _ALIKE).astype(np.int64)
         known = np.column_stack([known, skin.sheet[lane]])
         _, at, node = np.unique(known, axis=0, return_index=True, return_inverse=True)
-        return Pieces(of, corners, np.concatenate(turns), node.reshape(-1, 3), at)
+        return Pieces(of, corners, turn, node.reshape(-1, 3), at)
+
+
+def _shortened(
+    skin: Skin, of: NDArray[np.int64], corners: FloatArray, turn: FloatArray
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Pieces of faces `of` (piece,) with `corners` (piece, corner, vertex) and their `turn` (piece,), halved across
+    their longest edges until these are no longer than `LONG`."""
+    done: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
+    while True:
+        ends = corners @ skin.corners[of]
+        sides = np.sqrt(((ends[:, [1, 2, 0]] - ends[:, [2, 0, 1]]) ** 2).sum(axis=2))  # opposite corner
+        long = sides.max(axis=1, initial=0.0) > LONG
+        done.append((of[~long], corners[~long], turn[~long]))
+        if not long.any():
+            break
+        row, edge = np.arange(int(long.sum())), sides[long].argmax(axis=1)
+        apex, left, right = (corners[long][row, (edge + k) % 3] for k in range(3))
+        middle = 0.5 * (left + right)
+        halves = [np.stack([apex, left, middle], axis=1), np.stack([apex, middle, right], axis=1)]
+        of, corners, turn = np.tile(of[long], 2), np.concatenate(halves), np.tile(turn[long], 2)
+    faces, parts, turns = zip(*done, strict=True)
+    return np.concatenate(faces), np.concatenate(parts), np.concatenate(turns)

@@ -23,6 +23,8 @@ from rfgen_sionna.tracing.tubes.skin import Skin, tangential
 
 FINER, AT_RIMS = 1, 6
 """How often pieces that may hold a glint are divided further, and such of which not all corners' rays land."""
+WIDE = 0.5
+"""Pieces whose misses differ by more than this [rad] are divided, too: over them misses are not linear."""
 FAR = 3.0
 """Pieces hold none where the least miss at a corner is more than this times what misses differ by ..."""
 SWAY = 2.0
@@ -40,8 +42,9 @@ ENOUGH = 1e-6
 """Miss at which Newton's method ends [rad]."""
 SHORTEST = 2.0
 """Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
-BESIDE = 0.1
-"""How far beyond its piece a place may lie, in barycentric coordinates; the next piece has it as well."""
+BESIDE, NEARBY = 0.1, 0.1
+"""How far beyond its face a place may lie, in barycentric coordinates, as the next face has it as well, and how far
+beyond a piece it may seem to lie by what rays at its corners miss."""
 _QUARTERS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2], [5, 4, 3]])
 """Corners of the four parts of a piece: its own, then the middles of its edges 01, 02 and 12."""
 SAME = 1e-3
@@ -150,7 +153,7 @@ class Search:
                 lane = np.flatnonzero(whole)
                 guesses.append(_guessed(landed, node[lane], facet[lane], corners[lane]))
             held = _may_hold(landed, node, bent) | self._around(landed, node, facet, bent)
-            rest = np.flatnonzero(held & (~whole | (turn < FINER)))
+            rest = np.flatnonzero(held & (~whole | (turn < FINER) | (_spread(landed, node) > WIDE)))
             if len(rest) == 0 or turn == AT_RIMS:
                 break
             # Of four pieces three corners are those of the whole; the middles of its edges are new.
@@ -338,7 +341,7 @@ def _guessed(
     axes = tangents(landed.home[node[:, 0]])
     miss = np.einsum("pci,pia->pca", (landed.on - landed.home)[node], axes)
     share = _barycentre(miss)
-    lane = np.flatnonzero((share > -BESIDE).all(axis=1))
+    lane = np.flatnonzero((share > -NEARBY).all(axis=1))
     return facet[lane], np.einsum("pc,pcv->pv", share[lane], corners[lane]), axes[lane]
 
 
@@ -348,10 +351,15 @@ def _may_hold(landed: _Landing, node: NDArray[np.intp], turn: FloatArray) -> NDA
     there = (landed.facet >= 0)[node]
     away = np.where(there[..., None], (landed.on - landed.home)[node], np.nan)
     least = np.fmin.reduce(np.sqrt((away**2).sum(axis=2)), axis=1)
-    spread = np.sqrt(((away - away[:, [1, 2, 0]]) ** 2).sum(axis=2))
     sway = SWAY * turn * (1.0 + landed.lever[node].max(axis=1))
-    change = np.where(landed.comes[node].all(axis=1), FAR * np.fmax.reduce(spread, axis=1), sway)
+    change = np.where(landed.comes[node].all(axis=1), FAR * _spread(landed, node), sway)
     return np.asarray(there.any(axis=1) & (least < change))
+
+
+def _spread(landed: _Landing, node: NDArray[np.intp]) -> FloatArray:
+    """(piece,) by how much misses at the corners `node` (piece, 3) differ [rad]."""
+    away = (landed.on - landed.home)[node]
+    return np.asarray(np.sqrt(((away - away[:, [1, 2, 0]]) ** 2).sum(axis=2)).max(axis=1, initial=0.0))
 
 
 def _barycentre(corners: FloatArray) -> FloatArray:

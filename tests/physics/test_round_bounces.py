@@ -347,6 +347,51 @@ def test_any_two_balls_in_the_open_have_one_glint(radar, furniture, pairs):
         assert found.tau[0, 0, :, 0] * 299792458.0 == pytest.approx(length, abs=2e-4)
 
 
+def rod(radius, height, sections, rings):
+    """A cylinder about z whose side is so many rings of faces."""
+    angle, z = 2 * np.pi * np.arange(sections) / sections, np.linspace(-height / 2, height / 2, rings + 1)
+    side = [[radius * np.cos(a), radius * np.sin(a), level] for level in z for a in angle]
+    here = np.arange(rings * sections)
+    right = here - here % sections + (here + 1) % sections
+    ends = np.arange(sections), (np.arange(sections) + 1) % sections
+    last, count = rings * sections, len(side)
+    faces = np.concatenate(
+        [
+            np.stack([here, right, right + sections], 1),
+            np.stack([here, right + sections, here + sections], 1),
+            np.stack([ends[1], ends[0], np.full(sections, count)], 1),
+            np.stack([last + ends[0], last + ends[1], np.full(sections, count + 1)], 1),
+        ]
+    )
+    return np.array([*side, [0, 0, z[0]], [0, 0, z[-1]]]), faces
+
+
+RODS = (
+    ((0.099, 0.74), (2.981, 0.080, 0.105), (0.700, 0.351, 0.622)),
+    ((0.081, 0.76), (3.105, 0.280, 0.563), (0.581, 0.450, -0.678)),
+)
+"""Radius, height, middle and axis of two that lean."""
+
+
+@pytest.mark.parametrize(("sections", "rings"), [(32, 1), (64, 1), (64, 16)])
+def test_rods_that_lean_have_their_glint_however_they_are_meshed(radar, sections, rings):
+    """As long as a face, or in sixteen rings: two paths, as long and as strong as where they are meshed finely."""
+
+    def found(*mesh):
+        actors = []
+        for (radius, height, *place), name in zip([(*a, b, c) for a, b, c in RODS], "ab", strict=True):
+            vertices, faces = rod(radius, height, *mesh)
+            turn = trimesh.geometry.align_vectors([0, 0, 1], place[1])[:3, :3]
+            actors.append(Actor.from_mesh((vertices @ turn.T, faces), material="pec", position=place[0], name=name))
+        simulator = Simulator(None, radar, actors, rtol=1e-2, max_bounces=2, collisions="ignore")
+        return around(simulator.paths(0.0))
+
+    paths, fine = found(sections, rings), found(96, 48)
+    assert paths.num_paths == fine.num_paths == 2
+    assert paths.tau[0, 0] * 3e8 == pytest.approx(fine.tau[0, 0] * 3e8, abs=1e-3)
+    assert np.abs(paths.a[0, 0]) == pytest.approx(np.abs(fine.a[0, 0]), rel=0.02)
+
+
 def test_what_moves_is_shown_by_furniture_that_is_round(radar):
     """A ball that moves beside a column that stands: paths are the ball's, and as strong as by two that move."""
     column = trimesh.creation.cylinder(radius=0.1, height=1.0, sections=64)
