@@ -62,6 +62,7 @@ def choose_instants(
     max_spacing: float,
     beside: bool = False,
     pair: bool = False,
+    cancelled: FloatArray | None = None,
 ) -> Instants:
     """As few evenly spaced instants as follow the gains to a tolerance.
 
@@ -88,6 +89,8 @@ def choose_instants(
         not looked at between instants.
     pair
         Whether two instants may do: nothing is left out then to tell what shadows that pass in between change.
+    cancelled
+        (mesh,) by how much each one's error is larger than faces tell that know nothing of one another; None is 1.
     """
     if len(knots) == 1:
         return Instants(knots, 0.0)
@@ -101,8 +104,12 @@ def choose_instants(
     most = max(least, int(length / MIN_SPACING))
     allowed, gaps = BESIDE * tolerance if beside else tolerance, least
 
+    more = np.ones(len(meshes)) if cancelled is None else cancelled
+
     def missed(gaps: int) -> float:
-        return MARGIN * max((each.missed(gaps) for each in meshes), default=0.0)
+        return MARGIN * max(
+            (own * each.missed(gaps) for each, own in zip(meshes, more.tolist(), strict=True)), default=0.0
+        )
 
     told = [[telling(each) for each in there] for there in places]
     turn = _most_turn(told, viewpoint) * (len(knots) - 1) if not beside else np.inf

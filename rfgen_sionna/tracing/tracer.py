@@ -50,6 +50,11 @@ MOST_BOUNCES = 3
 """Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
 
 
+_MORE, _AGAIN = 1.1, 3
+"""By how much more than was known the return has to cancel for a stretch to be traced anew, with more instants, and how
+often it is traced at most."""
+
+
 @dataclass(frozen=True)
 class TraceReport:
     """What a trace cost."""
@@ -286,19 +291,28 @@ class Tracer:
         """
         self._positions.clear()
         moving = moving or self.follow()
-        knots = instants = np.array([start])
-        turned = 0.0
-        if self.actors:
-            highest, faces = self._band.highest, [actor.faces for actor in self.actors]
-            phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
-            followed = moving.consider(self._vertices, (start, stop))
-            knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
-            closed = [surface.closed for surface in self.surfaces.moving]
-            given = self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-            # What actors hide of what stays, or of what is watched, is told by three times and more.
-            pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
-            instants, turned = choose_instants(self._vertices, faces, closed, *given, beside=moving.beside, pair=pair)
-        return self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)
+        if not self.actors:
+            return self._traced(np.array([start]), np.array([start]), moving, 0.0, watch)
+        highest, faces = self._band.highest, [actor.faces for actor in self.actors]
+        phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
+        followed = moving.consider(self._vertices, (start, stop))
+        knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
+        closed = [surface.closed for surface in self.surfaces.moving]
+        given = self._vertices, faces, closed, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
+        # What actors hide of what stays, or of what is watched, is told by three times and more.
+        pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
+        for _ in range(_AGAIN):
+            known = moving.cancelled
+            instants, turned = choose_instants(*given, beside=moving.beside, pair=pair, cancelled=known)
+            traced = self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)
+            # How much of the return cancels is known when it was traced.
+            more = float((moving.cancelled / known).max())
+            if more * turned <= gain or more < _MORE or watch is not None or len(instants) == 1:
+                break
+        if more <= 1.0 or len(instants) == 1:
+            return traced
+        report = replace(traced.report, between=max(traced.report.between, more * turned))
+        return replace(traced, report=report)
 
     @one_blas_thread()
     def instant(self, t: float) -> RadarPaths:

@@ -398,3 +398,21 @@ def test_what_gains_miss_between_instants_is_stated(radar, motion, rtol):
     assert error < np.hypot(traced.report.between, traced.report.error)
     # The limb turns away from the light at its own rims as well, and shadows are in it.
     assert traced.report.between <= (3.1 * rtol if motion != "a limb that swings" else 0.02)
+
+
+def test_what_is_left_of_a_return_that_cancels_is_followed_too(radar):
+    """A plate that rolls aslant, 2 turns a second: its facets return tens of times what is left of them together. Off
+    by 25 % between instants, where 3 % was stated, before that counted."""
+    plate = trimesh.creation.box((0.01, 0.2, 0.2))
+
+    def pose(t):
+        return (2.0, 0.1, 1.0), np.array([0.5, 0.3, 4 * np.pi * t])
+
+    tracer = Tracer(None, radar, [Actor.from_mesh(plate, material="pec", trajectory=pose)], 1e-2)
+    traced = tracer.trace(0.0, 0.0276)
+    times = np.linspace(0.0, 0.0276, 25)[1:-1] + 1e-5
+    truth = traced_there(tracer, times)
+    error = rms(channel(traced.actors, times) - truth) / rms(truth)
+    assert error < 0.08
+    assert error < 4 * np.hypot(traced.report.between, traced.report.error)
+    assert traced.report.instants > 14
