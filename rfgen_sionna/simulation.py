@@ -27,6 +27,7 @@ from rfgen_sionna.scene.enclosure import check_radar_placed
 from rfgen_sionna.scene.encounters import check_encounters
 from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import RadarScene, load_scene
+from rfgen_sionna.scene.materials import warn_uncovered
 from rfgen_sionna.scene.places import (
     POLICIES,
     Policy,
@@ -92,7 +93,8 @@ class Simulator:
     max_bounces
         Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
         make of actors on the way there or back, and what bent surfaces show of one another, limbs of the trunk; 3 adds
-        ghosts both ways. None is 3. What is weaker than `rtol` is left out.
+        ghosts both ways, by the same wall or by two. Two different walls one after the other, before or after an actor,
+        are not followed. None is 3. What is weaker than `rtol` is left out.
     environment
         Image of surroundings, such as a diffusion model's, for which there is no `scene`: diffuse paths, which hide the
         actors and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
@@ -154,6 +156,10 @@ class Simulator:
         self._silence_told = False
         self._fusion: Fusion | None = None
         self.scene.tune(radar.center_frequency)
+        for actor in self.actors:
+            if actor.properties.outside == "raise":
+                actor.properties.check(radar.center_frequency, actor.name)
+        warn_uncovered([actor.properties for actor in self.actors], radar.center_frequency)
         check_radar_clear(radar.position, self.scene, self.actors)
         check_radar_placed(
             radar.position,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import warnings
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
@@ -16,7 +17,7 @@ import numpy as np
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.resources import available, resolve
 from rfgen_sionna.scene.enclosure import Interior, read_interior
-from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.errors import MaterialError, SceneError
 from rfgen_sionna.scene.materials import Material, warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals
 from rfgen_sionna.scene.permittivity import Outside
@@ -108,7 +109,8 @@ class RadarScene:
 
     @cached_property
     def objects(self) -> tuple[StaticObject, ...]:
-        """The static meshes.
+        """The static meshes, as the Sionna scene has them when this is read or :meth:`tune` is called. Sionna's sensing
+        targets are left out, and objects stay where they are whatever velocity they have there, with a warning.
 
         Raises:
             SceneError: the file cannot be read as a scene.
@@ -118,37 +120,69 @@ class RadarScene:
             return ()
         from rfgen_sionna.scene.radio_materials import from_sionna
 
-        scene = self.sionna
-        materials = {
-            name: from_sionna(radio_material, self.outside) for name, radio_material in scene.radio_materials.items()
-        }
-        found = []
+        scene, materials, found = self.sionna, dict[str, Material](), list[StaticObject]()
+        targets, moving = list[str](), list[str]()
         for name, item in scene.objects.items():
+            if type(item).__name__ == "SensingTarget":
+                targets.append(name)
+                continue
             vertices, faces = _arrays(item.mi_mesh)
-            if len(faces):
-                found.append(StaticObject(name, materials[item.radio_material.name], vertices, faces))
+            if not len(faces):
+                continue
+            of = item.radio_material
+            if of.name not in materials:
+                try:
+                    materials[of.name] = from_sionna(of, self.outside)
+                except MaterialError as error:
+                    raise MaterialError(f"object {name!r}: {error}") from error
+            found.append(StaticObject(name, materials[of.name], vertices, faces))
+            if np.any(np.asarray(item.velocity) != 0.0):
+                moving.append(name)
+        if targets:
+            warnings.warn(
+                f"Sionna's sensing targets are left out of the surroundings: {', '.join(targets)}; give them as actors",
+                stacklevel=3,
+            )
+        if moving:
+            warnings.warn(
+                f"objects stand still in the surroundings, whatever their velocity: {', '.join(moving)}; make actors "
+                "of them to let them move",
+                stacklevel=3,
+            )
         if self.frequency is not None:
             warn_uncovered([o.properties for o in found], self.frequency, stacklevel=3)
         return tuple(found)
 
     def tune(self, frequency: float) -> None:
-        """Set the carrier frequency [Hz] of the Sionna scene, with one warning for what our sources do not cover.
+        """Set the carrier frequency [Hz] of the Sionna scene, with one warning for what our sources do not cover, and
+        read its objects again: whoever has it may have moved them.
 
         Raises:
             ValueError: the frequency is not positive.
+            SceneError: there are sensing targets in the scene, with which Sionna cannot change its frequency.
             MaterialError: the policy is "raise" and a material is not covered.
         """
         if not (np.isfinite(frequency) and frequency > 0.0):
             raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
-        if frequency == self.frequency and "objects" in self.__dict__:
-            return
-        self.frequency = None
+        known, self.frequency = self.frequency, None
+        self.__dict__.pop("objects", None)
         objects = self.objects
+        if frequency == known:
+            self.frequency = known
+            return
         for item in objects:
             if self.outside == "raise":
                 item.properties.check(frequency, item.name)
         if not self.is_free_space:
-            self.sionna.frequency = frequency
+            targets = [name for name, item in self.sionna.objects.items() if type(item).__name__ == "SensingTarget"]
+            if targets and not np.isclose(float(self.sionna.frequency[0]), frequency, rtol=1e-6):
+                raise SceneError(
+                    f"scene {self.name!r}: Sionna cannot go from {float(self.sionna.frequency[0]) / 1e9:g} to "
+                    f"{frequency / 1e9:g} GHz with sensing targets in it ({', '.join(targets)}); set its frequency "
+                    "before they are added, or remove them"
+                )
+            if not targets:
+                self.sionna.frequency = frequency
         self.frequency = float(frequency)
         warn_uncovered([o.properties for o in objects], frequency, stacklevel=2)
 

@@ -121,9 +121,11 @@ class Material:
         """Raise a `MaterialError` where a frequency [Hz] is not covered; `owner` is the object named in it."""
         for value in _frequencies(frequency).ravel():
             if not self.covers(float(value)):
+                others = sorted(name for name, each in MATERIALS.items() if each.covers(float(value)))
                 raise MaterialError(
                     f"{_prefix(owner)}material {self.name!r} is not defined at {value / 1e9:g} GHz, its source covers "
-                    f'{self.describe_ranges()}; choose another material or outside="extrapolate" or "clamp"'
+                    f'{self.describe_ranges()}; choose outside="extrapolate" or "clamp", or another material: '
+                    f"{', '.join(others)} are defined there"
                 )
 
     def describe_ranges(self) -> str:
@@ -158,7 +160,10 @@ def material(name: str, frequency: float | None = None, outside: Outside = "extr
         TypeError: `name` is no text.
     """
     if not isinstance(name, str):
-        raise TypeError(f"{_prefix(owner)}material: {name!r} given, the name of a material is needed")
+        raise TypeError(
+            f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; "
+            f"known are {', '.join(sorted(MATERIALS))}"
+        )
     _check_policy(outside)
     key = canonical_name(name)
     if key not in MATERIALS:

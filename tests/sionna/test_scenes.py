@@ -22,6 +22,10 @@ from rfgen_sionna.scene import (
     material,
 )
 from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.sionna_target import add_actor
+from tests.benchmarks.subjects import radar_of
+from tests.sionna.rectangles import apart, scene_of, wall
 
 SMALL = [
     "box",
@@ -284,3 +288,61 @@ def test_unknown_materials_in_a_file_are_named(tmp_path: Path):
     )
     with pytest.raises(SceneError, match="unknown material 'granite'"):
         _ = load_scene(tmp_path / "a.xml").objects
+
+
+def facing_wall(x=6.0):
+    """A wall in a scene that the test keeps, and what may be loaded from it."""
+    return load_scene(scene_of(77e9, wall=(wall(x), "metal", 0.01)).sionna)
+
+
+def test_what_was_moved_in_the_scene_is_where_it_is_now():
+    """A scene that is used again: another simulator sees objects where Sionna has them then."""
+    import mitsuba as mi
+
+    scene, radar = facing_wall(), apart()
+    far = Simulator(scene, radar, [], rtol=1e-2).paths().tau.min()
+    scene.sionna.objects["wall"].position = mi.Point3f(3, 0, 1)
+    near = Simulator(scene, radar, [], rtol=1e-2).paths().tau.min()
+    assert (far - near) * 3e8 / 2 == pytest.approx(3.0, abs=0.01)
+
+
+def test_a_velocity_that_nothing_follows_is_told():
+    import mitsuba as mi
+
+    scene = facing_wall()
+    scene.sionna.objects["wall"].velocity = mi.Vector3f(-10, 0, 0)
+    with pytest.warns(UserWarning, match="stand still.*wall.*actors"):
+        paths = Simulator(scene, apart(), [], rtol=1e-2).paths()
+    assert not paths.tau_rate.any()
+
+
+def test_sensing_targets_are_left_out_and_that_is_told():
+    """A scene with an actor of ours as a target of Sionna's: the actor itself may be given as well."""
+    scene, radar = facing_wall(), apart()
+    scene.tune(radar.center_frequency)
+    ball = Actor.from_mesh(trimesh.creation.icosphere(2, 0.1), material="pec", position=(3, 0.5, 1), name="ball")
+    add_actor(scene, ball)
+    with pytest.warns(UserWarning, match="sensing targets.*ball.*actors"):
+        simulator = Simulator(scene, radar, [ball], rtol=1e-2)
+    assert set(simulator.paths().object_names) == {"wall", "ball"}
+    with (
+        pytest.warns(UserWarning, match="left out"),
+        pytest.raises(SceneError, match=r"GHz with sensing targets.*ball"),
+    ):
+        Simulator(scene, radar_of(24), [], rtol=1e-2)
+
+
+def test_materials_of_actors_are_checked_before_anything_is_traced():
+    """Wet ground is known to 10 GHz: a warning, or an error that names the object, the frequency and the choices."""
+    puddle = trimesh.creation.box((0.1, 1.0, 1.0))
+
+    def simulator(outside):
+        made_of = material("wet_ground", outside=outside)
+        return Simulator(None, apart(), [Actor.from_mesh(puddle, material=made_of, position=(3, 0, 1), name="puddle")])
+
+    with pytest.warns(MaterialRangeWarning, match="wet_ground"):
+        simulator("extrapolate")
+    with pytest.raises(MaterialError, match=r"puddle.*wet_ground.*7[0-9.]+ GHz.*concrete.*defined there"):
+        simulator("raise")
+    with pytest.raises(TypeError, match=r"puddle.*known are.*concrete"):
+        Simulator(None, apart(), [Actor.from_mesh(puddle, material=None, position=(3, 0, 1), name="puddle")])
