@@ -156,6 +156,7 @@ class Simulator:
         self._silence_told = False
         self._fusion: Fusion | None = None
         self.scene.tune(radar.center_frequency)
+        self.scene.warn_unfollowed()
         for actor in self.actors:
             if actor.properties.outside == "raise":
                 actor.properties.check(radar.center_frequency, actor.name)

@@ -61,6 +61,7 @@ class RadarScene:
         """Carrier frequency [Hz] that the Sionna scene is set to; None leaves what the Sionna scene has."""
         self.outside: Outside = outside
         self._given = scene
+        self._unfollowed: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
 
     def __repr__(self) -> str:
         return f"RadarScene({self.name!r})"
@@ -110,7 +111,8 @@ class RadarScene:
     @cached_property
     def objects(self) -> tuple[StaticObject, ...]:
         """The static meshes, as the Sionna scene has them when this is read or :meth:`tune` is called. Sionna's sensing
-        targets are left out, and objects stay where they are whatever velocity they have there, with a warning.
+        targets are left out, and objects stay where they are whatever velocity they have there:
+        :meth:`warn_unfollowed`.
 
         Raises:
             SceneError: the file cannot be read as a scene.
@@ -138,6 +140,14 @@ class RadarScene:
             found.append(StaticObject(name, materials[of.name], vertices, faces))
             if np.any(np.asarray(item.velocity) != 0.0):
                 moving.append(name)
+        self._unfollowed = tuple(targets), tuple(moving)
+        if self.frequency is not None:
+            warn_uncovered([o.properties for o in found], self.frequency, stacklevel=3)
+        return tuple(found)
+
+    def warn_unfollowed(self) -> None:
+        """Warn of what the Sionna scene has and `objects` have not: sensing targets, and velocities."""
+        targets, moving = self._unfollowed
         if targets:
             warnings.warn(
                 f"Sionna's sensing targets are left out of the surroundings: {', '.join(targets)}; give them as actors",
@@ -149,9 +159,6 @@ class RadarScene:
                 "of them to let them move",
                 stacklevel=3,
             )
-        if self.frequency is not None:
-            warn_uncovered([o.properties for o in found], self.frequency, stacklevel=3)
-        return tuple(found)
 
     def tune(self, frequency: float) -> None:
         """Set the carrier frequency [Hz] of the Sionna scene, with one warning for what our sources do not cover, and

@@ -18,8 +18,9 @@ faces are bent more sharply than `ROUND`, which return little."""
 ROUND = 0.1
 """Radius of curvature [m]."""
 MOST_DIVISIONS = 3
-LONG = 0.1
-"""Longest edge of a piece [m]: along a cylinder's side normals don't turn, but where rays go from there does."""
+LONG, ASLANT = 0.1, 0.03
+"""Longest edge of a piece [m], and over its distance from the radar: along a cylinder's side normals don't turn, but
+where rays go from there does."""
 _ALIKE = 1e-7
 """Corners of pieces are the same where places [m] and normals are alike to this."""
 
@@ -40,9 +41,9 @@ class Pieces:
     """(node,) a corner of a piece, counted through all of them, that it is."""
 
     @staticmethod
-    def of(skin: Skin, facet: NDArray[np.int64]) -> Pieces:
+    def of(skin: Skin, facet: NDArray[np.int64], source: FloatArray) -> Pieces:
         """Of some faces, divided until normals turn by no more than `TURN` over a piece, or `SHARP`, and none is longer
-        than `LONG`."""
+        than `LONG`, or `ASLANT` times its distance from the `source` (3,) [m]."""
         normals, ends = skin.normals[facet], skin.corners[facet]
         cos = np.einsum("fci,fci->fc", normals, normals[:, [1, 2, 0]]).min(axis=1, initial=1.0)
         turn = np.arccos(np.clip(cos, -1.0, 1.0))
@@ -57,7 +58,9 @@ class Pieces:
             faces.append(np.repeat(own, len(weights)))
             parts.append(np.tile(weights, (len(own), 1, 1)))
             turns.append(np.repeat(turn[times == count] / 2**count, len(weights)))
-        of, corners, turn = _shortened(skin, np.concatenate(faces), np.concatenate(parts), np.concatenate(turns))
+        of, corners, turn = _shortened(
+            skin, source, np.concatenate(faces), np.concatenate(parts), np.concatenate(turns)
+        )
         lane, place = np.repeat(of, 3), corners.reshape(-1, 3)
         _, point = skin.places(lane, place)
         known = np.round(np.column_stack([point, unit_normals(skin, lane, place)]) / _ALIKE).astype(np.int64)
@@ -67,15 +70,16 @@ class Pieces:
 
 
 def _shortened(
-    skin: Skin, of: NDArray[np.int64], corners: FloatArray, turn: FloatArray
+    skin: Skin, source: FloatArray, of: NDArray[np.int64], corners: FloatArray, turn: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Pieces of faces `of` (piece,) with `corners` (piece, corner, vertex) and their `turn` (piece,), halved across
-    their longest edges until these are no longer than `LONG`."""
+    their longest edges until these are no longer than they may be, seen from the `source`."""
     done: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
     while True:
         ends = corners @ skin.corners[of]
         sides = np.sqrt(((ends[:, [1, 2, 0]] - ends[:, [2, 0, 1]]) ** 2).sum(axis=2))  # opposite corner
-        long = sides.max(axis=1, initial=0.0) > LONG
+        near = np.sqrt(((ends - source) ** 2).sum(axis=2)).min(axis=1, initial=np.inf)
+        long = sides.max(axis=1, initial=0.0) > np.maximum(LONG, ASLANT * near)
         done.append((of[~long], corners[~long], turn[~long]))
         if not long.any():
             break

@@ -44,6 +44,8 @@ SKIPPED = 0.5
 """Share of the tolerance that the returns of one surface may make up together to be left out."""
 APART = 1 / 16
 """By how many wavelengths the ways of two glints may differ half way between their instants to be one glint's."""
+NEARER = 0.5
+"""Pieces are made anew for what moves once that has come so much nearer."""
 NEAR = 0.05
 """How far apart their places may be then [m]."""
 
@@ -120,6 +122,7 @@ class RoundBounces:
         self._tells = (np.arange(len(self._whose)) < self._static_faces) == still
         self._skins: list[Skin] = []
         self._pieces: Pieces | None = None
+        self._near = np.inf
         self._bent = np.zeros(0)
 
     def see(self, rays: RayScene, vertices: Sequence[FloatArray], seen: IntArray) -> RoundSeen:
@@ -127,8 +130,10 @@ class RoundBounces:
         are seen directly among those that move."""
         skin = self._skin(vertices)
         bent = (self._plates() < 0) & ~skin.plane[skin.sheet]
-        if self._pieces is None:
-            self._pieces = Pieces.of(skin, np.flatnonzero(bent))
+        first = len(self._surfaces.static)
+        near = min((float(lengths(each - self._eyes.position).min()) for each in vertices[first:]), default=np.inf)
+        if self._pieces is None or near < NEARER * self._near:
+            self._pieces, self._near = Pieces.of(skin, np.flatnonzero(bent), self._eyes.position), near
             self._bent = _bent(skin)
         wanted = bent & (np.arange(len(bent)) < self._static_faces)
         wanted[seen] = bent[seen]

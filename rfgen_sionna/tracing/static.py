@@ -284,7 +284,9 @@ def trace_static(
         fineness[found.share > 0.1 / len(materials)] *= finer(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
     gains *= seen.fraction
-    if (rough := band.diffuse(facets, materials)) is not None:
+    rough = None
+    if (every := band.diffuse(facets, materials)) is not None:
+        rough = every[0, 0]  # the same for all pairs, as each facet scatters by itself
         gains[0] += np.sqrt(seen.fraction) * rough  # of energy, half of a facet returns half
     tau = band.delays(facets.centroids)[..., None]
     paths = facet_paths(

@@ -280,7 +280,8 @@ def tessellate(
                 f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
                 "near surfaces that the radar does not need to see"
             )
-        edge = (sides > (1.0 - _ALIKE) * widest(sides)[:, None]).argmax(axis=1)
+        alike = 0.0 if grain is None else _ALIKE
+        edge = (sides >= (1.0 - alike) * widest(sides)[:, None]).argmax(axis=1)
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
         middle = 0.5 * (left + right)

@@ -413,6 +413,6 @@ def test_what_is_left_of_a_return_that_cancels_is_followed_too(radar):
     times = np.linspace(0.0, 0.0276, 25)[1:-1] + 1e-5
     truth = traced_there(tracer, times)
     error = rms(channel(traced.actors, times) - truth) / rms(truth)
-    assert error < 0.08
-    assert error < 4 * np.hypot(traced.report.between, traced.report.error)
+    assert error < 0.05
+    assert error < 2 * np.hypot(traced.report.between, traced.report.error)
     assert traced.report.instants > 14

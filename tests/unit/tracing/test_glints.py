@@ -68,7 +68,7 @@ def test_bends_are_those_of_a_cylinder(two):
 def test_pieces_turn_no_more_than_they_may_and_cover_their_faces(two):
     surfaces, vertices = two
     skin = Skin.of(surfaces, vertices)
-    pieces = Pieces.of(skin, np.arange(len(skin.corners)))
+    pieces = Pieces.of(skin, np.arange(len(skin.corners)), np.zeros(3))
     place = pieces.corners.reshape(-1, 3)
     normal = np.einsum("pc,pci->pi", place, skin.normals[np.repeat(pieces.facet, 3)]).reshape(-1, 3, 3)
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
