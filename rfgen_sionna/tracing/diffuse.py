@@ -22,7 +22,7 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.facets import Facets, mixed
 from rfgen_sionna.tracing.surfaces import Surface
 
 GRAIN, STILL_GRAIN = 0.05, 0.2
@@ -135,10 +135,5 @@ def _draws(face: np.ndarray, place: np.ndarray, surface: int, seed: int) -> Floa
         key = face.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + place.astype(np.uint64)
         key = key * np.uint64(0xD1B54A32D192ED03) + np.uint64(seed) * np.uint64(0x8CB92BA72F3D8DD7)
         key = key + np.uint64(surface + 1) * np.uint64(0xABC98388FB8FAC03)
-        rows = []
-        for turn in range(2):
-            z = key + np.uint64(turn + 1) * np.uint64(0x9E3779B97F4A7C15)
-            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            rows.append((z ^ (z >> np.uint64(31))).astype(np.float64) / 2.0**64)
-    return np.stack(rows)
+        keys = [key + np.uint64(turn + 1) * np.uint64(0x9E3779B97F4A7C15) for turn in range(2)]
+    return np.stack([mixed(each).astype(np.float64) / 2.0**64 for each in keys])

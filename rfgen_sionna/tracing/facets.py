@@ -44,7 +44,8 @@ class Facets:
     parts: IntArray
     """(facet,) number of parts that the integral divides each edge into."""
     place: IntArray
-    """(facet,) number that tells the facets of a face apart, the same for as long as they stay the same."""
+    """(facet,) number that tells the facets of a face apart, or its grains where it has any, the same for as long as
+    they stay the same."""
     bend: Bend | None = field(default=None, kw_only=True)
     """How the facets are bent; None where all are flat."""
     curved: NDArray[np.bool_] | None = field(default=None, kw_only=True)
@@ -322,10 +323,16 @@ def facet_paths(
 
 def _places_within(place: IntArray, weights: FloatArray) -> IntArray:
     """(piece,) numbers by which pieces of facets of the numbers `place` (piece,) draw phases of their own, with corners
-    at barycentric coordinates `weights` (piece, 3, 3): mixed (SplitMix64), as sums of a few would fall together."""
+    at barycentric coordinates `weights` (piece, 3, 3): mixed, as sums of a few would fall together."""
     middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.uint64)
     z = place.astype(np.uint32).astype(np.uint64) << np.uint64(32) | middle[:, 0] << np.uint64(16) | middle[:, 1]
+    return np.asarray((mixed(z) >> np.uint64(32)).astype(np.uint32).view(np.int32))
+
+
+def mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Numbers of which every bit depends on all bits of each `key`: the finaliser of SplitMix64 (G. L. Steele, D. Lea
+    and C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014)."""
     with np.errstate(over="ignore"):
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return np.asarray((z >> np.uint64(32)).astype(np.uint32).view(np.int32))
+    return z ^ (z >> np.uint64(31))

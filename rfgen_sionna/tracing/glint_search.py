@@ -42,9 +42,8 @@ ENOUGH = 1e-6
 """Miss at which Newton's method ends [rad]."""
 SHORTEST = 2.0
 """Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
-BESIDE, NEARBY = 0.1, 0.1
-"""How far beyond its face a place may lie, in barycentric coordinates, as the next face has it as well, and how far
-beyond a piece it may seem to lie by what rays at its corners miss."""
+BESIDE = 0.1
+"""How far beyond its piece a place may lie, in barycentric coordinates; the next piece has it as well."""
 _QUARTERS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2], [5, 4, 3]])
 """Corners of the four parts of a piece: its own, then the middles of its edges 01, 02 and 12."""
 SAME = 1e-3
@@ -341,7 +340,7 @@ def _guessed(
     axes = tangents(landed.home[node[:, 0]])
     miss = np.einsum("pci,pia->pca", (landed.on - landed.home)[node], axes)
     share = _barycentre(miss)
-    lane = np.flatnonzero((share > -NEARBY).all(axis=1))
+    lane = np.flatnonzero((share > -BESIDE).all(axis=1))
     return facet[lane], np.einsum("pc,pcv->pv", share[lane], corners[lane]), axes[lane]
 
 

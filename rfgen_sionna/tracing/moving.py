@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer
@@ -198,9 +198,10 @@ class MovingParts:
             values = [np.take(each, rest, axis=1) for each in values]
         pattern = [self._facets.patches.pattern(each, kept, leader) for each in seen]
         coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader, pattern)
-        self._note_cancelling(seen, led, coefficients[0, 0, 0])
+        led_by = [each.facets.take(led) for each in seen]
+        self._cancelling = self._returns.cancelling(led_by, coefficients[0, 0, 0], len(self._cancelling))
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
-        paths = self._paths(knots, instants, positions, seen[0].facets.take(led), coefficients, led, known)
+        paths = self._paths(knots, instants, positions, led_by[0], coefficients, led, known)
         self._turn += 1
         interference = np.where(self._interference > 0, self._interference, 1.0)  # of what was hidden nobody knows
         shadows = SAFETY * interference * np.max([each.missed for each in seen], axis=0)
@@ -233,19 +234,6 @@ class MovingParts:
             lambda t: self._facets.centroids(positions(t), followed),
             instants,
         )
-
-    def _note_cancelling(self, seen: Sequence[Seen], led: NDArray[np.intp], gains: ComplexArray) -> None:
-        """Keep in mind what the paths by way of the facets `led` (path,), with `gains` (path, instant) of the first
-        pair, return without interfering, over what they do, of each surface and over all instants."""
-        surface, count = seen[0].facets.surface[led], len(self._cancelling)
-        alone, together = np.zeros((2, count))
-        for own, there in zip(gains.T, seen, strict=True):
-            turns = np.mod(self._band.centre * self._band.delays(there.facets.centroids[led], (0, 0)), 1.0)
-            waves = own * np.exp(-2j * np.pi * turns)
-            sums = [np.bincount(surface, part, count) for part in (waves.real, waves.imag)]
-            alone += np.bincount(surface, np.abs(own) ** 2, count)
-            together += sums[0] ** 2 + sums[1] ** 2
-        self._cancelling = np.sqrt(alone / np.where(together > 0, together, np.inf))
 
     def _changed(self, first: Seen, last: Seen) -> float:
         """Error between two instants for shadows that move on, at most, of the worst surface."""

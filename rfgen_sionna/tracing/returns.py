@@ -110,3 +110,15 @@ class FacetReturns:
                 rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
                 found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
         return found, led
+
+    def cancelling(self, facets: Sequence[Facets], gains: ComplexArray, surfaces: int) -> FloatArray:
+        """(surface,) what paths by way of `facets`, as they are at each instant, with `gains` (path, instant) of the
+        first pair, return without interfering, over what they do, over all instants; 0 where nothing comes."""
+        alone, together = np.zeros((2, surfaces))
+        for own, there in zip(gains.T, facets, strict=True):
+            turns = np.mod(self._band.centre * self._band.delays(there.centroids, (0, 0)), 1.0)
+            waves = own * np.exp(-2j * np.pi * turns)
+            real, imaginary = (np.bincount(there.surface, part, surfaces) for part in (waves.real, waves.imag))
+            alone += np.bincount(there.surface, np.abs(own) ** 2, surfaces)
+            together += real**2 + imaginary**2
+        return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))

@@ -19,6 +19,7 @@ from rfgen_sionna.tracing.fineness import MAX_PARTS, SmoothPieces, demand
 from rfgen_sionna.tracing.smooth import Bend, Smoothing
 
 _ALIKE = 1e-9
+"""Edges of grains whose lengths differ by less, relative to them, are as long as each other."""
 _MAX_SPLITS = 64
 
 

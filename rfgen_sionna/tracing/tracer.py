@@ -48,8 +48,6 @@ VISIBILITY_SPACING = 10e-3
 
 MOST_BOUNCES = 3
 """Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
-
-
 _MORE, _AGAIN = 1.1, 3
 """By how much more than was known the return has to cancel for a stretch to be traced anew, with more instants, and how
 often it is traced at most."""
@@ -75,7 +73,7 @@ class TraceReport:
     (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
     kept by each of the two. With further bounces what is left out of these is added, and what geometrical optics may be
     off by where bent surfaces show one another (:mod:`rfgen_sionna.tracing.glint_doubts`): of a walking person, with
-    two of them, that is 10 to 40 % of its direct return at 77 GHz, as most of its glints are near an edge or a shadow,
+    two of them, that is 10 to 45 % of its direct return at 77 GHz, as most of its glints are near an edge or a shadow,
     and a smaller tolerance does not mend it."""
     between: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on and that of
@@ -137,8 +135,8 @@ class Tracer:
     boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
     Bent surfaces show glints of one another (:mod:`rfgen_sionna.tracing.round_bounces`). Of further bounces those by
     two bent surfaces and a third one, or through slabs, are not traced, nor those by two different walls one after the
-    other before or after an actor, nor, to a radar that stands, actors by two
-    different walls where one of the ways goes through a slab.
+    other before or after an actor, nor, to a radar that stands, actors by two different walls where one of the ways
+    goes through a slab.
 
     Parameters
     ----------
