@@ -73,9 +73,11 @@ class BandTracer:
         self._tx = radar.tx_world - self._origin
         self._rx = radar.rx_world - self._origin
         self._fields = radar.tx_field, radar.rx_field
+        # What fields across each other return is little, and most of it for what lies between the elements.
+        self._alike = bool(np.allclose(*self._fields))
         self._rtol, self._seed = rtol, seed
         self._pattern, self._rotation = radar.pattern, radar.rotation
-        self.expansions = ArrayExpansions(radar, 2 if np.allclose(*self._fields) else 1)
+        self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
         self.aperture = self.expansions.aperture
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         # The outermost of three nodes are the root of 3 half bands apart.
@@ -321,7 +323,7 @@ class BandTracer:
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
-        monostatic = bool(self._baseline**2 < MONOSTATIC * self._rtol * nearest**2)
+        monostatic = self._alike and bool(self._baseline**2 < MONOSTATIC * self._rtol * nearest**2)
 
         def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
             return facet_gains(
