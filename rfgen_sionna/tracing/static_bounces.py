@@ -291,16 +291,19 @@ class _Images:
             axis=0,
         )
 
-    def _beside(self, plate: NDArray[np.intp] | int, points: FloatArray, length: FloatArray) -> FloatArray:
-        """Share of the wave that is left where the point of reflection is so far beside the outline's rectangle."""
-        place = (
-            np.einsum("...ai,fi->fa", self._axes[plate], points)
-            if np.ndim(plate) == 0
-            else np.einsum("fai,fi->fa", self._axes[plate], points)
-        )
-        outside = np.maximum(np.abs(place - self._middle[plate]) - self._half[plate], 0.0)
+    def _outside(self, plate: NDArray[np.intp] | int, points: FloatArray) -> FloatArray:
+        """(flat, 3) how far [m] the points of reflection are beside the outline's rectangle."""
+        axes = np.broadcast_to(self._axes[plate], (len(points), 2, 3))
+        beside = np.einsum("fai,fi->fa", axes, points) - self._middle[plate]
+        beside -= np.clip(beside, -self._half[plate], self._half[plate])
+        return np.asarray(np.einsum("fai,fa->fi", axes, beside))
+
+    def _left(self, plate: NDArray[np.intp] | int, outside: FloatArray, length: FloatArray) -> FloatArray:
+        """(flat,) share of the wave that is left so far `outside` (flat, 3) [m] the rectangle."""
+        axes = np.broadcast_to(self._axes[plate], (len(outside), 2, 3))
+        beside = np.abs(np.einsum("fai,fi->fa", axes, outside))
         zone = 0.5 * np.sqrt(self._wavelength * length)
-        tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(outside, 1e-12))
+        tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(beside, 1e-12))
         return np.asarray(np.minimum(tail, 1.0).prod(axis=1))
 
     def _face(self, flat: NDArray[np.intp], plate: int) -> NDArray[np.bool_]:
@@ -324,7 +327,8 @@ class _Images:
         behind = rx - 2.0 * to_rx[:, None] * normal
         length = np.maximum(np.linalg.norm(behind - tx, axis=1), self._wavelength)
         q = tx + (to_tx / np.maximum(to_tx + to_rx, 1e-9))[:, None] * (behind - tx)
-        share = self._beside(flat, q, length)
+        outside = self._outside(flat, q)
+        share = self._left(flat, outside, length)
         for plate, image in ((first, tx), (last, rx)):
             if plate == DIRECT:
                 continue
@@ -332,7 +336,14 @@ class _Images:
             before = q @ self._normal[plate] + self._height[plate] + self._wavelength
             part = self._height[plate] / np.maximum(before + self._height[plate], 1e-9)
             crossing = image + part[:, None] * (q - image)
-            share = share * np.where(before > 0, self._beside(plate, crossing, length), 0.0)
+            # Beyond the end of the edge that both share, the way leaves the one where it leaves the other: once.
+            edge = np.cross(normal, self._normal[plate])
+            edge /= np.maximum(np.linalg.norm(edge, axis=1), 1e-9)[:, None]
+            there = self._outside(plate, crossing)
+            along, own = (np.einsum("fi,fi->f", each, edge) for each in (outside, there))
+            same = np.where(along * own > 0, np.copysign(np.minimum(np.abs(along), np.abs(own)), own), 0.0)
+            left = self._left(plate, there - same[:, None] * edge, length)
+            share = share * np.where(before > 0, left, 0.0)
             share = share * self._reflection[plate]
         share = share * self._reflection[flat]
         most = np.minimum(self._wavelength / length, 4.0 * self._size[flat] / length**2)

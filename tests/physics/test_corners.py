@@ -220,9 +220,9 @@ def test_a_ball_alone_has_no_second_bounce():
     assert set(bounced(radar_of(77), [ball], rtol=1e-2).bounces) == {1}
 
 
-def room_corner(gigahertz=77, size=0.1, distance=3.0, tilt=7, kind="dihedral"):
+def room_corner(gigahertz=77, size=0.1, distance=3.0, tilt=7, kind="dihedral", axis="z"):
     """A corner of static plates, and the same as an actor."""
-    actor, sides = placed(kind, size, distance, Rotation.from_euler("z", tilt, degrees=True))
+    actor, sides = placed(kind, size, distance, Rotation.from_euler(axis, tilt, degrees=True))
     plates = {
         f"plate{number}": (
             [side.corner, side.corner + side.u, side.corner + side.u + side.v, side.corner + side.v],
@@ -262,6 +262,18 @@ def test_corner_reflectors_that_stay_return_what_an_actor_s_do(kind, size, tilt)
     one, other = (channel(each.select(each.bounces == count)) for each in (here, there))
     # Which of two equal plates is the other's mirror is chance, and physical optics differs by that much.
     assert abs(one / other - 1).max() < 0.1
+
+
+@pytest.mark.parametrize("tilt", [20, 30, 40])
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_dihedral_that_stays_and_leans_is_not_left_out(tilt, axis):
+    """Seen past the ends of its edge it returns tens of times what its plates return by themselves: the way leaves both
+    plates in one place, beyond that edge, which counted twice when it was judged whether it matters."""
+    radar = radar_of(77)
+    actor, scene = room_corner(size=0.08, distance=1.1, tilt=tilt, axis=axis)
+    here, there = bounced(radar, [], scene=scene, rtol=1e-2), bounced(radar, [actor], rtol=1e-2)
+    one, other = (channel(each.select(each.bounces == 2)) for each in (here, there))
+    assert abs(one - other).max() < 0.1 * abs(other).max()
 
 
 @pytest.mark.parametrize(("x", "y"), [(4.0, 1.5), (3.3, 2.2), (5.0, 2.0)])
