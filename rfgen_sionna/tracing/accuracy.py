@@ -160,6 +160,11 @@ class Finer:
         np.maximum.at(least, surface, CANCELLED * single.max(axis=0))
         level = np.sqrt((np.abs(self.returned) ** 2).mean(axis=0))
         energy = np.bincount(surface, (single**2).mean(axis=0), count)
+        # Beside what rough things scatter diffusely little counts that is next to nothing.
+        if (diffuse := self.band.diffuse(self.facets, self.materials)) is not None:
+            tx, rx = (min(index, size - 1) for index, size in zip(self.pair, diffuse.shape[:2], strict=True))
+            scattered = np.bincount(surface, np.abs(diffuse[tx, rx] * self.weight) ** 2, count)
+            least, energy = np.maximum(least, np.sqrt(scattered)), energy + scattered
         return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
 
 

@@ -112,6 +112,25 @@ def test_diffuse_level_is_that_of_the_polarisation(polarization):
     assert np.mean(found) / level == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.parametrize(("s", "xpd", "fields"), [(1.0, 0.0, "VV"), (0.5, 0.4, "VH"), (0.8, 0.4, "VH")])
+def test_errors_are_relative_to_what_is_scattered_as_well(s, xpd, fields, caplog):
+    """A flat concrete square aslant, of which next to nothing comes back coherently: rounding was stated as an error of
+    several times the return, with a warning."""
+    rough = replace(MATERIALS["concrete"], scattering_coefficient=s, xpd_coefficient=xpd)
+    square = trimesh.Trimesh(
+        0.25 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]), [[0, 2, 1], [0, 3, 2]], process=False
+    )
+    actor = Actor.from_mesh(square, material=rough, position=(1.5, 0, 0), orientation=(0.7, 0, 0))
+    of = replace(radar(), tx_polarization=fields[0], rx_polarization=fields[1])
+    found = []
+    for rtol in (1e-2, 1e-3):
+        simulator = Simulator(None, of, [actor], rtol=rtol)
+        found.append(channel(simulator.paths()))
+        assert simulator.tracer.trace(0.0, 0.0).report.error < 3 * rtol
+    assert abs(found[0] - found[1]) < 1e-2 * abs(found[1])
+    assert "right to" not in caplog.text or s == 0.5  # 0.0015 of itself
+
+
 def test_speckle_goes_on_where_facets_are_chosen_anew():
     """A concrete box that comes nearer and gets ever finer facets: at the end of each stretch and at the beginning of
     the next, and with a tenth of the tolerance, it returns the same. Where each facet had a phase of its own that was
