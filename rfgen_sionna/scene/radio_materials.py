@@ -49,7 +49,9 @@ def sionna_material(
         name=name or found.name,
         thickness=found.thickness if thickness is None else thickness,
         scattering_coefficient=found.scattering_coefficient,
+        xpd_coefficient=found.xpd_coefficient,
         frequency_update_callback=_callback(found),
+        **found.scattering_pattern.of_sionna,
     )
 
 

@@ -57,6 +57,16 @@ class ScatteringPattern:
         total = share * _lobe_energy(self.alpha_r, cos_in) + (1.0 - share) * _lobe_energy(self.alpha_i, cos_in)
         return np.where(cos_out > 0.0, (share * forth + (1.0 - share) * back) / total, 0.0)
 
+    @property
+    def of_sionna(self) -> dict[str, Any]:
+        """What a `sionna.rt.RadioMaterial` is made with for the same pattern."""
+        lobes: dict[str, dict[str, Any]] = {
+            "lambertian": {},
+            "directive": {"alpha_r": self.alpha_r},
+            "backscattering": {"alpha_r": self.alpha_r, "alpha_i": self.alpha_i, "lambda_": self.lambda_},
+        }
+        return {"scattering_pattern": self.kind, **lobes[self.kind]}
+
     @classmethod
     def from_sionna(cls, pattern: Any) -> ScatteringPattern:
         """The same pattern as one of Sionna's.

@@ -2,6 +2,7 @@
 
 import importlib.util
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from rfgen_sionna.scene import (
     material,
 )
 from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.sionna_target import add_actor
 from tests.benchmarks.subjects import radar_of
@@ -150,6 +152,26 @@ def test_our_materials_serve_in_a_sionna_scene(rt):
             complex(material("skin").relative_permittivity(frequency)).real, rel=1e-6
         )
     assert float(skin.thickness[0]) == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        ScatteringPattern(),
+        ScatteringPattern("directive", alpha_r=8),
+        ScatteringPattern("backscattering", alpha_r=4, alpha_i=6, lambda_=0.3),
+    ],
+)
+def test_a_rough_material_is_the_same_in_sionna_and_back(rt, pattern):
+    from rfgen_sionna.scene.radio_materials import from_sionna, sionna_material
+
+    rough = replace(material("concrete"), scattering_coefficient=0.5, scattering_pattern=pattern, xpd_coefficient=0.25)
+    back = from_sionna(sionna_material(rough, name="rough"))
+    assert (back.scattering_coefficient, back.xpd_coefficient) == (0.5, 0.25)
+    assert back.scattering_pattern.kind == pattern.kind
+    assert back.scattering_pattern.alpha_r == pattern.alpha_r
+    assert back.scattering_pattern.alpha_i == pattern.alpha_i
+    assert back.scattering_pattern.lambda_ == pytest.approx(pattern.lambda_)
 
 
 def test_the_living_room_loads_in_plain_sionna(rt):
