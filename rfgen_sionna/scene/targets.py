@@ -76,8 +76,11 @@ class Targets:
             found[part] = self._visible(piece, place).numpy()
         return found
 
-    def edges(self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: ArrayLike) -> FloatArray:
-        """(ray, 3) barycentric coordinates of an edge of the shadow between a point that is seen and one that is not.
+    def edges(
+        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """(ray, 3) barycentric coordinates of an edge of the shadow between a point that is seen and one that is not,
+        and (ray,) how far it is to what casts it, over the way to it, 0 … 1.
 
         Args:
             of: (ray,) the piece that both lie on.
@@ -87,19 +90,21 @@ class Targets:
         import drjit as dr
         import mitsuba as mi
 
-        found = np.empty((len(of), 3))
+        found, hider = np.empty((len(of), 3)), np.empty(len(of))
         often = np.broadcast_to(np.asarray(halvings), (len(of),))
         for part in _chunks(len(of)):
             piece, near = self._lanes(of[part], lit[part])
             far = _vectors(self._double, dark[part], len(piece))
-            middle = self._halved(piece, near, far, upload(mi.UInt32, often[part]))
-            dr.eval(*middle)
+            middle, share = self._halved(piece, near, far, upload(mi.UInt32, often[part]))
+            dr.eval(*middle, share)
             for axis, values in enumerate(middle):
                 found[part, axis] = values.numpy()
-        return found
+            hider[part] = share.numpy()
+        return found, hider
 
-    def _halved(self, piece: Any, near: list[Any], far: list[Any], count: Any) -> list[Any]:
-        """Where the edge is between `near`, which is seen, and `far`, after `count` steps."""
+    def _halved(self, piece: Any, near: list[Any], far: list[Any], count: Any) -> tuple[list[Any], Any]:
+        """Where the edge is between `near`, which is seen, and `far`, after `count` steps, and how far off what casts
+        it is."""
         import drjit as dr
         import mitsuba as mi
 
@@ -113,7 +118,8 @@ class Targets:
 
         start = dr.zeros(mi.UInt32, len(piece)), *near, *far
         ends = dr.while_loop(start, lambda *state: state[0] < count, halve)[1:]
-        return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)]
+        hidden, share = self._hidden(piece, ends[3:])
+        return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)], dr.select(hidden, share, 1.0)
 
     def _lanes(self, of: NDArray[np.intp], places: FloatArray) -> tuple[Any, list[Any]]:
         import mitsuba as mi
@@ -121,6 +127,10 @@ class Targets:
         return upload(mi.UInt32, of), _vectors(self._double, places, len(of))
 
     def _visible(self, piece: Any, place: list[Any]) -> Any:
+        return ~self._hidden(piece, place)[0]
+
+    def _hidden(self, piece: Any, place: Any) -> tuple[Any, Any]:
+        """Whether something is before points, and at what share of the way to them."""
         import drjit as dr
         import mitsuba as mi
 
@@ -137,7 +147,8 @@ class Targets:
         for there, here in zip(offset, self._origin, strict=True):
             size = dr.maximum(size, dr.abs(there + here))
         limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
-        return ~((facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own))
+        hidden = (facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own)
+        return hidden, double(distance) / dr.maximum(reach, 1e-300)
 
 
 def _vectors(kind: Any, places: FloatArray, count: int) -> list[Any]:

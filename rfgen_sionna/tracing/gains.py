@@ -22,6 +22,7 @@ from rfgen_sionna.tracing.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.parallax import Edges, Parallax
 from rfgen_sionna.tracing.quadratic import Slopes
 
 MAX_ORDER = 8
@@ -36,6 +37,8 @@ ENOUGH = 20_000
 """Facets that tell which expansion will do."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
+MOST_BESIDE = 4_000_000
+"""Gains beside shadows' edges that are worked out at once."""
 STEADY = 2.0
 """A band whose square is less than this times the tolerance, against the square of the frequency, is narrow enough to
 try whether what materials reflect may be taken to change linearly over it: 0.1 to 0.2 times that square is missed."""
@@ -79,6 +82,7 @@ class BandTracer:
         self._pattern, self._rotation = radar.pattern, radar.rotation
         self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
         self.aperture = self.expansions.aperture
+        self.reach = float(lengths(np.concatenate([self._tx, self._rx])).max())  # from the phase centre [m]
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         # The outermost of three nodes are the root of 3 half bands apart.
         self._steady = 3.0 * self.half_band**2 < STEADY * rtol * self.centre**2
@@ -217,6 +221,53 @@ class BandTracer:
         if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
             basis = self.expansions.basis(order, degree, full=True)
         return self.expansions.through(basis)
+
+    def edges(
+        self,
+        facets: Facets,
+        owner: NDArray[np.intp],
+        pieces: FloatArray,
+        hider: FloatArray,
+        group: NDArray[np.intp],
+        level: FloatArray,
+    ) -> tuple[Edges, FloatArray]:
+        """The shadows' edges on `facets` that matter: :meth:`rfgen_sionna.tracing.parallax.Edges.of` and
+        :meth:`~rfgen_sionna.tracing.parallax.Edges.that_matter`, with the `group` (piece,) that pieces are of; and what
+        is missed of each group."""
+        wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
+        found = Edges.of(facets, owner, pieces, hider, self._origin, wavenumber)
+        towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
+        at_most = self.importance(towards) * found.at_most(self._tx, self._rx, wavenumber)
+        bent = np.zeros(len(found.owner), np.bool_) if facets.curved is None else facets.curved[found.owner]
+        found, missed = found.that_matter(at_most, bent, group[found.piece], level, self._rtol)
+        return found.bent(facets), missed
+
+    def parallax(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> Parallax:
+        """What pairs see beside shadows' `edges`, by way of the points `reference` (edge, 3) [m, world]; (value, edge)
+        `values` are those of the edges' small pieces by way of their middles."""
+        gains = np.empty((*expansion.weights.shape[:3], len(edges.owner)), np.complex128)
+        many = int(np.prod(gains.shape))
+        for some in np.array_split(np.arange(len(edges.owner)), -(-many // MOST_BESIDE)) if many else ():
+            gains[..., some] = self._beside(edges.take(some), values[:, some], reference[some], expansion)
+        return Parallax(edges.owner, gains)
+
+    def _beside(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> ComplexArray:
+        """:meth:`parallax`, (order, tx, rx, edge)."""
+        strips = edges.strips(self._tx, self._rx, 2 * np.pi * self.centre / SPEED_OF_LIGHT)
+        gains = self.combined(expansion, values)
+        # From the edge's middle to the point that delays go by, over the band as far as the polynomials go.
+        here, there = (np.ascontiguousarray(each.T) for each in (edges.middle, reference - self._origin))
+        ways = [
+            np.stack([_ranges(each, here) - _ranges(each, there) for each in end]) / SPEED_OF_LIGHT
+            for end in (self._tx, self._rx)
+        ]
+        to_tx, to_rx = (np.exp(-2j * np.pi * np.mod(self.centre * each, 1.0)) for each in ways)
+        way, turn = ways[0][:, None] + ways[1], to_tx[:, None] * to_rx
+        over_band, power = np.zeros_like(gains), np.ones_like(turn)
+        for order in range(len(gains)):
+            over_band[order:] += power * gains[: len(gains) - order]
+            power *= (-2j * np.pi * self.half_band / (order + 1)) * way
+        return np.asarray(-strips * (edges.weight / edges.area) * turn * over_band)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.diffuse`), or (1, 1, facet) the same for

@@ -27,7 +27,8 @@ from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, Splined, spline_error
-from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns
+from rfgen_sionna.tracing.parallax import Parallax
+from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns, Lit
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.smooth import Bend
@@ -258,14 +259,16 @@ class Glances:
         facets: Sequence[Facets],
         references: Sequence[FloatArray],
         values: Sequence[ComplexArray],
+        parallax: Sequence[Parallax | None],
         shares: FloatArray,
         weight: FloatArray,
         expansion: Expansion,
         level: FloatArray,
     ) -> Chosen:
         """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
-        `references` (facet, 3) [m], are those of what is seen of them, `shares` (facet, instant), with the antennas'
-        `weight` (facet,) half way; `level` (surface,) is what each surface's return usually is."""
+        `references` (facet, 3) [m], are those of what is seen of them, with the `parallax`, and `shares` (facet,
+        instant) of the area; the antennas' `weight` (facet,) is that half way; `level` (surface,) is what each
+        surface's return usually is."""
         some = np.flatnonzero(edged(shares))
         if len(facets) < FEWEST or not len(some):
             return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
@@ -277,8 +280,9 @@ class Glances:
         ends = lengths(own[half].corners - self._viewpoint)
         # Who comes into the range window is not coming out of a shadow.
         near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)
+        beside = [None if each is None else each.within(some) for each in parallax]
         found = choose(
-            self._single(own[half], [each[:, some] for each in values], expansion),
+            self._single(own[half], [each[:, some] for each in values], beside, expansion),
             np.concatenate([self._phasors(each[some]) for each in references], axis=1),
             np.where(near[:, None], shares[some], 1.0),
             4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
@@ -332,35 +336,51 @@ class Glances:
             order = np.argsort(known)
             own, references = looked.facets, looked.facets.centroids
             every = np.arange(len(own))
-            values = self._values(looked, max(count, AT_ONCE // count * count), expansion)
+            lit = self._lit(looked, max(count, AT_ONCE // count * count), expansion)
+            values = lit.values[0]
             by_time = [values[:, count * k : count * (k + 1)] for k in order]
             shares = looked.fraction.reshape(-1, count)[order].T
             phasors = self._phasors(references).reshape(-1, count)[order].T
-            gains = self._single(first, by_time, expansion)
+            of_time = [None] * len(order) if lit.parallax[0] is None else lit.parallax[0].split(count, len(order))
+            beside = [of_time[k] for k in order]
+            gains = self._single(first, by_time, beside, expansion)
             missed = missed_of(gains, phasors, shares, chosen.width, first.surface, len(chosen.level))
             error = chosen.error(missed)
             if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > most_rounds(len(instants)):
                 break
             rounds *= 2
         parts = [own.take(every[count * k : count * (k + 1)]) for k in order]
-        coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count))
+        coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count), beside)
         return Followed(times, first, coefficients, looked.looked_at, looked.rays, error)
 
-    def _values(self, looked: Seen, most: int, expansion: Expansion) -> ComplexArray:
-        """(value, facet) of what is seen of facets, each by way of its centroid, so many at most at once."""
-        found = []
+    def _lit(self, looked: Seen, most: int, expansion: Expansion) -> Lit:
+        """What is seen of facets, each by way of its centroid, so many at most at once; as of a single instant."""
+        found, parallax = list[ComplexArray](), list[Parallax]()
         for first in range(0, len(looked.facets), most):
             some = looked.of(np.arange(first, min(first + most, len(looked.facets))))
             own = some.facets
-            found += self._returns.seen([some], np.arange(len(own)), [own], [own.centroids], expansion)[1]
-        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+            lit = self._returns.seen([some], np.arange(len(own)), [own], [own.centroids], expansion)
+            found += lit.values
+            parallax += [each._replace(owner=each.owner + first) for each in lit.parallax if each is not None]
+        values = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+        beside = Parallax.joined(parallax) if parallax else None
+        return Lit([], [values], [beside], lit.missed)
 
     def _phasors(self, reference: FloatArray) -> ComplexArray:
         """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""
         turns = np.mod(self._band.centre * self._band.delays(reference, (0, 0)), 1.0)
         return np.asarray(np.exp(-2j * np.pi * turns)[:, None])
 
-    def _single(self, facets: Facets, values: Sequence[ComplexArray], expansion: Expansion) -> ComplexArray:
+    def _single(
+        self,
+        facets: Facets,
+        values: Sequence[ComplexArray],
+        parallax: Sequence[Parallax | None],
+        expansion: Expansion,
+    ) -> ComplexArray:
         """(facet, time) gains of the first pair in the middle of the band, antennas included."""
         found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
+        for k, beside in enumerate(parallax):
+            if beside is not None:
+                found[:, k] += beside.of_first(len(found))
         return np.asarray(found * self._band.importance(facets.directions(self._viewpoint))[:, None])

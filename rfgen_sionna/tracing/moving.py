@@ -160,18 +160,18 @@ class MovingParts:
             facets = [each.facets.take(kept) for each in seen]
             leader = self._facets.patches.followed([each.facets.centroids for each in seen], kept)
             references = [each.facets.centroids[leader] for each in seen]
-            bare, values = self._returns.seen(seen, kept, facets, references, expansion)
+            lit = self._returns.seen(seen, kept, facets, references, expansion)
             if self._turn % MEASURED_EVERY:
                 break
-            gains = self._band.combined(expansion, bare[middle])
+            gains = self._band.combined(expansion, lit.whole[middle])
             weight = seen[middle].fraction[kept] * seen[middle].weight[kept]
             self._last = self._measure(facets[middle], weight, gains, references[middle])
             if self._last <= 1.5 * max(self._rtol, self._error) or attempt:
                 break
             self._expansion = None
-        shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
+        values, parallax, shares = lit.values, lit.parallax, np.stack([each.fraction[kept] for each in seen], axis=-1)
         weight = seen[middle].weight[kept]
-        chosen = self._glances.choose(facets, references, values, shares, weight, expansion, self._level)
+        chosen = self._glances.choose(facets, references, values, parallax, shares, weight, expansion, self._level)
         glanced, followed, between = None, kept[chosen.facets], max(chosen.error(), steady)
         looked: list[Seen | MirroredView | Bounced | RoundSeen | Veiled | Followed] = [
             *seen,
@@ -196,15 +196,17 @@ class MovingParts:
             kept, leader, shares = kept[rest], leader[rest], shares[rest]
             facets = [each.take(rest) for each in facets]
             values = [np.take(each, rest, axis=1) for each in values]
+            parallax = [None if each is None else each.within(rest) for each in parallax]
         pattern = [self._facets.patches.pattern(each, kept, leader) for each in seen]
-        coefficients, led = self._returns.coefficients(facets, shares, values, expansion, leader, pattern)
+        given = facets, shares, values, expansion, leader, parallax, pattern
+        coefficients, led = self._returns.coefficients(*given)
         led_by = [each.facets.take(led) for each in seen]
         self._cancelling = self._returns.cancelling(led_by, coefficients[0, 0, 0], len(self._cancelling))
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
         paths = self._paths(knots, instants, positions, led_by[0], coefficients, led, known)
         self._turn += 1
         interference = np.where(self._interference > 0, self._interference, 1.0)  # of what was hidden nobody knows
-        shadows = SAFETY * interference * np.max([each.missed for each in seen], axis=0)
+        shadows = SAFETY * interference * np.hypot(np.max([each.missed for each in seen], axis=0), lit.missed)
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,24 @@ from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.parallax import Parallax
 from rfgen_sionna.tracing.sight import Seen
 
 AT_ONCE = 200_000
 """Facets that are integrated at once."""
+
+
+class Lit(NamedTuple):
+    """What facets return at some instants."""
+
+    whole: list[ComplexArray]
+    """(value, facet) as if all of them were seen."""
+    values: list[ComplexArray]
+    """(value, facet) of what is seen from the phase centre."""
+    parallax: list[Parallax | None]
+    """What pairs see more or less of the facets kept; None where no shadow's edge falls on them."""
+    missed: FloatArray
+    """(surface,) estimated error of that, relative to what each returns without interfering."""
 
 
 class FacetReturns:
@@ -51,29 +66,43 @@ class FacetReturns:
         facets: Sequence[Facets],
         references: Sequence[FloatArray],
         expansion: Expansion,
-    ) -> tuple[list[ComplexArray], list[ComplexArray]]:
-        """(value, facet) of the `facets` kept, those that `kept` counts out of all, at each instant: as if all of them
-        were seen, and of what is `seen`. Of those in half shadow the pieces that are seen count, each with its own
-        phase."""
+    ) -> Lit:
+        """Those of the `facets` kept, which `kept` counts out of all, at each instant, as they are `seen`. Of those in
+        half shadow the pieces that are seen count, each with its own phase."""
         cut = [number for number, each in enumerate(seen) if len(each.owner)]
-        parts, theirs = list(facets), list(references)
+        parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
         if cut:
             # To cut facets takes a kernel, too: those of all instants are cut at once.
             owners = [np.unique(seen[number].owner, return_inverse=True) for number in cut]
             first = np.cumsum([0, *(len(owner) for owner, _ in owners)])
             parents = Facets.joined([seen[n].facets.take(owner) for n, (owner, _) in zip(cut, owners, strict=True)])
             place = np.concatenate([index + start for (_, index), start in zip(owners, first[:-1], strict=True)])
-            parts.append(parents.cut(place, np.concatenate([seen[number].pieces for number in cut])))
-            theirs.append(np.concatenate([references[n][np.searchsorted(kept, seen[n].owner)] for n in cut]))
+            pieces, hider = (np.concatenate([getattr(seen[n], name) for n in cut]) for name in ("pieces", "hider"))
+            surfaces = len(self._materials)
+            of = np.repeat(np.arange(len(cut)), [len(seen[n].owner) for n in cut])
+            group = surfaces * of + parents.surface[place]
+            level = np.concatenate([seen[n].level for n in cut])
+            edges, of_cut = self._band.edges(parents, place, pieces, hider, group, level)
+            missed = of_cut.reshape(-1, surfaces).max(axis=0)
+            parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
+            own = np.concatenate(
+                [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]
+            )
+            theirs.append(np.concatenate([own[place], edges.middle + self._band.viewpoint]))
         found = self.values(parts, expansion, theirs)
         whole = found[: len(facets)]
         lit = [own * each.fraction[kept] for own, each in zip(whole, seen, strict=True)]
+        parallax: list[Parallax | None] = [None for _ in seen]
         if cut:
             starts = np.flatnonzero(np.diff(place, prepend=-1))
-            sums = np.split(np.add.reduceat(found[-1], starts, axis=1), first[1:-1], axis=1)
-            for number, (owner, _), of_pieces in zip(cut, owners, sums, strict=True):
-                lit[number][:, np.searchsorted(kept, owner)] = of_pieces
-        return whole, lit
+            sums = np.split(np.add.reduceat(found[-1][:, : len(place)], starts, axis=1), first[1:-1], axis=1)
+            every = self._band.parallax(edges, found[-1][:, len(place) :], own[edges.owner], expansion)
+            for n, (owner, _), of_pieces, start in zip(cut, owners, sums, first.tolist(), strict=False):
+                at = np.searchsorted(kept, owner)
+                lit[n][:, at] = of_pieces
+                there = every.take(slice(*np.searchsorted(edges.owner, [start, start + len(owner)])))
+                parallax[n] = there._replace(owner=at[there.owner - start])
+        return Lit(whole, lit, parallax, missed)
 
     def coefficients(
         self,
@@ -82,12 +111,13 @@ class FacetReturns:
         values: Sequence[ComplexArray],
         expansion: Expansion,
         leader: NDArray[np.intp],
+        parallax: Sequence[Parallax | None],
         pattern: Sequence[FloatArray] | None = None,
     ) -> tuple[ComplexArray, NDArray[np.intp]]:
         """(order, tx, rx, path, instant) of the paths that facets with the same `leader` (facet,) make together, and
         the (path,) leaders. `shares` (facet, instant) of the area are seen; of what rough ones scatter that share of
-        the energy counts. `pattern` (facet,) is at each instant what the antennas make of a facet, over what they make
-        of its leader; None is 1."""
+        the energy counts, and at each instant the `parallax`. `pattern` (facet,) is at each instant what the antennas
+        make of a facet, over what they make of its leader; None is 1."""
         order = np.argsort(leader, kind="stable")
         led, first = np.unique(leader[order], return_index=True)
         if len(led) == len(leader):
@@ -105,6 +135,11 @@ class FacetReturns:
                 columns = np.ascontiguousarray(each.T).view(np.float64)
                 of_paths[:, :, k] = np.asarray(rows @ columns).view(np.complex128).T
         found = self._band.combined(expansion, of_paths)
+        path = np.searchsorted(led, leader)
+        for k, beside in enumerate(parallax):
+            if beside is not None:
+                weight = 1.0 if pattern is None else pattern[k][beside.owner]
+                Parallax(path[beside.owner], beside.gains * weight).add_to(found[..., k])
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
                 rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half

@@ -20,6 +20,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.targets import Targets
 from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, Lit, crossed, inset, lit_parts, points_of
+from rfgen_sionna.tracing.smooth import barycentric
 
 MISSED_PER_RTOL = 0.3
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
@@ -54,6 +55,9 @@ triangle."""
 _PASSED = 0.25
 """What a facet returns less or more for an edge that is not looked at, over what it may return when cut: so much that
 light that was missed on purpose, in five poses of a body, is stated with half as much again."""
+_BESIDE, _BAND_HALVINGS, _ITSELF = 1e-3, 8, 0.98
+"""Where it is surely lit beside an edge, over how far elements tell; how often what is between there and the dark is
+halved for the other edge; and the share of the way there from which what hides is the surface itself."""
 _ROUNDS = 3
 """How often facets are looked at, ever more closely, where there is much less light than corners told of."""
 
@@ -76,6 +80,10 @@ class Sampled(NamedTuple):
     """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of their corners."""
+    hider: FloatArray
+    """(piece, 4) :attr:`rfgen_sionna.tracing.shadow_lines.Lit.hider`; then how far [m] the facet's plane is lit from
+    there on, and how far off what casts the shadow that follows is, over the way there: infinity and NaN where that is
+    further than any element tells."""
     missed: FloatArray
     """(facet,) estimated error of what each returns, in units of `returned`."""
     returned: FloatArray
@@ -123,6 +131,9 @@ def sampled_fraction(
     search: bool = False,
     times: int = 1,
     apart: float = 0.0,
+    places: IntArray | None = None,
+    dark: IntArray | None = None,
+    reach: float = 0.0,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -169,11 +180,19 @@ def sampled_fraction(
     apart
         Angle between rays past outlines [rad]: edges that pass smaller facets between two of them, and reach no corner,
         are not looked at. Those that are tell how many these are, and so what `missed` has of them.
+    places
+        (facet, 3) those of :func:`touching`, by which edges that fall between two facets are known; None: they are not
+        asked for.
+    dark
+        (facet, 3) places of others, of which nothing is seen.
+    reach
+        How far elements are from the viewpoint at most [m]: as far as they see past edges, what follows the lit side is
+        looked for.
     """
     count = len(corners)
     if not count:
         none = np.zeros(0)
-        return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), none, none, 0)
+        return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), np.zeros((0, 4)), none, none, 0)
     offset = corners - viewpoint
     most, cut, width = returns_at_most(offset, wavenumber)
     if weight is not None:
@@ -240,8 +259,10 @@ def sampled_fraction(
     fallen_on = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
     others = np.maximum(apart / np.maximum(_CHORD * wide[fallen_on], 1e-12) - 1.0, 0.0)
     missed[fallen_on] = np.hypot(missed[fallen_on], _PASSED * cut[fallen_on] * np.sqrt(others))
-    owner, pieces, sent = looking.found()
-    return Sampled(fraction, owner, pieces, missed, most * fraction, searched + sent)
+    if places is not None:
+        searched += looking.along_sides(np.flatnonzero(passed & (lattice >= 0) & (fraction == 1)), places, dark)
+    owner, pieces, hider, sent = looking.found(reach, np.pi / wavenumber)
+    return Sampled(fraction, owner, pieces, hider, missed, most * fraction, searched + sent)
 
 
 class _Looking:
@@ -279,14 +300,72 @@ class _Looking:
             self._found.append((turn, some, lit))
             self._fraction[some] = lit.fraction
 
-    def found(self) -> tuple[NDArray[np.intp], FloatArray, int]:
-        """(piece,) facet of each piece, ascending, (piece, corner, 3) the pieces, and the number of rays."""
+    def along_sides(self, whole: NDArray[np.intp], places: IntArray, others: IntArray | None) -> int:
+        """Find edges that fall between two facets, of which one is seen as a `whole` and the other is not; returns the
+        rays sent. `places` (facet, 3) are those of :func:`touching`, and there may be `others` (facet, 3) that are not
+        seen."""
+        dark = places[self._fraction == 0]
+        dark = dark if others is None else np.concatenate([dark, others])
+        row, corner = np.nonzero(np.isin(_sides(places[whole]), _sides(dark)))
+        row, one = np.unique(row, return_index=True)  # of several sides, one
+        if not len(row):
+            return 0
+        some, corner = whole[row], corner[one]
+        triangle = np.eye(3)[(corner[:, None] + np.arange(3)) % 3]  # the corner across the side comes first
+        side = 0.5 * (triangle[:, 1] + triangle[:, 2])
+        beyond = side + RIM * (side - triangle[:, 0])
+        targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], self._moving)
+        _, hider = targets.edges(np.arange(len(some)), inset(side), beyond, 0)
+        hidden = np.flatnonzero(hider < 1.0)
+        ends, found = np.tile(hider[hidden, None], 2), some[hidden]
+        turn = len(self._found)
+        self._turn[found] = turn
+        self._found.append((turn, found, Lit(np.ones(len(found)), np.arange(len(found)), triangle[hidden], ends, 0)))
+        return len(some)
+
+    def found(self, reach: float, least: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray, int]:
+        """(piece,) facet of each piece, ascending, (piece, corner, 3) the pieces, (piece, 4) what hides the rest,
+        and the number of rays. Where elements within `reach` [m] see edges elsewhere by more than `least` [m], what is
+        beyond the lit side is looked for."""
         owner = np.concatenate([some[lit.owner] for _, some, lit in self._found])
-        pieces = np.concatenate([lit.pieces for _, _, lit in self._found])
+        pieces, hider = (
+            np.concatenate([getattr(lit, each) for _, _, lit in self._found]) for each in ("pieces", "hider")
+        )
         turn = np.concatenate([np.full(len(lit.owner), turn) for turn, _, lit in self._found])
         latest = np.flatnonzero(turn == self._turn[owner])
         order = latest[np.argsort(owner[latest], kind="stable")]
-        return owner[order], pieces[order], sum(lit.rays for _, _, lit in self._found)
+        owner, pieces, hider = owner[order], pieces[order], hider[order]
+        beyond, sent = self._bands(owner, pieces, hider, reach, least)
+        return owner, pieces, np.column_stack([hider, beyond]), sent + sum(lit.rays for _, _, lit in self._found)
+
+    def _bands(
+        self, owner: NDArray[np.intp], pieces: FloatArray, hider: FloatArray, reach: float, least: float
+    ) -> tuple[FloatArray, int]:
+        """(piece, 2) how far [m] the facet's plane is lit beside each shadow's edge, and how far off what casts the
+        other edge is; and the rays sent."""
+        found = np.tile([np.inf, np.nan], (len(owner), 1))
+        off = hider.mean(axis=1)
+        some = np.flatnonzero(reach * (1.0 - off) > least * off)  # not NaN
+        if not len(some):
+            return found, 0
+        corners = self._corners[owner[some]] - self._viewpoint
+        start, stop = (np.einsum("ec,eci->ei", pieces[some, corner], corners) for corner in (1, 2))
+        middle, (one, other) = 0.5 * (start + stop), (corners[:, k] - corners[:, 0] for k in (1, 2))
+        normal = np.cross(one, other)
+        inward = np.cross(normal, stop - start)
+        inward /= np.maximum(lengths(inward), 1e-300)[:, None]
+        upright = np.abs(np.einsum("ei,ei->e", normal, middle)) / np.maximum(lengths(normal) * lengths(middle), 1e-300)
+        width = 2.0 * reach * (1.0 - off[some]) / np.maximum(off[some] * np.maximum(upright, 0.1), 1e-6)
+        way = barycentric((corners[:, 0] + width[:, None] * inward)[:, None], corners)[:, 0] - [1.0, 0.0, 0.0]
+        edge = 0.5 * (pieces[some, 1] + pieces[some, 2])
+        owners = owner[some]
+        targets = self._rays.targets(self._viewpoint, self._corners[owners], self._facet[owners], self._moving)
+        crossing, beyond = targets.edges(np.arange(len(some)), edge + _BESIDE * way, edge + way, _BAND_HALVINGS)
+        # What hides it there is not the surface itself, which is bent.
+        hidden = np.flatnonzero(beyond < _ITSELF)
+        share = ((crossing - edge) * way).sum(axis=1)[hidden] / np.maximum((way**2).sum(axis=1)[hidden], 1e-300)
+        found[some[hidden]] = np.column_stack([share * width[hidden], beyond[hidden]])
+        return found, (1 + _BAND_HALVINGS) * len(some)
 
 
 def _search(
@@ -330,6 +409,7 @@ class Corners:
         self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray | NDArray[np.int64], places: IntArray
     ) -> None:
         self._viewpoint, self._corners, self._facet = viewpoint, corners, facet
+        self.places = places
         self._side = 2 * places + (_volume(np.ascontiguousarray((corners - viewpoint).T)) < 0)[:, None]
         # The corner that stands for all that meet in a place; the last one of them.
         self._one = np.full(int(self._side.max(initial=-1)) + 1, -1, np.intp)
@@ -348,6 +428,12 @@ class Corners:
         targets = rays.targets(self._viewpoint, self._corners[owner], self._facet[owner], moving)
         light[there] = targets.seen(np.arange(len(there)), inset(np.eye(3), RIM)[corner])
         return light[side], len(there)
+
+
+def _sides(places: IntArray) -> NDArray[np.int64]:
+    """(facet, corner) numbers of the sides across the corners at `places` (facet, 3)."""
+    one, other = places[:, [1, 2, 0]].astype(np.int64), places[:, [2, 0, 1]].astype(np.int64)
+    return np.asarray((np.minimum(one, other) << 32) + np.maximum(one, other))
 
 
 def _allowed(errors: FloatArray, total: float) -> float:

@@ -49,9 +49,10 @@ class Look(Protocol):
 
     def edges(
         self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: NDArray[np.intp], /
-    ) -> FloatArray:
+    ) -> tuple[FloatArray, FloatArray]:
         """(ray, 3) where on facets `of` (ray,) the shadow's edge is between the points `lit` (ray, 3), which are seen,
-        and `dark` (ray, 3), after so many `halvings` (ray,)."""
+        and `dark` (ray, 3), after so many `halvings` (ray,); and (ray,) how far it is to what casts it, over the way
+        there."""
 
 
 class Lit(NamedTuple):
@@ -63,6 +64,10 @@ class Lit(NamedTuple):
     """(piece,) facet that each piece is of; those that are seen as a whole, or not at all, have none."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of the triangles that are seen."""
+    hider: FloatArray
+    """(piece, 2) how far it is to what casts the shadow whose edge goes from the second corner of a piece to the third,
+    over the way there, 0 … 1, at either end; NaN where none does. The lit side is the left one, seen from where the
+    corners go round counterclockwise."""
     rays: int
 
 
@@ -152,30 +157,32 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
         if len(mixed := np.flatnonzero((seen > 0) & (seen < lit.shape[1]))):
             groups.append(_Group.of(facets[mixed], each, lit[mixed]))
     if not groups:
-        return Lit(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), sent)
+        return Lit(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), np.zeros((0, 2)), sent)
     # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
     asked = np.ceil(np.log2(np.maximum(stray, 1.0)))
     halvings = np.clip(asked, np.array(_HALVINGS)[level], _MOST_HALVINGS).astype(np.intp)
-    crossings, halved = _crossings(look, groups, halvings)
-    owners, pieces, first = [], [], 0
+    crossings, hider, halved = _crossings(look, groups, halvings)
+    owners, pieces, hiders, first = [], [], [], 0
     for group in groups:
         last = first + len(group.row)
-        own = crossings[first:last]
-        straight, found = _straight(group, own)
+        own, before = crossings[first:last], hider[first:last]
+        straight, found = _straight(group, own, before)
         if not straight.all():
             rest = np.flatnonzero(~straight)
             bent = _Group.of(group.facets[rest], group.level, group.lit[rest])
-            more = (*_whole(bent), *_cut(bent, own[~straight[group.row]]))
-            found += [(rest[owner], piece) for owner, piece in more]
-        owners += [group.facets[owner] for owner, _ in found]
-        pieces += [piece for _, piece in found]
+            others = ~straight[group.row]
+            more = (*_whole(bent), *_cut(bent, own[others], before[others]))
+            found += [(rest[owner], piece, ends) for owner, piece, ends in more]
+        owners += [group.facets[owner] for owner, _, _ in found]
+        pieces += [piece for _, piece, _ in found]
+        hiders += [ends for _, _, ends in found]
         first = last
     owner, piece = np.concatenate(owners), np.concatenate(pieces)
     # The third coordinate follows from the others, whose determinant is the share of the area.
     (a, b), (c, d) = (piece[:, k, :2].T - piece[:, 0, :2].T for k in (1, 2))
     fraction += np.bincount(owner, np.abs(a * d - b * c), len(level))
-    return Lit(np.minimum(fraction, 1.0), owner, piece, sent + halved)
+    return Lit(np.minimum(fraction, 1.0), owner, piece, np.concatenate(hiders), sent + halved)
 
 
 def crossed(look: Look, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -208,9 +215,9 @@ def _points(
         first += count * points
 
 
-def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> tuple[FloatArray, int]:
-    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, and the rays sent, with
-    so many `halvings` (facet,)."""
+def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, int]:
+    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, (crossing,) how far off
+    what casts it is, and the rays sent, with so many `halvings` (facet,)."""
     of, lit, dark = [], [], []
     for group in groups:
         ends, points = np.take(group.lattice.edges, group.edge, axis=0), group.lattice.points
@@ -220,14 +227,15 @@ def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> 
         dark.append(np.take(points, np.where(start, ends[:, 1], ends[:, 0]), axis=0))
     owner = np.concatenate(of)
     often = halvings[owner]
-    return look.edges(owner, inset(np.concatenate(lit)), inset(np.concatenate(dark)), often), int(often.sum())
+    found = look.edges(owner, inset(np.concatenate(lit)), inset(np.concatenate(dark)), often)
+    return *found, int(often.sum()) + len(owner)
 
 
 def _straight(
-    group: _Group, crossings: FloatArray
-) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.intp], FloatArray]]]:
+    group: _Group, crossings: FloatArray, hider: FloatArray
+) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.intp], FloatArray, FloatArray]]]:
     """(facet,) which facets a single straight edge, through the `crossings` (crossing, 3), cuts in two, and what is
-    seen of those, in triangles."""
+    seen of those, in triangles, with their :attr:`Lit.hider`."""
     lattice, cells = group.lattice, SPACINGS[group.level]
     side = lattice.rim[group.edge]
     ends = np.flatnonzero(side >= 0)
@@ -263,15 +271,20 @@ def _straight(
     turned = side[first[row]] == (tip + 1) % 3
     one, other = (each[row] for each in ends_moved)
     ab, ca = np.where(turned[:, None], other, one), np.where(turned[:, None], one, other)
+    off = np.stack([hider[first[row]], hider[second[row]]], axis=1)
+    off = np.where(turned[:, None], off[:, ::-1], off)  # at ab, at ca
+    none = np.full(off.shape, np.nan)
     a, b, c = (np.eye(3)[(tip + k) % 3] for k in range(3))
     alone = group.lit[row, lattice.tips[tip]]
     found = []
-    for some, triangle in ((alone, (a, ab, ca)), (~alone, (b, c, ca)), (~alone, (b, ca, ab))):
-        found.append((row[some], np.stack([corner[some] for corner in triangle], axis=1)))
+    for some, triangle, there in (
+        (alone, (a, ab, ca), off), (~alone, (b, c, ca), none), (~alone, (b, ca, ab), off[:, ::-1]),
+    ):  # fmt: skip
+        found.append((row[some], np.stack([corner[some] for corner in triangle], axis=1), there[some]))
     return straight, found
 
 
-def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:
+def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
     """Cells that are seen as a whole, as large ones as there are."""
     one, two, three = group.corners
     full: NDArray[np.bool_] = one & two & three
@@ -285,12 +298,14 @@ def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray]]:
             cells = (cells.reshape(len(full), -1, 4) & ~tree[group.level - level + 1][..., None]).reshape(len(full), -1)
         row, cell = np.nonzero(cells)
         lattice = _lattice(level)
-        found.append((row, np.take(lattice.points[lattice.cells], cell, axis=0)))
+        found.append((row, np.take(lattice.points[lattice.cells], cell, axis=0), np.full((len(row), 2), np.nan)))
     return found
 
 
-def _cut(group: _Group, crossings: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:
-    """What is seen of cells that the shadow's edge cuts, in triangles."""
+def _cut(
+    group: _Group, crossings: FloatArray, hider: FloatArray
+) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
+    """What is seen of cells that the shadow's edge cuts, in triangles, with their :attr:`Lit.hider`."""
     lattice = group.lattice
     number = np.full((len(group.facets), len(lattice.edges)), -1)
     number[group.row, group.edge] = np.arange(len(group.row))
@@ -303,10 +318,15 @@ def _cut(group: _Group, crossings: FloatArray) -> list[tuple[NDArray[np.intp], F
         odd = np.where(two[row, cell] == (corners == 1), 1, np.where(three[row, cell] == (corners == 1), 2, 0))
         turns = [(odd + k) % 3 for k in range(3)]
         a, b, c = (np.take(lattice.points, lattice.cells[cell, each], axis=0) for each in turns)
-        ab, ca = (np.take(crossings, number[row, lattice.sides[cell, turns[i]]], axis=0) for i in (0, 2))
-        for triangle in ((a, ab, ca),) if corners == 1 else ((b, c, ca), (b, ca, ab)):
+        at = [number[row, lattice.sides[cell, turns[i]]] for i in (0, 2)]
+        ab, ca = (np.take(crossings, each, axis=0) for each in at)
+        off = np.stack([hider[each] for each in at], axis=1)
+        none = np.full(off.shape, np.nan)
+        for triangle, ends in (
+            (((a, ab, ca), off),) if corners == 1 else (((b, c, ca), none), ((b, ca, ab), off[:, ::-1]))
+        ):
             piece = np.empty((len(row), 3, 3))
             for k, corner in enumerate(triangle):
                 piece[:, k] = corner
-            found.append((row, piece))
+            found.append((row, piece, ends))
     return found

@@ -44,6 +44,8 @@ class Seen:
     """(piece,) facet that a piece is of: what is seen of those hidden in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
+    hider: FloatArray
+    """(piece, 4) :attr:`rfgen_sionna.tracing.sampling.Sampled.hider`."""
     outline: FloatArray
     """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
     level: FloatArray
@@ -66,6 +68,7 @@ class Seen:
             weight=self.weight[chosen],
             owner=place[mine],
             pieces=self.pieces[mine],
+            hider=self.hider[mine],
             outline=self.outline[chosen],
         )
 
@@ -73,9 +76,9 @@ class Seen:
     def joined(parts: Sequence[Seen]) -> Seen:
         """One after the other; of `level` and `missed` the least and the largest."""
         first = np.cumsum([0, *(len(each.fraction) for each in parts)])
-        fraction, weight, pieces, outline = (
+        fraction, weight, pieces, hider, outline = (
             np.concatenate([getattr(each, name) for each in parts])
-            for name in ("fraction", "weight", "pieces", "outline")
+            for name in ("fraction", "weight", "pieces", "hider", "outline")
         )
         return Seen(
             Facets.joined([each.facets for each in parts]),
@@ -83,6 +86,7 @@ class Seen:
             weight,
             np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)]),
             pieces,
+            hider,
             outline,
             np.min([each.level for each in parts], axis=0),
             np.max([each.missed for each in parts], axis=0),
@@ -99,13 +103,14 @@ class Sight:
     ) -> None:
         self._surfaces, self._viewpoint, self._max_range, self._rtol = surfaces, viewpoint, max_range, rtol
         self._wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
-        self._importance = band.importance
+        self._importance, self._reach = band.importance, band.reach
         self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
         self._passed: dict[float, Passing] = {}
         self._apart = APART
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._loudness = Loudness(viewpoint, self._wavenumber, band.aperture)
         self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
+        self._flat = any(surface.smooth is None for surface in surfaces.moving)  # facets in rows
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
     def __call__(
@@ -229,8 +234,8 @@ class Sight:
             sent = len(passing[k].hit) + (0 if k else guides + found.rays)  # those of all times with the first
             mine = slice(surfaces * k, surfaces * (k + 1))
             every_seen.append(
-                Seen(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut], outlines,
-                     level[mine], missed[mine], len(some), sent)
+                Seen(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut],
+                     found.hider[cut], outlines, level[mine], missed[mine], len(some), sent)
             )  # fmt: skip
         return every_seen, passing
 
@@ -279,7 +284,8 @@ class Sight:
         fraction[near], weights[near] = found.fraction, weight
         low, high = least.reshape(times, surfaces).min(axis=0), missed.reshape(times, surfaces).max(axis=0)
         sent = guides + found.rays
-        return Seen(facets, fraction, weights, near[found.owner], found.pieces, outlines, low, high, len(near), sent)
+        cut = near[found.owner], found.pieces, found.hider
+        return Seen(facets, fraction, weights, *cut, outlines, low, high, len(near), sent)
 
     def _sampled(
         self,
@@ -299,7 +305,8 @@ class Sight:
         guided, guides = Corners(self._viewpoint, corners, number, places).seen(looks)
         found = sampled_fraction(
             looks, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, outline, weight, group,
-            level=least, times=times, apart=self._apart,
+            level=least, times=times, apart=self._apart, places=places if self._flat else None,
+            reach=self._reach,
         )  # fmt: skip
         error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
         return found, guides, np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0), level

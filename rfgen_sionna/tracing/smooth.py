@@ -260,6 +260,16 @@ class Bend:
             lifts += divided(weights, self.lifts)
         return Bend(divided(-_products(along), self.rises), lifts)
 
+    def turned(self, weights: FloatArray, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(facet, step, 3) how the displacement changes at barycentric `weights` (facet, vertex) along each of `steps`
+        (facet, step, vertex) that add up to 0, and by how much more with their square."""
+        here = weights[:, None]
+        more = 4.0 * _products(steps)
+        slope = (4.0 * (_products(here + steps) - _products(here)) - more) @ self.rises
+        if self.lifts is not None:
+            slope = slope + steps @ self.lifts
+        return slope, more @ self.rises
+
     @staticmethod
     def blended(parts: Sequence[Bend], weights: FloatArray) -> Bend | None:
         """Of the same facets at other times, one time's after the other's: sums of the `parts` with `weights` (time,
@@ -361,7 +371,7 @@ def _products(weights: FloatArray) -> FloatArray:
 
 
 def barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(facet, 3, corner) coordinates of three `points` (facet, 3, 3) [m] in the planes of facets with `corners`
+    """(facet, point, corner) coordinates of `points` (facet, point, 3) [m] in the planes of facets with `corners`
     (facet, 3, 3) [m]; those of facets without area are at their first corner."""
     edges = corners[:, 1:] - corners[:, :1]
     offset = points - corners[:, :1]

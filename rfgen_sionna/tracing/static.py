@@ -20,6 +20,7 @@ from rfgen_sionna.tracing.cones import Spheres, behind, spheres
 from rfgen_sionna.tracing.facets import Facets, facet_paths
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.outlines import Passing, Places
+from rfgen_sionna.tracing.parallax import Edges, Parallax
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.sight import static_outlines
@@ -42,6 +43,8 @@ class Dimmed(NamedTuple):
     """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of their corners."""
+    edges: Edges | None
+    """Shadows' edges on these; None where there are none."""
     missed: float
     """Estimated error for what is not known of shadows' edges, relative to what that of :class:`StaticTrace` is."""
     outline: FloatArray
@@ -49,18 +52,23 @@ class Dimmed(NamedTuple):
     values: ComplexArray
     """(value, cut) what the expansion starts from of each facet that is hidden in part, in their order: the sum over
     its pieces. None of them before :meth:`StaticTrace.integrated`."""
+    parallax: Parallax | None
+    """What pairs see more or less of these; None before that, and where there is nothing."""
 
     def only(self, chosen: NDArray[np.bool_]) -> Dimmed:
         """The same as if actors hid nothing but the `chosen` (facet,)."""
         cut = np.unique(self.owner)
         mine = chosen[self.owner]
+        edges, beside = self.edges, self.parallax
         return Dimmed(
             np.where(chosen, self.left, 1.0),
             self.owner[mine],
             self.pieces[mine],
+            None if edges is None else edges.take(np.flatnonzero(chosen[edges.owner])),
             self.missed,
             self.outline,
             self.values[:, chosen[cut]] if self.values.size else self.values,
+            None if beside is None else beside.take(np.flatnonzero(chosen[beside.owner])),
         )
 
 
@@ -79,18 +87,35 @@ class Returns:
     level: float
     """What all return without interfering, in units of :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
 
-    def of_pieces(self, facets: Facets, parts: Sequence[Dimmed]) -> list[ComplexArray]:
-        """(value, cut) :attr:`Dimmed.values` of each of `parts`; all are integrated together."""
-        owner = np.concatenate([each.owner for each in parts])
-        pieces = np.concatenate([each.pieces for each in parts])
+    def of_pieces(self, facets: Facets, parts: Sequence[Dimmed]) -> list[Dimmed]:
+        """The same with their values; all are integrated together."""
+        owner, pieces = (np.concatenate([getattr(each, k) for each in parts]) for k in ("owner", "pieces"))
         values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, facets.centroids[owner])
         found, first = [], 0
         for each in parts:
-            own = values[:, first : first + len(each.owner)]
+            last = first + len(each.owner)
             starts = np.unique(each.owner, return_index=True)[1]
-            found.append(np.add.reduceat(own, starts, axis=1))
-            first += len(each.owner)
+            found.append(each._replace(values=np.add.reduceat(values[:, first:last], starts, axis=1)))
+            first = last
+        known = [each.edges for each in parts if each.edges is not None]
+        if not known:
+            return found
+        edges = Edges.joined(known)
+        beside = self.beside(facets.cut(edges.owner, edges.tiny), edges, facets.centroids[edges.owner])
+        first = 0
+        for number, each in enumerate(parts):
+            if each.edges is not None:
+                last = first + len(each.edges.owner)
+                found[number] = found[number]._replace(parallax=beside.take(slice(first, last)))
+                first = last
         return found
+
+    def beside(self, tiny: Facets, edges: Edges, reference: FloatArray) -> Parallax:
+        """What pairs see beside shadows' `edges`, of which `tiny` facets tell, by way of the points `reference`
+        (edge, 3) [m]."""
+        middle = edges.middle + self.band.viewpoint
+        values = self.band.values(tiny, self.materials, self.expansion, middle)
+        return self.band.parallax(edges, values, reference, self.expansion)
 
 
 @dataclass(frozen=True)
@@ -157,9 +182,11 @@ class StaticTrace:
             np.ones(count),
             np.zeros(0, np.intp),
             np.zeros((0, 3, 3)),
+            None,
             0.0,
             np.zeros(count),
             np.zeros((0, 0), np.complex128),
+            None,
         )
 
     def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
@@ -187,7 +214,8 @@ class StaticTrace:
         now &= lit[index]
         changed, passed = (now != lit[index]).any(axis=1), outline > 0
         left = np.ones(len(self.facets))
-        left[index[changed & ~passed & ~now.any(axis=1)]] = 0.0
+        dark = index[changed & ~passed & ~now.any(axis=1)]
+        left[dark] = 0.0
         some = np.flatnonzero(passed | (changed & now.any(axis=1)))
         chosen = index[some]
         found = sampled_fraction(
@@ -203,17 +231,25 @@ class StaticTrace:
             before=lit[chosen],
             level=self.returns.level,
             moving=True,
+            places=guides.places[chosen],
+            dark=guides.places[dark],
+            reach=self.returns.band.reach,
         )
         left[chosen] = found.fraction
         missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
         nothing = np.zeros((0, 0), np.complex128)
-        return Dimmed(left, chosen[found.owner], found.pieces, missed, every, nothing), sent + found.rays
+        cut, edges = chosen[found.owner], None
+        if len(cut) and self.returns.level > 0:
+            group, level = np.zeros(len(cut), np.intp), np.array([self.returns.level])
+            edges, beyond = self.returns.band.edges(self.facets, cut, found.pieces, found.hider, group, level)
+            missed = float(np.hypot(missed, SAFETY * beyond[0]))
+        return Dimmed(left, cut, found.pieces, edges, missed, every, nothing, None), sent + found.rays
 
     def integrated(self, dimmed: Sequence[Dimmed]) -> list[Dimmed]:
         """The same with their values."""
         cut = [each for each in dimmed if len(each.owner)]
-        values = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
-        return [each._replace(values=next(values)) if len(each.owner) else each for each in dimmed]
+        found = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
+        return [next(found) if len(each.owner) else each for each in dimmed]
 
     def shadows(
         self, knots: FloatArray, dimmed: Sequence[Dimmed], index: NDArray[np.intp] | None = None
@@ -232,6 +268,8 @@ class StaticTrace:
             owner = np.unique(each.owner)
             gains = self.returns.band.combined(self.returns.expansion, each.values[..., None])[..., 0]
             row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
+            if (beside := each.parallax) is not None:
+                beside.within(owner).add_to(gains)
             gains *= share
             if self.returns.rough is not None:
                 seen = share * each.left[np.searchsorted(every, owner)]
@@ -284,6 +322,9 @@ def trace_static(
         fineness[found.share > 0.1 / len(materials)] *= finer(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
     gains *= seen.fraction
+    returns = Returns(band, materials, expansion, None, _wavenumber(band), rtol, seen.level)
+    if len(seen.edges.owner):
+        returns.beside(seen.tiny, seen.edges, facets.centroids[seen.edges.owner]).add_to(gains)
     rough = None
     if (every := band.diffuse(facets, materials)) is not None:
         rough = every[0, 0]  # the same for all pairs, as each facet scatters by itself
@@ -315,7 +356,7 @@ def trace_static(
         seen.hidden,
         seen.hidden_fraction,
         rtol * fineness,
-        Returns(band, materials, expansion, rough, _wavenumber(band), rtol, seen.level),
+        replace(returns, rough=rough),
     )
 
 
@@ -329,6 +370,10 @@ class _Seen(NamedTuple):
     """(facet,)"""
     whole: int
     """So many facets come first, then pieces of others."""
+    edges: Edges
+    """Shadows' edges on these pieces."""
+    tiny: Facets
+    """What tells of them."""
     hidden: Facets
     hidden_fraction: FloatArray
     """(hidden,)"""
@@ -357,28 +402,39 @@ def _seen_facets(
     facets = facets.pulled(band.pull(facets))
     if rays is None:
         nothing = np.zeros(len(facets))
-        return _Seen(facets, nothing, len(facets), facets, nothing, 0.0, 0.0, 0)
-    guides = Corners(viewpoint, facets.corners, facets.number, touching(facets.corners, facets.surface))
-    guided, sent = guides.seen(rays)
+        none = np.zeros(0, np.intp)
+        edges, _ = band.edges(facets, none, np.zeros((0, 3, 3)), np.zeros((0, 4)), none, np.zeros(1))
+        return _Seen(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
+    places = touching(facets.corners, facets.surface)
+    guided, sent = Corners(viewpoint, facets.corners, facets.number, places).seen(rays)
     outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
     weight = band.importance(facets.directions(viewpoint))
     found = sampled_fraction(
-        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight, search=True
-    )
+        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight, search=True,
+        places=places, reach=band.reach,
+    )  # fmt: skip
     cut = np.zeros(len(facets), np.bool_)
     cut[found.owner] = True
     whole = np.flatnonzero((found.fraction > 0) & ~cut)
     seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
     seen = seen.pulled(band.pull(seen))
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
+    missed = missed / level if level > 0 else 0.0
+    group = np.zeros(len(found.owner), np.intp)
+    edges, beyond = band.edges(facets, found.owner, found.pieces, found.hider, group, np.array([level]))
+    tiny, edges = facets.cut(edges.owner, edges.tiny), replace(edges, owner=len(whole) + edges.piece)
+    if seen.pull is not None:
+        tiny = replace(tiny, pull=seen.pull[edges.owner], aim=seen.centroids[edges.owner])
     hidden = np.flatnonzero(found.fraction < 1)
     return _Seen(
         seen,
         np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
         len(whole),
+        edges,
+        tiny,
         facets.take(hidden),
         found.fraction[hidden],
         level,
-        missed / level if level > 0 else 0.0,
+        float(np.hypot(missed, beyond[0])),
         sent + found.rays,
     )

@@ -198,6 +198,9 @@ def _single(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, dimm
         if rough is not None:
             own = own + np.sqrt(static.fraction[owner] * left[row[owner], k]) * rough[owner]
         found[row[owner], k] = own
+        if each.parallax is not None:
+            beside = each.parallax.within(owner)
+            found[row[owner], k] += static.fraction[owner] * beside.of_first(len(owner))
     return np.asarray(found * static.weight[index][:, None])
 
 

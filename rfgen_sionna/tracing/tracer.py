@@ -69,12 +69,13 @@ class TraceReport:
     """Estimated error of an actor's return, relative to itself, or of the static scene's, relative to its strongest
     surface's or to what all of it returns without interfering; whichever is larger.
 
-    It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`) and of what is not known of shadows' edges
-    (:mod:`rfgen_sionna.tracing.sampling`), those of actors on the room among them, of direct returns; the tolerance is
-    kept by each of the two. With further bounces what is left out of these is added, and what geometrical optics may be
-    off by where bent surfaces show one another (:mod:`rfgen_sionna.tracing.glint_doubts`): of a walking person, with
-    two of them, that is 10 to 45 % of its direct return at 77 GHz, as most of its glints are near an edge or a shadow,
-    and a smaller tolerance does not mend it."""
+    It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`), of what is not known of shadows' edges
+    (:mod:`rfgen_sionna.tracing.sampling`) and of where pairs see them (:mod:`rfgen_sionna.tracing.parallax`), those of
+    actors on the room among them, of direct returns; the tolerance is kept by each of the first two. With further
+    bounces what is left out of these is added, and what geometrical optics may be off by where bent surfaces show one
+    another (:mod:`rfgen_sionna.tracing.glint_doubts`): of a walking person, with two of them, that is 10 to 45 % of its
+    direct return at 77 GHz, as most of its glints are near an edge or a shadow, and a smaller tolerance does not mend
+    it."""
     between: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on and that of
     gains that turn with them, the root of the sum of their squares.

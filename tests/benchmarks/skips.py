@@ -112,10 +112,10 @@ def _all_rays(
     fraction[rest] = lit.fraction
     owner = np.concatenate([found.owner, rest[lit.owner]])
     pieces = np.concatenate([found.pieces, lit.pieces])
+    hider = np.concatenate([found.hider, np.column_stack([lit.hider, np.tile([np.inf, np.nan], (len(lit.owner), 1))])])
     order = np.argsort(owner, kind="stable")
-    return found._replace(
-        fraction=fraction, owner=owner[order], pieces=pieces[order], rays=found.rays + rays_there + lit.rays
-    )
+    cut = {"owner": owner[order], "pieces": pieces[order], "hider": hider[order]}
+    return found._replace(fraction=fraction, rays=found.rays + rays_there + lit.rays, **cut)
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:

@@ -16,7 +16,10 @@ from rfgen_sionna.tracing.tracer import Tracer
 
 @pytest.fixture(scope="module")
 def radar():
-    return replace(Radar.load("awr1843", "mmmesh"), pattern=ElementPattern(0.0))
+    """The first pair is in one place, the phase centre: what it sees is what that does."""
+    radar = replace(Radar.load("awr1843", "mmmesh"), pattern=ElementPattern(0.0))
+    tx, rx = (each - each[0] for each in (radar.tx_positions, radar.rx_positions))
+    return replace(radar, tx_positions=tx, rx_positions=rx)
 
 
 def square(half):

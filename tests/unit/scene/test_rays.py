@@ -144,15 +144,24 @@ def test_the_edge_of_a_shadow_is_where_halving_finds_it(mixed: RayScene, monkeyp
     lit = np.flatnonzero(targets.seen(of, one) & ~targets.seen(of, other))
     of, near, far = of[lit], one[lit], other[lit]
     halvings = np.random.default_rng(1).integers(0, 9, len(of))
-    found = targets.edges(of, near, far, halvings)
+    found, hider = targets.edges(of, near, far, halvings)
     monkeypatch.setattr("rfgen_sionna.scene.targets.CHUNK", 100)
-    np.testing.assert_array_equal(targets.edges(of, near, far, halvings), found)
+    np.testing.assert_array_equal(targets.edges(of, near, far, halvings)[0], found)
     for step in range(8):
         middle = 0.5 * (near + far)
         seen, on = targets.seen(of, middle), step < halvings
         near[on & seen], far[on & ~seen] = middle[on & seen], middle[on & ~seen]
     assert len(of) > 100
     np.testing.assert_allclose(found, 0.5 * (near + far), atol=1e-15)
+    # What casts it is what a ray to the dark side meets first.
+    dark = np.einsum("rc,rci->ri", far, corners[of])
+    viewpoint = np.array([0.3, 0.1, 0.2])
+    hit = mixed.first_facet(viewpoint, dark - viewpoint)
+    plane = mixed.corners(hit)
+    normal = np.cross(plane[:, 1] - plane[:, 0], plane[:, 2] - plane[:, 0])
+    share = np.einsum("ri,ri->r", normal, plane[:, 0] - viewpoint) / np.einsum("ri,ri->r", normal, dark - viewpoint)
+    np.testing.assert_allclose(hider, share, rtol=1e-4)
+    assert (hider < 0.9).mean() > 0.5
 
 
 def test_both_sides_of_a_plate_hide():

@@ -24,7 +24,7 @@ class Light:
             middle = 0.5 * (lit + dark)
             seen, on = self.seen(of, middle), count < halvings
             lit[on & seen], dark[on & ~seen] = middle[on & seen], middle[on & ~seen]
-        return 0.5 * (lit + dark)
+        return 0.5 * (lit + dark), np.full(len(lit), 0.4)
 
 
 def share_of(values, level, width=0.0):
@@ -167,3 +167,28 @@ def test_an_edge_that_bends_is_no_line():
         Light(lambda _, p: p[:, 0] > 0.4 + 0.1 * (1 - (p[:, 1] - p[:, 2]) ** 2)), np.array([4]), np.zeros(1)
     )
     assert len(found.pieces) > 10
+
+
+@given(st.tuples(value, value, value), st.integers(0, 5))
+def test_pieces_tell_which_of_their_sides_is_the_shadow_s_edge(values, level):
+    """The side from the second to the third corner, along which the light is zero, with the lit part to its left."""
+    found = share_of(values, level)
+    edged = np.flatnonzero(~np.isnan(found.hider[:, 0]))
+    assert np.isnan(found.hider).any(axis=1).sum() == len(found.hider) - len(edged)
+    assert (found.hider[edged] == 0.4).all()
+    corners = found.pieces[edged]
+    light = corners @ np.asarray(values)
+    size = np.ptp(values)
+    assert (np.abs(light[:, 1:]) < 0.02 * size).all()
+    assert (light[:, 0] > -0.02 * size).all()
+    assert (np.linalg.det(corners) > -1e-12).all()
+    # All of the edge is there: as long as the line is on the facet.
+    if len(edged) and found.fraction[0] not in (0.0, 1.0):
+        places = np.array([[0, 0], [1, 0], [0, 1]])
+        length = np.linalg.norm((corners[:, 2] - corners[:, 1]) @ places, axis=1).sum()
+        ends = []
+        for i in range(3):
+            a, b = values[i], values[(i + 1) % 3]
+            if (a > 0) != (b > 0):
+                ends.append(places[i] + a / (a - b) * (places[(i + 1) % 3] - places[i]))
+        assert length == pytest.approx(np.linalg.norm(ends[0] - ends[1]), abs=0.02)

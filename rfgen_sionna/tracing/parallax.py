@@ -1,0 +1,279 @@
+"""What elements see of shadows' edges, each from its own place.
+
+Shadows are cast from the array's phase centre. An element aside of it sees past what casts a shadow at another angle:
+the edge falls elsewhere, by its own distance from the centre times that from what casts the shadow to where it falls,
+over that from the radar to what casts it. Of a pair Tx and Rx both have to see a point, so that the edge is that of the
+two which leaves less. Between the centre's edge and theirs is a strip: its integral, to the first order in its width
+but with its full phase, is what a pair returns less, or more.
+
+Small against the width of facets on bodies that hide themselves, it is a few parts in a thousand of what they return;
+of a plate behind the edge of a screen half way it may be a quarter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.smooth import barycentric
+
+_TINY = 1e-4
+"""Width of the pieces that tell what a facet returns beside an edge, over its own."""
+_BENT = 0.03
+"""Phase that straight lines may miss at the ends of a piece of an edge [rad]."""
+_MOST_PIECES = 256
+_ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
+"""Up to how many radians from one side of a strip to the other each of the next has enough points."""
+_NODES = [np.polynomial.legendre.leggauss(count) for count in (1, 2, 4, 8, 16, 32)]
+_LEFT_PER_RTOL = 0.5
+"""What edges that are left out may come to by :meth:`Edges.at_most`, per unit of the tolerance."""
+_LIKELY, _MISSED = 0.3, (0.005, 0.015)
+"""What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
+made of many short edges, of which ever more are found the more closely they are looked at."""
+_ASLANT = 2.0
+"""By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
+along its plane."""
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Straight pieces of shadows' edges on facets."""
+
+    owner: NDArray[np.intp]
+    """(edge,) facet that each falls on."""
+    piece: NDArray[np.intp]
+    """(edge,) piece of a facet that it bounds."""
+    tiny: FloatArray
+    """(edge, corner, 3) barycentric coordinates of a small piece of the facet around the edge's middle."""
+    area: FloatArray
+    """(edge,) of that [m^2]."""
+    middle: FloatArray
+    """(edge, 3) of the edge [m], from the viewpoint."""
+    along: FloatArray
+    """(edge, 3) unit vector, and the length (edge,) [m]."""
+    length: FloatArray
+    tangents: FloatArray
+    """(edge, 2, 3) of the surface, which may be bent, for a metre across and along; and (edge, 3) how it is bowed
+    across [1/m], twice the way off its tangent over the square of that along it."""
+    bow: FloatArray
+    inward: FloatArray
+    """(edge, 3) unit vector on the facet, across the edge to the side that is lit."""
+    normal: FloatArray
+    """(edge, 3) unit vector."""
+    hider: FloatArray
+    """(edge,) how far it is to what casts the shadow, over the way to the edge."""
+    weight: FloatArray
+    """(edge,) how much of it counts, 0 … 1."""
+    band: FloatArray
+    """(edge,) how far it is lit, on from the edge [m], and how far (edge,) it is to what casts the shadow from there
+    on, over the way there; infinity and NaN where that is further than any element tells."""
+    beyond: FloatArray
+
+    @staticmethod
+    def of(
+        facets: Facets,
+        owner: NDArray[np.intp],
+        pieces: FloatArray,
+        hider: FloatArray,
+        viewpoint: FloatArray,
+        wavenumber: float,
+    ) -> Edges:
+        """Those of `pieces` (piece, 3, 3) of the facets `owner` (piece,), with their `hider` (piece, 4), as
+        :class:`rfgen_sionna.tracing.sampling.Sampled` has them; in so many parts that the phase, of that `wavenumber`
+        [rad/m], is straight along each, on facets that are taken for flat."""
+        edged = np.flatnonzero(hider[:, 0] < 1.0)  # not NaN
+        owner, hider, band = owner[edged], hider[edged, :2].mean(axis=1), hider[edged, 2:]
+        corners = np.take(facets.corners, owner, axis=0) - viewpoint
+        start, stop = (pieces[edged, corner] for corner in (1, 2))
+        first, last = (np.einsum("ec,eci->ei", each, corners) for each in (start, stop))
+        bend = np.sqrt(4.0 * _BENT / wavenumber * lengths(0.5 * (first + last)))
+        count = np.clip(np.ceil(lengths(last - first) / bend), 1, _MOST_PIECES).astype(np.intp)
+        edge = np.repeat(np.arange(len(edged)), count)
+        step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+        share = ((step + 0.5) / count[edge])[:, None]
+        place = (1.0 - share) * start[edge] + share * stop[edge]
+        along = (last - first)[edge] / count[edge, None]
+        length = lengths(along)
+        along /= np.maximum(length, 1e-300)[:, None]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = lengths(across)
+        normal = (across / np.maximum(size, 1e-300)[:, None])[edge]
+        inward = np.cross(normal, along)
+        return Edges(
+            owner[edge],
+            edged[edge],
+            place[:, None] + _TINY * (np.eye(3) - 1 / 3),
+            0.5 * _TINY**2 * size[edge],
+            np.einsum("ec,eci->ei", place, corners[edge]),
+            along,
+            length,
+            np.stack([inward, along], axis=1),
+            np.zeros_like(inward),
+            inward,
+            normal,
+            hider[edge],
+            np.ones(len(edge)),
+            *band[edge].T,
+        )
+
+    def that_matter(
+        self, at_most: FloatArray, bent: NDArray[np.bool_], group: NDArray[np.intp], level: FloatArray, rtol: float
+    ) -> tuple[Edges, FloatArray]:
+        """Those that return enough to count, by :meth:`at_most`, and what is missed of each group, relative to its
+        `level` (group,), for those that are left out and for what the others are off by; `group` (edge,), and whether
+        they are on `bent` facets (edge,). An edge that grows counts little by little."""
+
+        def energy(strength: FloatArray) -> FloatArray:
+            return np.asarray(np.bincount(group, strength**2, len(level)))
+
+        least = _LEFT_PER_RTOL * rtol * level / np.sqrt(np.maximum(np.bincount(group, minlength=len(level)), 1))
+        weight = np.clip(at_most / np.maximum(least[group], 1e-300) - 1.0, 0.0, 1.0)
+        missed = _LIKELY**2 * energy((1.0 - weight) * at_most) + energy(
+            np.where(bent, _MISSED[1], _MISSED[0]) * at_most
+        )
+        missed = np.sqrt(missed) / np.where(level > 0, level, np.inf)
+        return replace(self, weight=weight).take(np.flatnonzero(weight)), missed
+
+    def bent(self, facets: Facets) -> Edges:
+        """The same on `facets` as they are bent."""
+        if facets.bend is None or not len(self.owner):
+            return self
+        corners = np.take(facets.corners, self.owner, axis=0)
+        steps = barycentric(corners[:, :1] + self.tangents, corners) - [1.0, 0.0, 0.0]
+        slope, more = facets.bend.take(self.owner).turned(self.tiny.mean(axis=1), steps)
+        return replace(self, tangents=self.tangents + slope, bow=2.0 * more[:, 0])
+
+    def take(self, index: NDArray[np.intp] | slice) -> Edges:
+        """Those that `index` counts out."""
+        return self._of(lambda name: getattr(self, name)[index])
+
+    @staticmethod
+    def joined(parts: Sequence[Edges]) -> Edges:
+        """One after the other."""
+        return parts[0]._of(lambda name: np.concatenate([getattr(each, name) for each in parts]))
+
+    def _of(self, column: Callable[[str], NDArray[Any]]) -> Edges:
+        return Edges(**{each.name: column(each.name) for each in fields(self)})
+
+    def moved(self, elements: FloatArray) -> FloatArray:
+        """(element, edge) how far inward the edge is for `elements` (element, 3) [m] from the viewpoint [m]."""
+        return _moved(elements, self.middle, self.inward, self.normal, self.hider)
+
+    def _widths(self, tx: FloatArray, rx: FloatArray) -> FloatArray:
+        """(tx, rx, edge) of strips [m]: that of the element that sees less. Where the lit band beside the edge ends no
+        pair sees less than nothing of it; half of what it would is spared here, and half at the other edge."""
+        width = np.maximum(self.moved(tx)[:, None], self.moved(rx))
+        some = np.flatnonzero(np.isfinite(self.band))
+        if len(some):
+            middle = self.middle[some] + self.band[some, None] * self.inward[some]
+            other = [
+                _moved(each, middle, -self.inward[some], self.normal[some], self.beyond[some]) for each in (tx, rx)
+            ]
+            left = self.band[some] - width[..., some] - np.maximum(other[0][:, None], other[1])
+            width[..., some] += 0.5 * np.minimum(left, 0.0)
+        return width
+
+    def at_most(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> FloatArray:
+        """(edge,) about what any pair sees more or less beside each edge, in units of
+        :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`: twice the solid angle of its strip."""
+        distance = np.maximum(lengths(self.middle), 1e-9)
+        towards = self.middle / distance[:, None]
+        turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
+        width = np.abs(self.moved(np.concatenate([tx, rx]))).max(axis=0, initial=0.0)
+        upright = np.abs(np.einsum("ei,ei->e", self.normal, towards))
+        return np.asarray(2.0 * upright * width * self.length / distance**2 / np.maximum(0.5 * turn * self.length, 1.0))
+
+    def strips(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> ComplexArray:
+        """(tx, rx, edge) integral over the strip between the centre's edge and that of each pair [m^2], less than 0
+        where it is lit, of the phase relative to the edge's middle; elements (tx, 3), (rx, 3) [m] are from the
+        viewpoint."""
+        of_tx, of_rx = (self._turning(each, wavenumber) for each in (tx, rx))
+        width = self._widths(tx, rx)
+        across, along, bow = (a[:, None] + b for a, b in zip(of_tx, of_rx, strict=True))
+        turned = np.abs(across * width) + 0.5 * np.abs(bow) * width**2
+        nodes = np.searchsorted(_ACROSS, turned.max(axis=(0, 1), initial=0.0))
+        found = np.empty(width.shape, np.complex128)
+        for kind in np.unique(nodes):
+            some = np.flatnonzero(nodes == kind)
+            wide, turn, square = (each[..., some] for each in (width, across, bow))
+            total = np.zeros(wide.shape, np.complex128)
+            for place, weight in zip(*_NODES[kind], strict=True):
+                at = 0.5 * (1.0 + place) * wide
+                total += (0.5 * weight) * np.exp(-1j * at * (turn + 0.5 * square * at))
+            found[..., some] = total * wide
+        return np.asarray(found * np.sinc(along * self.length / (2 * np.pi)) * self.length)
+
+    def _turning(self, elements: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(element, edge) how the phase turns across [rad/m] and along it, and how that changes across [rad/m^2]."""
+        offset = self.middle - elements[:, None]
+        distance = np.maximum(lengths(offset), 1e-9)
+        towards = offset / distance[..., None]
+        across, along, bow = (
+            np.einsum("xei,ei->xe", towards, each) for each in (self.tangents[:, 0], self.tangents[:, 1], self.bow)
+        )
+        return wavenumber * across, wavenumber * along, wavenumber * ((1.0 - across**2) / distance + bow)
+
+
+def _moved(
+    elements: FloatArray, middle: FloatArray, inward: FloatArray, normal: FloatArray, hider: FloatArray
+) -> FloatArray:
+    """:meth:`Edges.moved` of edges at `middle`."""
+    height, own = np.einsum("ei,ei->e", normal, middle), elements @ normal.T
+    below = hider * height - own
+    on = (height - own) * hider / np.where(np.abs(below) > 1e-12, below, 1e-12)
+    on = np.clip(on, 1.0 / _ASLANT, _ASLANT) / np.maximum(hider, 1e-6)
+    # From the element by way of what casts the shadow, `on` times as far as that.
+    here, there = elements @ inward.T, np.einsum("ei,ei->e", inward, middle)
+    return np.asarray(here + on * (hider * there - here) - there)
+
+
+class Parallax(NamedTuple):
+    """What pairs see more, or less, of facets that shadows' edges fall on than what is seen from the phase centre."""
+
+    owner: NDArray[np.intp]
+    """(edge,) facet that each edge falls on."""
+    gains: ComplexArray
+    """(order, tx, rx, edge) as polynomials in u, by way of the facets' points."""
+
+    def take(self, index: NDArray[np.intp] | slice) -> Parallax:
+        """Those of the edges that `index` counts out."""
+        return Parallax(self.owner[index], self.gains[..., index])
+
+    def within(self, chosen: NDArray[np.intp]) -> Parallax:
+        """Those of the facets that `chosen` counts out, ascending, counted among these."""
+        if not len(chosen):
+            return Parallax(np.zeros(0, np.intp), self.gains[..., :0])
+        place = np.minimum(np.searchsorted(chosen, self.owner), len(chosen) - 1)
+        mine = np.flatnonzero(chosen[place] == self.owner)
+        return Parallax(place[mine], self.gains[..., mine])
+
+    def split(self, facets: int, times: int) -> list[Parallax]:
+        """Those of each of so many `times`, where as many `facets` of one time come after the other's."""
+        return [self.within(np.arange(first, first + facets)) for first in range(0, facets * times, facets)]
+
+    def of_first(self, facets: int) -> ComplexArray:
+        """(facet,) of the first pair in the middle of the band."""
+        gains = self.gains[0, 0, 0]
+        return np.asarray(
+            np.bincount(self.owner, gains.real, facets) + 1j * np.bincount(self.owner, gains.imag, facets), complex
+        )
+
+    def add_to(self, gains: ComplexArray) -> None:
+        """Add to `gains` (order, tx, rx, facet)."""
+        order = np.argsort(self.owner, kind="stable")
+        facets, first = np.unique(self.owner[order], return_index=True)
+        if len(facets):
+            gains[..., facets] += np.add.reduceat(self.gains[..., order], first, axis=-1)
+
+    @staticmethod
+    def joined(parts: Sequence[Parallax]) -> Parallax:
+        """One after the other."""
+        owner, gains = (np.concatenate([each[k] for each in parts], axis=-1) for k in (0, 1))
+        return Parallax(owner, gains)

@@ -1,0 +1,75 @@
+"""Strips between the shadow's edge of the phase centre and those of single elements."""
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.parallax import Edges
+
+WAVENUMBER = 1600.0
+
+
+def facet(corners):
+    number = np.zeros(1, np.int32)
+    return Facets(np.asarray(corners, float)[None], number, number, number, np.ones(1, bool), number + 1, number)
+
+
+def edges(corners, start, stop, hider):
+    """The edge from one barycentric place to another on a facet that is lit to the left of it."""
+    piece = np.stack([np.full(3, 1 / 3), start, stop])[None]
+    return Edges.of(
+        facet(corners), np.zeros(1, np.intp), piece, np.array([[hider, hider, np.inf, np.nan]]), np.zeros(3), WAVENUMBER
+    )
+
+
+@pytest.mark.parametrize("hider", [0.3, 0.5, 0.8])
+def test_an_edge_moves_as_rays_past_what_casts_it_do(hider):
+    """Against the place where the line from each element by way of that meets the facet."""
+    corners = np.array([[2.0, -0.2, -0.3], [2.2, 0.3, -0.2], [2.1, 0.0, 0.3]])
+    found = edges(corners, np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.3, 0.5]), hider)
+    elements = np.random.default_rng(0).normal(size=(20, 3)) * [0.002, 0.02, 0.02]
+    normal = found.normal[0]
+    for k, middle in enumerate(found.middle):
+        by = hider * middle
+        way = ((middle - elements) @ normal / ((by - elements) @ normal))[:, None]
+        there = elements + way * (by - elements)
+        assert np.allclose((there - middle) @ normal, 0.0, atol=1e-12)
+        assert np.allclose(found.moved(elements)[:, k], (there - middle) @ found.inward[k], atol=1e-12)
+
+
+def test_strips_are_the_integral_of_the_phase_over_them():
+    """Against points on the facet, for each pair: between the centre's edge and the one of Tx and Rx that leaves
+    less."""
+    corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
+    found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
+    tx, rx = (np.random.default_rng(k).normal(size=(n, 3)) * [0.0, 0.02, 0.02] for k, n in ((1, 3), (2, 4)))
+    strips = found.strips(tx, rx, WAVENUMBER)
+    one, weight = np.polynomial.legendre.leggauss(40)
+    for i, a in enumerate(tx):
+        for j, b in enumerate(rx):
+            total, size = 0.0, 0.0
+            for k, middle in enumerate(found.middle):
+                width = max(found.moved(tx)[i, k], found.moved(rx)[j, k])
+                across = 0.5 * width * (1 + one)[:, None, None] * found.inward[k]
+                along = 0.5 * found.length[k] * one[:, None] * found.along[k]
+                points = middle + across + along
+                way = sum(np.linalg.norm(points - e, axis=-1) - np.linalg.norm(middle - e) for e in (a, b))
+                area = np.multiply.outer(weight, weight) * width * found.length[k] / 4
+                total, size = (area * np.exp(-1j * WAVENUMBER * way)).sum(), np.abs(area.sum())
+                assert strips[i, j, k] == pytest.approx(total, abs=0.01 * size)
+    assert np.abs(found.moved(tx)).max() * WAVENUMBER > 3  # the phase turns across them
+
+
+def test_an_edge_that_grows_counts_little_by_little():
+    corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
+    found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
+    count, weights = len(found.owner), []
+    for strength in (1e-4, 1e-3, 1e-2, 2e-2, 1e-1):
+        own, missed = found.that_matter(
+            np.full(count, strength / np.sqrt(count)), np.zeros(count, bool), np.zeros(count, np.intp), np.ones(1), 1e-2
+        )
+        weights.append(own.weight[0] if len(own.owner) else 0.0)
+        assert 0.0 < missed[0] < 0.4 * strength + 1e-3
+    assert weights == sorted(weights)
+    assert weights[0] == 0.0
+    assert weights[-1] == 1.0
