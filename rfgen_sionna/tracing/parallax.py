@@ -32,9 +32,9 @@ _MOST_PIECES = 256
 _ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
 """Up to how many radians from one side of a strip to the other each of the next has enough points."""
 _NODES = [np.polynomial.legendre.leggauss(count) for count in (1, 2, 4, 8, 16, 32)]
-_LEFT_PER_RTOL = 0.5
+_LEFT_PER_RTOL = 1.0
 """What edges that are left out may come to by :meth:`Edges.at_most`, per unit of the tolerance."""
-_LIKELY, _MISSED = 0.3, (0.005, 0.015)
+_LIKELY, _MISSED = 0.2, (0.005, 0.015)
 """What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
 made of many short edges, of which ever more are found the more closely they are looked at."""
 _ASLANT = 2.0
