@@ -336,7 +336,7 @@ class Glances:
             order = np.argsort(known)
             own, references = looked.facets, looked.facets.centroids
             every = np.arange(len(own))
-            lit = self._lit(looked, max(count, AT_ONCE // count * count), expansion)
+            lit = self._lit(looked, count, max(1, AT_ONCE // count), expansion)
             values = lit.values[0]
             by_time = [values[:, count * k : count * (k + 1)] for k in order]
             shares = looked.fraction.reshape(-1, count)[order].T
@@ -353,13 +353,15 @@ class Glances:
         coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count), beside)
         return Followed(times, first, coefficients, looked.looked_at, looked.rays, error)
 
-    def _lit(self, looked: Seen, most: int, expansion: Expansion) -> Lit:
-        """What is seen of facets, each by way of its centroid, so many at most at once; as of a single instant."""
+    def _lit(self, looked: Seen, count: int, most: int, expansion: Expansion) -> Lit:
+        """What is seen of `count` facets at several times, each by way of its centroid, at so many times at most at
+        once; as of a single instant."""
         found, parallax = list[ComplexArray](), list[Parallax]()
-        for first in range(0, len(looked.facets), most):
-            some = looked.of(np.arange(first, min(first + most, len(looked.facets))))
+        for first in range(0, len(looked.facets), most * count):
+            some = looked.of(np.arange(first, min(first + most * count, len(looked.facets))))
             own = some.facets
-            lit = self._returns.seen([some], np.arange(len(own)), [own], [own.centroids], expansion)
+            times = len(own) // count
+            lit = self._returns.seen([some], np.arange(len(own)), [own], [own.centroids], expansion, times)
             found += lit.values
             parallax += [each._replace(owner=each.owner + first) for each in lit.parallax if each is not None]
         values = found[0] if len(found) == 1 else np.concatenate(found, axis=1)

@@ -37,6 +37,8 @@ _LEFT_PER_RTOL = 1.0
 _LIKELY, _MISSED = 0.2, (0.005, 0.015)
 """What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
 made of many short edges, of which ever more are found the more closely they are looked at."""
+_ALIKE = 0.03
+"""By how much the phase may turn otherwise to one element than to another over a strip [rad], to count as alike."""
 _ASLANT = 2.0
 """By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
 along its plane."""
@@ -194,21 +196,30 @@ class Edges:
         """(tx, rx, edge) integral over the strip between the centre's edge and that of each pair [m^2], less than 0
         where it is lit, of the phase relative to the edge's middle; elements (tx, 3), (rx, 3) [m] are from the
         viewpoint."""
-        of_tx, of_rx = (self._turning(each, wavenumber) for each in (tx, rx))
-        width = self._widths(tx, rx)
-        across, along, bow = (a[:, None] + b for a, b in zip(of_tx, of_rx, strict=True))
-        turned = np.abs(across * width) + 0.5 * np.abs(bow) * width**2
-        nodes = np.searchsorted(_ACROSS, turned.max(axis=(0, 1), initial=0.0))
-        found = np.empty(width.shape, np.complex128)
-        for kind in np.unique(nodes):
-            some = np.flatnonzero(nodes == kind)
-            wide, turn, square = (each[..., some] for each in (width, across, bow))
-            total = np.zeros(wide.shape, np.complex128)
-            for place, weight in zip(*_NODES[kind], strict=True):
-                at = 0.5 * (1.0 + place) * wide
-                total += (0.5 * weight) * np.exp(-1j * at * (turn + 0.5 * square * at))
-            found[..., some] = total * wide
-        return np.asarray(found * np.sinc(along * self.length / (2 * np.pi)) * self.length)
+        ends = [self._turning(each, wavenumber) for each in (tx, rx)]
+        moved = [self.moved(each) for each in (tx, rx)]
+        # Where the phase turns nearly alike to all elements the strip to each tells that to each pair.
+        spread = sum(np.ptp(across, axis=0) for across, _, _ in ends) * np.max(
+            [np.abs(each).max(axis=0) for each in moved]
+        )
+        spread = np.maximum(spread, sum(np.ptp(along, axis=0) for _, along, _ in ends) * self.length)
+        alike = (spread < _ALIKE) & ~np.isfinite(self.band)
+        found = np.empty((len(tx), len(rx), len(self.owner)), np.complex128)
+        some = np.flatnonzero(alike)
+        middle = [[each[:, some].mean(axis=0) for each in end] for end in ends]
+        one, other = (
+            _across(width[:, some], end[0][:, some] + there[0], end[2][:, some] + there[2])
+            for width, end, there in zip(moved, ends, middle[::-1], strict=True)
+        )
+        further = moved[0][:, None, some] > moved[1][:, some]
+        along = np.sinc((middle[0][1] + middle[1][1]) * self.length[some] / (2 * np.pi))
+        found[..., some] = np.where(further, (one * along)[:, None], other * along)
+        if len(some) < len(alike):
+            rest = np.flatnonzero(~alike)
+            width = self.take(rest)._widths(tx, rx)
+            across, turned, bow = (a[:, None, rest] + b[:, rest] for a, b in zip(*ends, strict=True))
+            found[..., rest] = _across(width, across, bow) * np.sinc(turned * self.length[rest] / (2 * np.pi))
+        return np.asarray(found * self.length)
 
     def _turning(self, elements: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(element, edge) how the phase turns across [rad/m] and along it, and how that changes across [rad/m^2]."""
@@ -219,6 +230,23 @@ class Edges:
             np.einsum("xei,ei->xe", towards, each) for each in (self.tangents[:, 0], self.tangents[:, 1], self.bow)
         )
         return wavenumber * across, wavenumber * along, wavenumber * ((1.0 - across**2) / distance + bow)
+
+
+def _across(width: FloatArray, turn: FloatArray, bow: FloatArray) -> ComplexArray:
+    """(..., edge) integral over strips of that `width` [m] of a phase that turns by so much [rad/m], and by `bow`
+    [rad/m^2] more."""
+    turned = np.abs(turn * width) + 0.5 * np.abs(bow) * width**2
+    nodes = np.searchsorted(_ACROSS, turned.max(axis=tuple(range(turned.ndim - 1)), initial=0.0))
+    found = np.empty(width.shape, np.complex128)
+    for kind in np.flatnonzero(np.bincount(nodes)):
+        some = np.flatnonzero(nodes == kind)
+        wide, turning, square = (each[..., some] for each in (width, turn, bow))
+        total = np.zeros(wide.shape, np.complex128)
+        for place, weight in zip(*_NODES[kind], strict=True):
+            at = 0.5 * (1.0 + place) * wide
+            total += (0.5 * weight) * np.exp(-1j * at * (turning + 0.5 * square * at))
+        found[..., some] = total * wide
+    return found
 
 
 def _moved(

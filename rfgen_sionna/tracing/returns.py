@@ -66,9 +66,11 @@ class FacetReturns:
         facets: Sequence[Facets],
         references: Sequence[FloatArray],
         expansion: Expansion,
+        times: int = 1,
     ) -> Lit:
         """Those of the `facets` kept, which `kept` counts out of all, at each instant, as they are `seen`. Of those in
-        half shadow the pieces that are seen count, each with its own phase."""
+        half shadow the pieces that are seen count, each with its own phase. Each of `seen` may have facets of several
+        `times`, one time's after the other's."""
         cut = [number for number, each in enumerate(seen) if len(each.owner)]
         parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
         if cut:
@@ -81,7 +83,7 @@ class FacetReturns:
             surfaces = len(self._materials)
             of = np.repeat(np.arange(len(cut)), [len(seen[n].owner) for n in cut])
             group = surfaces * of + parents.surface[place]
-            level = np.concatenate([seen[n].level for n in cut])
+            level = np.sqrt(times) * np.concatenate([seen[n].level for n in cut])
             edges, of_cut = self._band.edges(parents, place, pieces, hider, group, level)
             missed = of_cut.reshape(-1, surfaces).max(axis=0)
             parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
