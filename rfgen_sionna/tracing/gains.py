@@ -237,9 +237,10 @@ class BandTracer:
         wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
         found = Edges.of(facets, owner, pieces, hider, self._origin, wavenumber)
         towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
-        at_most = self.importance(towards) * found.at_most(self._tx, self._rx, wavenumber)
+        at_most, known = found.at_most(self._tx, self._rx, wavenumber)
+        at_most *= self.importance(towards)
         bent = np.zeros(len(found.owner), np.bool_) if facets.curved is None else facets.curved[found.owner]
-        found, missed = found.that_matter(at_most, bent, group[found.piece], level, self._rtol)
+        found, missed = found.that_matter(at_most, known, bent, group[found.piece], level, self._rtol)
         return found.bent(facets), missed
 
     def parallax(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> Parallax:

@@ -37,6 +37,9 @@ _LEFT_PER_RTOL = 1.0
 _LIKELY, _MISSED = 0.2, (0.005, 0.015)
 """What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
 made of many short edges, of which ever more are found the more closely they are looked at."""
+_WIDEST = 0.25
+"""Width of strips, over the root of wavelength times distance, up to which they count as a whole; at twice that not at
+all: what casts the shadow is close to the radar, and who knows what the surface is so far aside."""
 _ALIKE = 0.03
 """By how much the phase may turn otherwise to one element than to another over a strip [rad], to count as alike."""
 _ASLANT = 2.0
@@ -126,17 +129,23 @@ class Edges:
         )
 
     def that_matter(
-        self, at_most: FloatArray, bent: NDArray[np.bool_], group: NDArray[np.intp], level: FloatArray, rtol: float
+        self,
+        at_most: FloatArray,
+        known: FloatArray,
+        bent: NDArray[np.bool_],
+        group: NDArray[np.intp],
+        level: FloatArray,
+        rtol: float,
     ) -> tuple[Edges, FloatArray]:
-        """Those that return enough to count, by :meth:`at_most`, and what is missed of each group, relative to its
-        `level` (group,), for those that are left out and for what the others are off by; `group` (edge,), and whether
-        they are on `bent` facets (edge,). An edge that grows counts little by little."""
+        """Those that return enough to count, by :meth:`at_most`, as far as they are `known` (edge,), and what is missed
+        of each group, relative to its `level` (group,), for those that are left out and for what the others are off by;
+        `group` (edge,), and whether they are on `bent` facets (edge,). An edge that grows counts little by little."""
 
         def energy(strength: FloatArray) -> FloatArray:
             return np.asarray(np.bincount(group, strength**2, len(level)))
 
         least = _LEFT_PER_RTOL * rtol * level / np.sqrt(np.maximum(np.bincount(group, minlength=len(level)), 1))
-        weight = np.clip(at_most / np.maximum(least[group], 1e-300) - 1.0, 0.0, 1.0)
+        weight = known * np.clip(at_most / np.maximum(least[group], 1e-300) - 1.0, 0.0, 1.0)
         missed = _LIKELY**2 * energy((1.0 - weight) * at_most) + energy(
             np.where(bent, _MISSED[1], _MISSED[0]) * at_most
         )
@@ -182,15 +191,19 @@ class Edges:
             width[..., some] += 0.5 * np.minimum(left, 0.0)
         return width
 
-    def at_most(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> FloatArray:
+    def at_most(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
         """(edge,) about what any pair sees more or less beside each edge, in units of
-        :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`: twice the solid angle of its strip."""
+        :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`: twice the solid angle of its strip; and how far (edge,)
+        that may be reckoned so, 0 … 1."""
         distance = np.maximum(lengths(self.middle), 1e-9)
         towards = self.middle / distance[:, None]
         turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
         width = np.abs(self.moved(np.concatenate([tx, rx]))).max(axis=0, initial=0.0)
         upright = np.abs(np.einsum("ei,ei->e", self.normal, towards))
-        return np.asarray(2.0 * upright * width * self.length / distance**2 / np.maximum(0.5 * turn * self.length, 1.0))
+        widest = _WIDEST * np.sqrt(2 * np.pi / wavenumber * distance)
+        known = np.clip(2.0 - width / widest, 0.0, 1.0)
+        angle = upright * np.minimum(width, 2.0 * widest) * self.length / distance**2
+        return 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0), known
 
     def strips(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> ComplexArray:
         """(tx, rx, edge) integral over the strip between the centre's edge and that of each pair [m^2], less than 0

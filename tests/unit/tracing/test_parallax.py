@@ -66,10 +66,32 @@ def test_an_edge_that_grows_counts_little_by_little():
     count, weights = len(found.owner), []
     for strength in (1e-4, 1e-3, 1e-2, 2e-2, 1e-1):
         own, missed = found.that_matter(
-            np.full(count, strength / np.sqrt(count)), np.zeros(count, bool), np.zeros(count, np.intp), np.ones(1), 1e-2
+            np.full(count, strength / np.sqrt(count)),
+            np.ones(count),
+            np.zeros(count, bool),
+            np.zeros(count, np.intp),
+            np.ones(1),
+            1e-2,
         )
         weights.append(own.weight[0] if len(own.owner) else 0.0)
         assert 0.0 < missed[0] < 0.4 * strength + 1e-3
     assert weights == sorted(weights)
     assert weights[0] == 0.0
     assert weights[-1] == 1.0
+
+
+def test_strips_wider_than_anybody_knows_the_surface_are_left_out():
+    """What casts the shadow at 6 cm shifts the edge at 2 m by 30 times what elements are apart."""
+    corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
+    elements = np.array([[0.0, 0.01, 0.0], [0.0, -0.01, 0.0]])
+    known = []
+    for hider in (0.5, 0.3, 0.03):
+        found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), hider)
+        at_most, share = found.at_most(elements, elements, WAVENUMBER)
+        known.append(share[0])
+        group, level = np.zeros(len(at_most), np.intp), np.array([np.linalg.norm(at_most)])
+        own, missed = found.that_matter(at_most, share, group > 0, group, level, 1e-2)
+        assert (len(own.owner) == 0) == (share[0] == 0)
+        assert missed[0] == pytest.approx(0.2 if share[0] == 0 else 0.005, rel=0.1) or 0 < share[0] < 1
+    assert known[0] == 1.0
+    assert known[-1] == 0.0
