@@ -92,7 +92,7 @@ def test_it_holds_for_what_comes_back_across_its_polarisation(seed, rtol):
     actor = Actor.from_mesh(box, material=material, position=place, orientation=orientation)
     corners, _ = facing(actor)
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=200))
-    assert error < report.error < 0.03  # of returns 71 dB below co-polar ones
+    assert error < report.error < max(20 * rtol, 0.03)  # of returns up to 71 dB below co-polar ones
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4])
