@@ -30,6 +30,8 @@ _NEAREST = (8, 64)
 """Those of more that are tried, at first and where none of them is it."""
 _AT_ONCE = 100_000
 """Rays that are tried together."""
+_TOUCHING = 1e-3
+"""How far before an outline, over the way there, what it touches may be."""
 _AWAY = 4.0
 """Between the pieces of one face and those of the next in the tree of directions, where 2 is as far as any two are."""
 
@@ -38,7 +40,7 @@ class Passing(NamedTuple):
     """Rays that just pass outlines."""
 
     directions: FloatArray
-    """(ray, 3) of any length above zero."""
+    """(ray, 3) as long as the way to the outline that each passes [m]."""
     hit: NDArray[np.int64]
     """(ray,) face of the ray scene that they hit first, -1 for none."""
     span: FloatArray
@@ -130,8 +132,8 @@ class Places:
         self._ascending = number if ordered else number[self._order]
 
     def holding(self, passing: Passing) -> FloatArray:
-        """(facet,) length of outline [rad] that falls on each, as rays' points tell. Of faces in very many pieces those
-        around the point are tried."""
+        """(facet,) length of outline [rad] that falls on each, as rays' points tell: what is before an outline hides
+        it, and no shadow of it falls there. Of faces in very many pieces those around the point are tried."""
         hit, total = passing.hit, np.zeros(len(self._number))
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
@@ -161,8 +163,13 @@ class Places:
         ahead = passing.directions[ray].T
         sides = np.stack([_volume(ahead, corners[i], corners[(i + 1) % 3]) for i in range(3)])
         on = (np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)
-        np.add.at(total, facet[on], passing.span[ray[on]])
-        return ray[on]
+        ray, facet = ray[on], facet[on]
+        # How far along the ray the facet's plane is, of the way to the outline, times the sum of the sides.
+        side = sides[:, on].sum(axis=0)
+        way = _volume(*(each[:, on] for each in corners))
+        beyond = way * np.sign(side) >= (1.0 - _TOUCHING) * np.abs(side)
+        np.add.at(total, facet[beyond], passing.span[ray[beyond]])
+        return ray
 
     def _around(self, directions: FloatArray, face: NDArray[np.int64], nearest: int) -> NDArray[np.intp]:
         """(ray, nearest) pieces of the face that each ray hits, those around where it does; -1 where it has fewer."""

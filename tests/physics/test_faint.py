@@ -126,7 +126,7 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
 def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
     """A disc before the body hides all but its rim, which is faint beside what would be seen without it: none of the
     rim is left out by what is hidden."""
-    disc = Actor.from_mesh(screen(0.235), material="pec", position=(2.4, 0, 1), name="disc")
+    disc = Actor.from_mesh(screen(0.23), material="pec", position=(2.4, 0, 1), name="disc")
     body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     error, stated, _ = both(radar, [body, disc], rtol, monkeypatch)
     assert error < rtol

@@ -86,3 +86,15 @@ def test_directions_have_length_one_whatever_the_shape():
     assert np.allclose(np.linalg.norm(unit(vectors), axis=-1), 1.0, rtol=0, atol=1e-15)
     assert np.array_equal(unit(vectors)[:, 1], unit(vectors[:, 1]))
     assert not unit(np.zeros((2, 3))).any()
+
+
+def test_no_shadow_falls_on_what_is_before_an_outline():
+    """A ray by an outline tells of what is behind it, or touches it, on whichever side facets look."""
+    triangle = np.array([[0.0, -1, -1], [0.0, 1, -1], [0.0, 0, 2]])
+    corners = np.stack([triangle + np.array([distance, 0, 0]) for distance in (1.0, 2.0, 2.5)])
+    corners[1] = corners[1, ::-1]
+    places = Places(corners, np.arange(3))
+    way = np.array([2.0, 0.1, 0.0])
+    for far, held in ((0.5, [1, 1, 1]), (1.0005, [1, 1, 1]), (1.3, [0, 1, 1]), (2.0005, [0, 1, 1]), (3.0, [0, 0, 0])):
+        passing = Passing(np.tile(way * far / way[0], (3, 1)), np.arange(3), np.full(3, 0.25))
+        assert np.array_equal(places.holding(passing), 0.25 * np.array(held)), far
