@@ -24,6 +24,7 @@ from rfgen_sionna.tracing.facets import CANCELLED, Facets
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.parallax import Edges, Parallax
 from rfgen_sionna.tracing.quadratic import Slopes
+from rfgen_sionna.tracing.strips import beside
 
 MAX_ORDER = 8
 MAX_DEGREE = 6
@@ -246,29 +247,12 @@ class BandTracer:
     def parallax(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> Parallax:
         """What pairs see beside shadows' `edges`, by way of the points `reference` (edge, 3) [m, world]; (value, edge)
         `values` are those of the edges' small pieces by way of their middles."""
-        gains = np.empty((*expansion.weights.shape[:3], len(edges.owner)), np.complex128)
-        many = int(np.prod(gains.shape))
-        for some in np.array_split(np.arange(len(edges.owner)), -(-many // MOST_BESIDE)) if many else ():
-            gains[..., some] = self._beside(edges.take(some), values[:, some], reference[some], expansion)
+        shape = *expansion.weights.shape[:3], len(edges.owner)
+        gains, seen = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
+        for some in np.array_split(np.arange(shape[-1]), -(-int(np.prod(shape)) // MOST_BESIDE)) if gains.size else ():
+            small = self.combined(expansion, values[:, some])
+            gains[..., some] = beside(edges.take(some), *seen, small, reference[some] - self._origin)
         return Parallax(edges.owner, gains)
-
-    def _beside(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> ComplexArray:
-        """:meth:`parallax`, (order, tx, rx, edge)."""
-        strips = edges.strips(self._tx, self._rx, 2 * np.pi * self.centre / SPEED_OF_LIGHT)
-        gains = self.combined(expansion, values)
-        # From the edge's middle to the point that delays go by, over the band as far as the polynomials go.
-        here, there = (np.ascontiguousarray(each.T) for each in (edges.middle, reference - self._origin))
-        ways = [
-            np.stack([_ranges(each, here) - _ranges(each, there) for each in end]) / SPEED_OF_LIGHT
-            for end in (self._tx, self._rx)
-        ]
-        to_tx, to_rx = (np.exp(-2j * np.pi * np.mod(self.centre * each, 1.0)) for each in ways)
-        way, turn = ways[0][:, None] + ways[1], to_tx[:, None] * to_rx
-        over_band, power = np.zeros_like(gains), np.ones_like(turn)
-        for order in range(len(gains)):
-            over_band[order:] += power * gains[: len(gains) - order]
-            power *= (-2j * np.pi * self.half_band / (order + 1)) * way
-        return np.asarray(-strips * (edges.weight / edges.area) * turn * over_band)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.diffuse`), or (1, 1, facet) the same for

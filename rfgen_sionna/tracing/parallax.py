@@ -22,16 +22,15 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.sampling import allowed
 from rfgen_sionna.tracing.smooth import barycentric
+from rfgen_sionna.tracing.strips import ASLANT
 
 _TINY = 1e-4
 """Width of the pieces that tell what a facet returns beside an edge, over its own."""
 _BENT = 0.03
 """Phase that straight lines may miss at the ends of a piece of an edge [rad]."""
 _MOST_PIECES = 256
-_ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
-"""Up to how many radians from one side of a strip to the other each of the next has enough points."""
-_NODES = [np.polynomial.legendre.leggauss(count) for count in (1, 2, 4, 8, 16, 32)]
 _LEFT_PER_RTOL = 1.0
 """What edges that are left out may come to by :meth:`Edges.at_most`, per unit of the tolerance."""
 _LIKELY, _MISSED = 0.2, (0.005, 0.015)
@@ -40,11 +39,6 @@ made of many short edges, of which ever more are found the more closely they are
 _WIDEST = 0.25
 """Width of strips, over the root of wavelength times distance, up to which they count as a whole; at twice that not at
 all: what casts the shadow is close to the radar, and who knows what the surface is so far aside."""
-_ALIKE = 0.03
-"""By how much the phase may turn otherwise to one element than to another over a strip [rad], to count as alike."""
-_ASLANT = 2.0
-"""By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
-along its plane."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +138,10 @@ class Edges:
         def energy(strength: FloatArray) -> FloatArray:
             return np.asarray(np.bincount(group, strength**2, len(level)))
 
-        least = _LEFT_PER_RTOL * rtol * level / np.sqrt(np.maximum(np.bincount(group, minlength=len(level)), 1))
-        weight = known * np.clip(at_most / np.maximum(least[group], 1e-300) - 1.0, 0.0, 1.0)
+        least = np.zeros(len(level))
+        for each in np.flatnonzero(np.bincount(group)):
+            least[each] = allowed(at_most[group == each], _LEFT_PER_RTOL * rtol * level[each])
+        weight = known * np.clip(at_most / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
         missed = _LIKELY**2 * energy((1.0 - weight) * at_most) + energy(
             np.where(bent, _MISSED[1], _MISSED[0]) * at_most
         )
@@ -177,20 +173,6 @@ class Edges:
         """(element, edge) how far inward the edge is for `elements` (element, 3) [m] from the viewpoint [m]."""
         return _moved(elements, self.middle, self.inward, self.normal, self.hider)
 
-    def _widths(self, tx: FloatArray, rx: FloatArray) -> FloatArray:
-        """(tx, rx, edge) of strips [m]: that of the element that sees less. Where the lit band beside the edge ends no
-        pair sees less than nothing of it; half of what it would is spared here, and half at the other edge."""
-        width = np.maximum(self.moved(tx)[:, None], self.moved(rx))
-        some = np.flatnonzero(np.isfinite(self.band))
-        if len(some):
-            middle = self.middle[some] + self.band[some, None] * self.inward[some]
-            other = [
-                _moved(each, middle, -self.inward[some], self.normal[some], self.beyond[some]) for each in (tx, rx)
-            ]
-            left = self.band[some] - width[..., some] - np.maximum(other[0][:, None], other[1])
-            width[..., some] += 0.5 * np.minimum(left, 0.0)
-        return width
-
     def at_most(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
         """(edge,) about what any pair sees more or less beside each edge, in units of
         :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`: twice the solid angle of its strip; and how far (edge,)
@@ -205,62 +187,6 @@ class Edges:
         angle = upright * np.minimum(width, 2.0 * widest) * self.length / distance**2
         return 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0), known
 
-    def strips(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> ComplexArray:
-        """(tx, rx, edge) integral over the strip between the centre's edge and that of each pair [m^2], less than 0
-        where it is lit, of the phase relative to the edge's middle; elements (tx, 3), (rx, 3) [m] are from the
-        viewpoint."""
-        ends = [self._turning(each, wavenumber) for each in (tx, rx)]
-        moved = [self.moved(each) for each in (tx, rx)]
-        # Where the phase turns nearly alike to all elements the strip to each tells that to each pair.
-        spread = sum(np.ptp(across, axis=0) for across, _, _ in ends) * np.max(
-            [np.abs(each).max(axis=0) for each in moved]
-        )
-        spread = np.maximum(spread, sum(np.ptp(along, axis=0) for _, along, _ in ends) * self.length)
-        alike = (spread < _ALIKE) & ~np.isfinite(self.band)
-        found = np.empty((len(tx), len(rx), len(self.owner)), np.complex128)
-        some = np.flatnonzero(alike)
-        middle = [[each[:, some].mean(axis=0) for each in end] for end in ends]
-        one, other = (
-            _across(width[:, some], end[0][:, some] + there[0], end[2][:, some] + there[2])
-            for width, end, there in zip(moved, ends, middle[::-1], strict=True)
-        )
-        further = moved[0][:, None, some] > moved[1][:, some]
-        along = np.sinc((middle[0][1] + middle[1][1]) * self.length[some] / (2 * np.pi))
-        found[..., some] = np.where(further, (one * along)[:, None], other * along)
-        if len(some) < len(alike):
-            rest = np.flatnonzero(~alike)
-            width = self.take(rest)._widths(tx, rx)
-            across, turned, bow = (a[:, None, rest] + b[:, rest] for a, b in zip(*ends, strict=True))
-            found[..., rest] = _across(width, across, bow) * np.sinc(turned * self.length[rest] / (2 * np.pi))
-        return np.asarray(found * self.length)
-
-    def _turning(self, elements: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(element, edge) how the phase turns across [rad/m] and along it, and how that changes across [rad/m^2]."""
-        offset = self.middle - elements[:, None]
-        distance = np.maximum(lengths(offset), 1e-9)
-        towards = offset / distance[..., None]
-        across, along, bow = (
-            np.einsum("xei,ei->xe", towards, each) for each in (self.tangents[:, 0], self.tangents[:, 1], self.bow)
-        )
-        return wavenumber * across, wavenumber * along, wavenumber * ((1.0 - across**2) / distance + bow)
-
-
-def _across(width: FloatArray, turn: FloatArray, bow: FloatArray) -> ComplexArray:
-    """(..., edge) integral over strips of that `width` [m] of a phase that turns by so much [rad/m], and by `bow`
-    [rad/m^2] more."""
-    turned = np.abs(turn * width) + 0.5 * np.abs(bow) * width**2
-    nodes = np.searchsorted(_ACROSS, turned.max(axis=tuple(range(turned.ndim - 1)), initial=0.0))
-    found = np.empty(width.shape, np.complex128)
-    for kind in np.flatnonzero(np.bincount(nodes)):
-        some = np.flatnonzero(nodes == kind)
-        wide, turning, square = (each[..., some] for each in (width, turn, bow))
-        total = np.zeros(wide.shape, np.complex128)
-        for place, weight in zip(*_NODES[kind], strict=True):
-            at = 0.5 * (1.0 + place) * wide
-            total += (0.5 * weight) * np.exp(-1j * at * (turning + 0.5 * square * at))
-        found[..., some] = total * wide
-    return found
-
 
 def _moved(
     elements: FloatArray, middle: FloatArray, inward: FloatArray, normal: FloatArray, hider: FloatArray
@@ -269,7 +195,7 @@ def _moved(
     height, own = np.einsum("ei,ei->e", normal, middle), elements @ normal.T
     below = hider * height - own
     on = (height - own) * hider / np.where(np.abs(below) > 1e-12, below, 1e-12)
-    on = np.clip(on, 1.0 / _ASLANT, _ASLANT) / np.maximum(hider, 1e-6)
+    on = np.clip(on, 1.0 / ASLANT, ASLANT) / np.maximum(hider, 1e-6)
     # From the element by way of what casts the shadow, `on` times as far as that.
     here, there = elements @ inward.T, np.einsum("ei,ei->e", inward, middle)
     return np.asarray(here + on * (hider * there - here) - there)

@@ -266,7 +266,7 @@ class Sight:
     def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
         """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
         `outline` (facet,) [rad] falls on each, and `level` (surface,) is that of all facets. `facets` are those of one
-        time after the other, and so is what is seen; of its `level` and `missed` the least and the largest count."""
+        time after the other, and so is what is seen; of what is `missed`, relative to that, the largest counts."""
         near = np.flatnonzero(lengths(facets.centroids - self._viewpoint) < self._max_range)
         times, surfaces = len(facets) // len(outline), len(self._surfaces.moving)
         time = np.arange(times, dtype=np.int32)[:, None]
@@ -282,10 +282,11 @@ class Sight:
         )  # fmt: skip
         fraction, weights = np.zeros((2, len(facets)))
         fraction[near], weights[near] = found.fraction, weight
-        low, high = least.reshape(times, surfaces).min(axis=0), missed.reshape(times, surfaces).max(axis=0)
+        error = (missed * least).reshape(times, surfaces).max(axis=0)
         sent = guides + found.rays
         cut = near[found.owner], found.pieces, found.hider
-        return Seen(facets, fraction, weights, *cut, outlines, low, high, len(near), sent)
+        of_all = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
+        return Seen(facets, fraction, weights, *cut, outlines, level, of_all, len(near), sent)
 
     def _sampled(
         self,

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.parallax import Edges
+from rfgen_sionna.tracing.strips import beside
 
 WAVENUMBER = 1600.0
+CENTRE = WAVENUMBER * SPEED_OF_LIGHT / (2 * np.pi)
 
 
 def facet(corners):
@@ -43,7 +46,8 @@ def test_strips_are_the_integral_of_the_phase_over_them():
     corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
     found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
     tx, rx = (np.random.default_rng(k).normal(size=(n, 3)) * [0.0, 0.02, 0.02] for k, n in ((1, 3), (2, 4)))
-    strips = found.strips(tx, rx, WAVENUMBER)
+    ones = np.ones((1, 3, 4, len(found.owner)), complex)
+    strips = -beside(found, tx, rx, CENTRE, 0.0, ones, found.middle)[0] * found.area
     one, weight = np.polynomial.legendre.leggauss(40)
     for i, a in enumerate(tx):
         for j, b in enumerate(rx):
@@ -58,6 +62,27 @@ def test_strips_are_the_integral_of_the_phase_over_them():
                 total, size = (area * np.exp(-1j * WAVENUMBER * way)).sum(), np.abs(area.sum())
                 assert strips[i, j, k] == pytest.approx(total, abs=0.01 * size)
     assert np.abs(found.moved(tx)).max() * WAVENUMBER > 3  # the phase turns across them
+
+
+def test_gains_beside_an_edge_go_by_the_point_of_reference_over_the_band():
+    """From the middle of each edge, by way of which they are given, to points that delays go by."""
+    corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
+    found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
+    rng = np.random.default_rng(3)
+    tx, rx = (rng.normal(size=(n, 3)) * 0.02 for n in (2, 3))
+    gains = rng.normal(size=(4, 2, 3, len(found.owner), 2)).view(complex)[..., 0]
+    reference = found.middle + rng.normal(size=found.middle.shape) * 0.01
+    half_band = 0.5e9
+    plain = beside(found, tx, rx, CENTRE, half_band, np.ones_like(gains[:1]), found.middle)[0]
+    carried = beside(found, tx, rx, CENTRE, half_band, gains, reference)
+    away = [np.linalg.norm(p - e[:, None], axis=2) for p in (found.middle, reference) for e in (tx, rx)]
+    way = (away[0][:, None] + away[1] - away[2][:, None] - away[3]) / SPEED_OF_LIGHT
+    for u in (-0.3, 0.0, 0.3):
+        there, own = (np.tensordot(u ** np.arange(4), each, 1) for each in (carried, gains))
+        expected = plain * own * np.exp(-2j * np.pi * (CENTRE + u * half_band) * way)
+        # Four orders of what turns by 0.1 rad and is multiplied by polynomials of the fourth.
+        assert np.allclose(there, expected, atol=0.02 * np.abs(plain).max())
+    assert np.allclose(carried[0], plain * gains[0] * np.exp(-2j * np.pi * CENTRE * way), atol=1e-9)
 
 
 def test_an_edge_that_grows_counts_little_by_little():

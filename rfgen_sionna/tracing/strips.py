@@ -1,0 +1,176 @@
+"""What pairs see beside shadows' edges: integrals over strips, on Dr.Jit's float64 arrays (LLVM or CUDA).
+
+One lane for each edge and pair of elements; a strip is integrated across by Gauss' points, as many as its phase asks
+for, and along in closed form, as the phase is straight there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.transfer import upload
+
+if TYPE_CHECKING:
+    from rfgen_sionna.tracing.parallax import Edges
+
+ASLANT = 2.0
+"""By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
+along its plane."""
+_ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
+"""Up to how many radians from one side of a strip to the other each of the next has enough points."""
+_RULES = [np.polynomial.legendre.leggauss(2**k) for k in range(len(_ACROSS) + 1)]
+_POINTS = np.concatenate([np.column_stack([0.5 + 0.5 * place, 0.5 * weight]) for place, weight in _RULES])
+"""(point, 2) their places, 0 … 1, and weights; those of 2^k begin at number 2^k - 1."""
+_COLUMNS = ("middle", "inward", "normal", "across", "along", "bow", "reference")
+
+
+def beside(
+    edges: Edges,
+    tx: FloatArray,
+    rx: FloatArray,
+    centre: float,
+    half_band: float,
+    gains: ComplexArray,
+    reference: FloatArray,
+) -> ComplexArray:
+    """(order, tx, rx, edge) gains of strips: what each pair sees more beside each edge than from the viewpoint, or
+    less, as polynomials over the band.
+
+    Parameters
+    ----------
+    edges
+        The edges, seen from the viewpoint.
+    tx, rx
+        (element, 3) [m] from there.
+    centre, half_band
+        The band [Hz].
+    gains
+        (order, tx, rx, edge) of the small pieces around the edges' middles, by way of these.
+    reference
+        (edge, 3) points [m] from the viewpoint that delays go by instead.
+    """
+    dr, types = drjit_types()
+    Float, UInt32 = types.Float64, types.UInt32
+    count = int(np.prod(gains.shape[1:]))
+    if not count:
+        return gains.copy()
+    columns = {
+        "middle": edges.middle,
+        "inward": edges.inward,
+        "normal": edges.normal,
+        "across": edges.tangents[:, 0],
+        "along": edges.tangents[:, 1],
+        "bow": edges.bow,
+        "reference": reference,
+    }
+    scalars = edges.length, edges.hider, edges.band, edges.beyond, -edges.weight / edges.area
+    found = dr.empty(Float, 2 * gains.size)
+    given = {
+        "lanes": dr.arange(UInt32, count),
+        "edges": dr.opaque(UInt32, len(edges.owner)),
+        "transmitters": dr.opaque(UInt32, len(tx)),
+        "receivers": dr.opaque(UInt32, len(rx)),
+        "count": dr.opaque(UInt32, count),
+        "elements": upload(Float, np.concatenate([tx, rx])),
+        "band": upload(Float, np.array([centre, half_band])),
+        "points": upload(Float, _POINTS),
+        "vectors": upload(Float, np.concatenate([columns[name].T for name in _COLUMNS])),
+        "scalars": upload(Float, np.stack(scalars)),
+        "gains": upload(Float, gains.view(np.float64)),
+        "found": found,
+    }
+    _BESIDE(given, len(gains))
+    return np.asarray(found.numpy()).view(np.complex128).reshape(gains.shape)
+
+
+def _beside(given: dict[str, Any], orders: int) -> None:
+    """The kernel of :func:`beside`."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
+    lane, edges, receivers, count = (given[name] for name in ("lanes", "edges", "receivers", "count"))
+    edge, pair = lane % edges, lane // edges
+    centre, half_band = (dr.gather(Float, given["band"], UInt32(k)) for k in range(2))
+    wavenumber = centre * (2 * np.pi / SPEED_OF_LIGHT)
+
+    def element(index: Any) -> Any:
+        return Array3(*(dr.gather(Float, given["elements"], 3 * index + axis) for axis in range(3)))
+
+    def vector(name: str) -> Any:
+        first = 3 * _COLUMNS.index(name)
+        return Array3(*(dr.gather(Float, given["vectors"], (first + axis) * edges + edge) for axis in range(3)))
+
+    ends = element(pair // receivers), element(given["transmitters"] + pair % receivers)
+    middle, inward, normal, across, along, bow, reference = (vector(name) for name in _COLUMNS)
+    length, hider, band, beyond, share = (dr.gather(Float, given["scalars"], k * edges + edge) for k in range(5))
+
+    def moved(middle: Any, inward: Any, hider: Any) -> Any:
+        """The further one of the two ends' edges."""
+        height, there = dr.dot(normal, middle), dr.dot(inward, middle)
+        found = Float(-dr.inf)
+        for each in ends:
+            own, here = dr.dot(normal, each), dr.dot(inward, each)
+            below = hider * height - own
+            on = (height - own) * hider / dr.select(abs(below) > 1e-12, below, 1e-12)
+            on = dr.clip(on, 1.0 / ASLANT, ASLANT) / dr.maximum(hider, 1e-6)
+            # From the element by way of what casts the shadow, `on` times as far as that.
+            found = dr.maximum(found, here + on * (hider * there - here) - there)
+        return found
+
+    width = moved(middle, inward, hider)
+    # Where the lit band beside the edge ends no pair sees less than nothing of it; half of what it would is spared
+    # here, and half at the other edge.
+    ended = dr.isfinite(band)
+    far = dr.select(ended, band, 0.0)
+    left = far - width - moved(middle + far * inward, -inward, dr.select(ended, beyond, 1.0))
+    width = width + dr.select(ended, 0.5 * dr.minimum(left, 0.0), 0.0)
+
+    turn, turned, bowed, way = Float(0.0), Float(0.0), Float(0.0), Float(0.0)
+    cycles = Float(0.0)
+    for each in ends:
+        offset = middle - each
+        distance = dr.maximum(dr.norm(offset), 1e-9)
+        towards = offset / distance
+        slope = dr.dot(towards, across)
+        turn, turned = turn + wavenumber * slope, turned + wavenumber * dr.dot(towards, along)
+        bowed = bowed + wavenumber * ((1.0 - slope * slope) / distance + dr.dot(towards, bow))
+        # From the edge's middle to the point that delays go by.
+        own = (dr.norm(offset) - dr.norm(reference - each)) / SPEED_OF_LIGHT
+        way, cycles = way + own, cycles + (centre * own - dr.floor(centre * own))
+    spread = abs(turn * width) + 0.5 * abs(bowed) * width * width
+    kind = UInt32(0)
+    for limit in _ACROSS:
+        kind = kind + dr.select(spread > limit, UInt32(1), UInt32(0))
+    many = UInt32(1) << kind
+
+    def step(point: Any, real: Any, imaginary: Any) -> tuple[Any, Any, Any]:
+        place, weight = (dr.gather(Float, given["points"], 2 * (many - 1 + point) + k) for k in range(2))
+        at = place * width
+        sin, cos = dr.sincos(-at * (turn + 0.5 * bowed * at))
+        return point + 1, real + weight * cos, imaginary + weight * sin
+
+    start = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane)), dr.zeros(Float, dr.width(lane))
+    _, real, imaginary = dr.while_loop(start, lambda point, *_: point < many, step)
+    half = 0.5 * turned * length
+    straight = dr.select(abs(half) > 1e-6, dr.sin(half) / dr.select(abs(half) > 1e-6, half, 1.0), 1.0)
+    sin, cos = dr.sincos(-2 * np.pi * (cycles - dr.floor(cycles)))
+    scale = share * width * length * straight
+    factor = types.Complex2f64(scale * (real * cos - imaginary * sin), scale * (real * sin + imaginary * cos))
+    own_gains = [
+        types.Complex2f64(*(dr.gather(Float, given["gains"], 2 * (order * count + lane) + k) for k in range(2)))
+        for order in range(orders)
+    ]
+    powers = [types.Complex2f64(1.0, 0.0)]
+    for order in range(1, orders):
+        powers.append(powers[-1] * types.Complex2f64(0.0, -2 * np.pi * half_band * way / order))
+    for order in range(orders):
+        total = sum((powers[k] * own_gains[order - k] for k in range(order + 1)), types.Complex2f64(0.0, 0.0)) * factor
+        for k, value in enumerate((total.real, total.imag)):
+            dr.scatter(given["found"], value, 2 * (order * count + lane) + k, mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"])
+
+
+_BESIDE = Frozen(_beside)
