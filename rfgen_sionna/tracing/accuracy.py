@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facets import CANCELLED, Facets
+from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.fineness import beyond_rise
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import unit
@@ -166,8 +166,3 @@ class Finer:
             scattered = np.bincount(surface, np.abs(diffuse[tx, rx] * self.weight) ** 2, count)
             least, energy = np.maximum(least, np.sqrt(scattered)), energy + scattered
         return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
-
-
-def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
-    """(probe, count) sums over the facets of each surface."""
-    return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])

@@ -168,6 +168,11 @@ class Facets:
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
 
 
+def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
+    """(probe, count) sums over the facets of each surface, of `values` (probe, facet)."""
+    return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])
+
+
 def _alone(count: int) -> FloatArray:
     """:attr:`Facets.grain` of so many facets that scatter each by itself."""
     return np.tile([1.0, 1 / 3, 1 / 3, 1 / 3], (count, 1))

@@ -20,7 +20,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
-from rfgen_sionna.tracing.facets import CANCELLED, Facets
+from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.parallax import Edges, Parallax
 from rfgen_sionna.tracing.quadratic import Slopes
@@ -58,8 +58,10 @@ class _Probes:
     """(probe, facet)"""
     phasors: ComplexArray
     """(probe, facet) of the propagation, times the facets' weights."""
-    scale: float
-    """Return that errors are relative to."""
+    group: IntArray
+    """(facet,) what each is summed up with."""
+    scale: FloatArray
+    """(group,) return that errors are relative to."""
 
 
 class BandTracer:
@@ -152,20 +154,25 @@ class BandTracer:
         weight: FloatArray,
         coherent: bool = True,
         reference: FloatArray | None = None,
+        apart: bool = False,
     ) -> Expansion:
         """An expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs, than which the
-        next smaller one is not.
+        next smaller one is not. Where surfaces stand `apart` that of each one is, and else that of all.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
         that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
         by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
-        and some between, and then for those at the band's ends. Of very many facets the strongest tell it. Not
-        `coherent`, the error is relative to what the facets return without interfering, where that is more. `reference`
-        is that of :meth:`values`.
+        and some between, and then for those at the band's ends. Of very many facets the strongest tell it, by what all
+        return that they are judged with. Not `coherent`, the error is relative to what the facets return without
+        interfering, where that is more. `reference` is that of :meth:`values`.
         """
         if len(facets) > self.enough:
             once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
-            strongest = np.sort(np.argpartition(-np.abs(once.a[0] * weight), self.enough)[: self.enough])
+            strength = np.abs(once.a[0] * weight)
+            if apart:
+                of_each = np.sqrt(np.bincount(facets.surface, strength**2))
+                strength /= np.maximum(of_each, 1e-300)[facets.surface]
+            strongest = np.sort(np.argpartition(-strength, self.enough)[: self.enough])
             facets, weight = facets.take(strongest), weight[strongest]
             reference = None if reference is None else reference[strongest]
         pairs = self.expansions.telling()
@@ -174,7 +181,7 @@ class BandTracer:
         order, degree = 1, 0
 
         def probes(u: FloatArray, at: IntArray) -> _Probes:
-            return self._probes(facets, materials, weight, u, at, coherent, reference)
+            return self._probes(facets, materials, weight, u, at, coherent, reference, apart)
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
             return (
@@ -309,6 +316,7 @@ class BandTracer:
         pairs: IntArray,
         coherent: bool,
         reference: FloatArray | None = None,
+        apart: bool = False,
     ) -> _Probes:
         nodes = self.expansions.nodes(u, pairs)
         if reference is None:
@@ -317,11 +325,13 @@ class BandTracer:
             exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
         turns = np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)
         phasors = np.asarray(weight * np.exp(-2j * np.pi * turns), np.complex128)
-        single = np.abs(exact.a * weight)
-        scale = max(_rms((exact.a * phasors).sum(axis=1)), CANCELLED * float(single.max(initial=0.0)))
+        group, count = (facets.surface, len(materials)) if apart else (np.zeros(len(facets), np.int32), 1)
+        single, strongest = np.abs(exact.a * weight), np.zeros(count)
+        np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
+        scale = np.maximum(_rms(sums(exact.a * phasors, group, count)), CANCELLED * strongest)
         if not coherent:
-            scale = max(scale, float(np.sqrt((single**2).sum(axis=1).mean())))
-        return _Probes(u, pairs, exact.a, phasors, scale)
+            scale = np.maximum(scale, np.sqrt(np.bincount(group, (single**2).mean(axis=0), count)))
+        return _Probes(u, pairs, exact.a, phasors, group, scale)
 
     def _error(
         self,
@@ -331,15 +341,15 @@ class BandTracer:
         expansion: Expansion,
         reference: FloatArray | None = None,
     ) -> float:
-        """Relative error of the coherent sum at the probes."""
+        """Relative error of the coherent sums at the probes, of the worst of them."""
         values = self.values(facets, materials, expansion, reference)
         found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
         weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
         rows = np.einsum("pk,kpn->pn", found, weights)
-        missed = ((rows @ values - probes.gains) * probes.phasors).sum(axis=1)
-        if probes.scale == 0:  # of nothing no tolerance is left
-            return np.inf if missed.any() else 0.0
-        return _rms(missed) / probes.scale
+        missed = _rms(sums((rows @ values - probes.gains) * probes.phasors, probes.group, len(probes.scale)))
+        # Of nothing no tolerance is left.
+        error = np.where(missed > 0, missed / np.where(probes.scale > 0, probes.scale, 1e-300), 0.0)
+        return float(error.max(initial=0.0))
 
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
@@ -397,5 +407,6 @@ def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> F
     return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))
 
 
-def _rms(values: ComplexArray) -> float:
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+def _rms(values: ComplexArray) -> FloatArray:
+    """(group,) of `values` (probe, group)."""
+    return np.asarray(np.sqrt((np.abs(values) ** 2).mean(axis=0)))

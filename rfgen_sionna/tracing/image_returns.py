@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
-from rfgen_sionna.tracing.accuracy import Finer, sums
-from rfgen_sionna.tracing.facets import facet_paths, over_time
+from rfgen_sionna.tracing.accuracy import Finer
+from rfgen_sionna.tracing.facets import facet_paths, over_time, sums
 from rfgen_sionna.tracing.gains import PROBES, Expansion
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.mirrors import Mirror

@@ -332,7 +332,7 @@ class MovingParts:
     def _expanded(self, held: Finer) -> tuple[Expansion, FloatArray]:
         """The expansion that the facets `held` ask for, and the error (surface,) of each surface with it."""
         known = self._band, held.facets, self._materials, held.weight
-        expansion = self._band.expansion_for(*known[1:], reference=held.reference)
+        expansion = self._band.expansion_for(*known[1:], reference=held.reference, apart=True)
         values = self._band.values(held.facets, self._materials, expansion, held.reference)
         gains = self._band.combined(expansion, values)
         telling = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {held.pair}
