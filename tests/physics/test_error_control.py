@@ -95,6 +95,27 @@ def test_it_holds_for_what_comes_back_across_its_polarisation(seed, rtol):
     assert error < report.error < max(20 * rtol, 0.03)  # of returns up to 71 dB below co-polar ones
 
 
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
+def test_a_weak_actor_beside_strong_ones_returns_what_it_does_alone(rtol):
+    """A tilted metal box, 40 dB below a plate square to the radar beside it."""
+    radar = Radar.load("awr1843", overrides={"pattern": {"kind": "sionna:iso"}})
+    box = trimesh.creation.box((0.2, 0.15, 0.3))
+    weak = Actor.from_mesh(box, material="metal", position=(2.5, -0.9, 0.1), orientation=(0.6, 0.2, 0.1), name="weak")
+    plate = trimesh.creation.box((1e-3, 0.24, 0.24))
+    strong = Actor.from_mesh(plate, material="metal", position=(2.2, 1.0, 0), orientation=(0.42, 0, 0), name="strong")
+
+    def of_box(*actors):
+        paths = Simulator(None, radar, actors, rtol=rtol).paths()
+        mine = paths.select(paths.object_id == 0)
+        pairs = [(tx, rx, u) for tx in (0, 2) for rx in (0, 3) for u in (-0.9, 0.1, 0.8)]
+        return np.array([channel(mine, *each) for each in pairs]), mine.num_paths
+
+    (alone, count), (beside, more) = of_box(weak), of_box(weak, strong)
+    assert np.linalg.norm(beside - alone) < rtol * np.linalg.norm(alone)
+    assert more < 2 * count
+    assert Simulator(None, radar, [weak, strong], rtol=rtol).tracer.trace(0.0, 0.0).report.error < rtol
+
+
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4])
 def test_it_holds_for_pairs_in_the_middle_of_the_array(rtol):
     """Near by, where gains change much from pair to pair: what goes through the outermost ones may stray between."""
