@@ -4,9 +4,10 @@ A facet of area A returns, per unit of what would reach the receiver without it,
 
     |a|^2 = (lambda / 4 pi)^2 S^2 |Gamma|^2 cos(theta_i) f A / (R_t R_r)^2
 
-with the scattering pattern f (as Sionna's paths do, per area instead of per ray), and |Gamma|^2 the share that is
-reflected of a wave polarised as the Tx element's is there: that of the Rx element's counts as much, so that the two may
-change places (Sionna takes the former alone; of elements that are polarised alike that is the same).
+with the scattering pattern f (as Sionna's paths do, per area instead of per ray) and |Gamma|^2 the share that is
+reflected of a wave polarised as the Tx element's is there. Of cos(theta_i) f and of |Gamma|^2 those of the way back
+count as much, so that Tx and Rx may change places (Sionna takes the way there alone; of elements that are in one place,
+and polarised alike, that is the same).
 
 The phase is drawn from the seed for each facet and stays with it: diffuse returns stay coherent from chirp to chirp and
 from frame to frame. Where facets are chosen anew, as what moves asks for others, it is drawn for *grains* instead:
@@ -17,6 +18,8 @@ and each of the facets that it is divided into has its share of that.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,19 +43,19 @@ def grain_of(surface: Surface) -> float | None:
 def diffuse_gains(
     facets: Facets,
     materials: Sequence[Material],
-    viewpoint: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
     fields: tuple[FloatArray, FloatArray],
     frequency: float,
     seed: int,
 ) -> ComplexArray | None:
-    """(facet,) diffuse gains without the propagation phase, for Tx and Rx at the viewpoint; None where all is smooth.
+    """(tx, rx, facet) diffuse gains without the propagation phase; None where all is smooth.
 
     Parameters
     ----------
     facets, materials
         The facets, and the materials of their surfaces.
-    viewpoint
-        (3,) [m]; the elements of an array are near it.
+    ends
+        (tx, 3) and (rx, 3) places [m] of elements; one of each stands for a whole array that is near it.
     fields
         (3,) directions of the Tx and Rx elements' electric field.
     frequency
@@ -61,39 +64,69 @@ def diffuse_gains(
         Seed of the phases.
     """
     rough = np.array([material.scattering_coefficient for material in materials])
-    gains = np.zeros(len(facets), dtype=np.complex128)
     if not rough.any():
         return None
+    gains = np.zeros((len(ends[0]), len(ends[1]), len(facets)), dtype=np.complex128)
     for number in np.flatnonzero(rough).tolist():
         index = np.flatnonzero(facets.surface == number)
-        corners = facets.corners[index]
+        corners, material = facets.corners[index], materials[number]
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        size = np.linalg.norm(cross, axis=1)
-        offset = corners.mean(axis=1) - viewpoint
-        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-4)
-        k = offset / distance[:, None]
+        size, middle = np.linalg.norm(cross, axis=1), corners.mean(axis=1)
         normal = cross / np.maximum(size, 1e-30)[:, None]
-        normal *= -np.sign((normal * k).sum(axis=1))[:, None]
-        cos = np.clip(-(normal * k).sum(axis=1), 0.0, 1.0)
-        material = materials[number]
-        e, f = (_across(field, k) for field in fields)
-        shares = [_reflected(material, frequency, cos, k, normal, each) for each in (e, f)]
-        energy = rough[number] ** 2 * np.sqrt(shares[0] * shares[1]) * cos * 0.5 * size
-        energy *= material.scattering_pattern(k, -k, normal) / distance**4
+        looks = [
+            [_Look.of(middle - place, normal, material, field, frequency) for place in own]
+            for own, field in zip(ends, fields, strict=True)
+        ]
         phases = 2 * np.pi * _draws(facets.face[index], facets.place[index], number, seed)
         kept, turned = np.sqrt(1.0 - material.xpd_coefficient), np.sqrt(material.xpd_coefficient)
-        along = (e * f).sum(axis=1) * np.exp(1j * phases[0])
-        crossed = (np.cross(e, f) * k).sum(axis=1) * np.exp(1j * phases[1])
-        wavelength = SPEED_OF_LIGHT / frequency
+        area = 0.5 * size
         if facets.grain is not None:  # a grain's parts scatter in phase, as one
-            energy *= facets.grain[index, 0]
-        gains[index] = wavelength / (4 * np.pi) * np.sqrt(energy) * (kept * along + turned * crossed)
+            area = area * facets.grain[index, 0]
+        for (i, there), (j, back) in product(enumerate(looks[0]), enumerate(looks[1])):
+            energy = rough[number] ** 2 * np.sqrt(there.share * back.share * there.cos * back.cos) * area
+            energy *= there.side == back.side
+            upright = normal * there.side[:, None]
+            # Either way round, so that Tx and Rx may change places.
+            one, other = (
+                material.scattering_pattern(k_in.k, -k_out.k, upright) for k_in, k_out in ((there, back), (back, there))
+            )
+            energy *= np.sqrt(one * other) / (there.distance * back.distance) ** 2
+            e = _across(there.field, back.k)
+            along = (e * back.field).sum(axis=1) * np.exp(1j * phases[0])
+            crossed = (np.cross(e, back.field) * back.k).sum(axis=1) * np.exp(1j * phases[1])
+            wavelength = SPEED_OF_LIGHT / frequency
+            gains[i, j, index] = wavelength / (4 * np.pi) * np.sqrt(energy) * (kept * along + turned * crossed)
     return gains
 
 
+class _Look(NamedTuple):
+    """How an element sees facets."""
+
+    distance: FloatArray
+    k: FloatArray
+    """(facet, 3) unit vectors from the element."""
+    side: FloatArray
+    """(facet,) 1 where normals look at it, -1 where they look away."""
+    cos: FloatArray
+    field: FloatArray
+    """(facet, 3) of its waves, of unit size."""
+    share: FloatArray
+    """(facet,) of their energy that a smooth surface reflects."""
+
+    @staticmethod
+    def of(offset: FloatArray, normal: FloatArray, material: Material, field: FloatArray, frequency: float) -> _Look:
+        """Of facets at an `offset` (facet, 3) [m] from an element whose field points along `field` (3,)."""
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-4)
+        k = offset / distance[:, None]
+        inward = (normal * k).sum(axis=1)
+        cos, e = np.clip(np.abs(inward), 0.0, 1.0), _across(field, k)
+        share = _reflected(material, frequency, cos, k, normal, e)
+        return _Look(distance, k, -np.sign(inward), cos, e, share)
+
+
 def _across(field: FloatArray, k: FloatArray) -> FloatArray:
-    """(facet, 3) the field's part across directions `k` (facet, 3), of unit size."""
-    part = field - (k @ field)[:, None] * k
+    """(facet, 3) the part of a `field` (3,) or (facet, 3) across directions `k` (facet, 3), of unit size."""
+    part = field - (k * field).sum(axis=1)[:, None] * k
     return np.asarray(part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-9))
 
 

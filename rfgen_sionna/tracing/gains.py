@@ -38,6 +38,9 @@ ENOUGH = 20_000
 """Facets that tell which expansion will do."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
+WIDE = 0.05
+"""Reach of an array, over the distance of the nearest facet, from which each pair sees its own diffuse return: up to it
+levels at the phase centre are right to a quarter of a decibel."""
 MOST_BESIDE = 4_000_000
 """Gains beside shadows' edges that are worked out at once."""
 STEADY = 2.0
@@ -264,15 +267,17 @@ class BandTracer:
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.diffuse`), or (1, 1, facet) the same for
         every pair; None if none is."""
-        found = diffuse_gains(facets, materials, self._origin, self._fields, self.centre, self._seed)
+        near = self.reach > WIDE * float(lengths(facets.centroids - self._origin).min(initial=np.inf))
+        ends = (self._origin + self._tx, self._origin + self._rx) if near else (self._origin[None],) * 2
+        found = diffuse_gains(facets, materials, ends, self._fields, self.centre, self._seed)
         if found is None or facets.grain is None:
-            return found if found is None else found[None, None]
+            return found
         # As far as the middle of its grain, from wherever on it a facet's path comes.
-        rough = np.flatnonzero(found)
+        rough = np.flatnonzero(found.any(axis=(0, 1)))
         middle = np.einsum("fc,fci->fi", facets.grain[rough, 1:], facets.corners[rough])
         way = self.delays(middle) - self.delays(facets.centroids[rough])
-        every = np.zeros((*way.shape[:2], len(found)), np.complex128)
-        every[..., rough] = found[rough] * np.exp(-2j * np.pi * self.centre * way)
+        every = np.zeros((*way.shape[:2], found.shape[2]), np.complex128)
+        every[..., rough] = found[..., rough] * np.exp(-2j * np.pi * self.centre * way)
         return every
 
     def at_probes(

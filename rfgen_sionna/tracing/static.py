@@ -80,7 +80,7 @@ class Returns:
     materials: tuple[Material, ...]
     expansion: Expansion
     rough: ComplexArray | None
-    """(facet,) what roughness adds; None where nothing is rough."""
+    """(tx, rx, facet) what roughness adds, or (1, 1, facet) the same for every pair; None where nothing is rough."""
     wavenumber: float
     """At the highest frequency [rad/m]."""
     rtol: float
@@ -273,7 +273,7 @@ class StaticTrace:
             gains *= share
             if self.returns.rough is not None:
                 seen = share * each.left[np.searchsorted(every, owner)]
-                gains[0] += np.sqrt(seen) * self.returns.rough[owner]  # of energy, half of a facet returns half
+                gains[0] += np.sqrt(seen) * self.returns.rough[..., owner]  # of energy, half of a facet returns half
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:
                 dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
@@ -325,9 +325,7 @@ def trace_static(
     returns = Returns(band, materials, expansion, None, _wavenumber(band), rtol, seen.level)
     if len(seen.edges.owner):
         returns.beside(seen.tiny, seen.edges, facets.centroids[seen.edges.owner]).add_to(gains)
-    rough = None
-    if (every := band.diffuse(facets, materials)) is not None:
-        rough = every[0, 0]  # the same for all pairs, as each facet scatters by itself
+    if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
         gains[0] += np.sqrt(seen.fraction) * rough  # of energy, half of a facet returns half
     tau = band.delays(facets.centroids)[..., None]
     paths = facet_paths(

@@ -196,7 +196,7 @@ def _single(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, dimm
         owner = cut[mine]
         own = static.fraction[owner] * (weights @ each.values[:, mine])
         if rough is not None:
-            own = own + np.sqrt(static.fraction[owner] * left[row[owner], k]) * rough[owner]
+            own = own + np.sqrt(static.fraction[owner] * left[row[owner], k]) * rough[0, 0, owner]
         found[row[owner], k] = own
         if each.parallax is not None:
             beside = each.parallax.within(owner)

@@ -180,3 +180,27 @@ def test_patterns_that_are_none():
             ScatteringPattern(**wrong)
     with pytest.raises(MaterialError, match="xpd_coefficient"):
         replace(MATERIALS["concrete"], xpd_coefficient=2.0)
+
+
+@pytest.mark.parametrize("baseline", [0.05, 1.0, 3.0])
+def test_elements_far_apart_see_each_their_own_side_of_a_rough_plate(baseline):
+    """Metal, all of whose energy is scattered after Lambert: against the integral of cos(theta_i) cos(theta_s) / pi
+    over the square of both distances, from the elements' own places."""
+    one = radar()
+    there = {"tx_positions": np.array([[0, baseline / 2, 0]]), "rx_positions": np.array([[0, -baseline / 2, 0]])}
+    apart = replace(one, **there, tx_names=("T",), rx_names=("R",), waveform=replace(one.waveform, tx_order=(0,)))
+    rough = replace(MATERIALS["metal"], scattering_coefficient=1.0)
+    mesh = trimesh.creation.box((1e-3, 0.3, 0.3)).subdivide_to_size(0.03)
+    actor = Actor.from_mesh(mesh, material=rough, position=(2, 0, 0), orientation=(0.4, 0, 0), name="plate")
+    found = (np.abs(Simulator(None, apart, [actor], rtol=1e-2).paths().a[0, 0, :, 0]) ** 2).sum()
+    step = (np.arange(200) + 0.5) / 200 - 0.5
+    y, z = (0.3 * each.ravel() for each in np.meshgrid(step, step))
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    points = np.column_stack([np.column_stack([np.full(y.shape, -5e-4), y]) @ turn.T + [2, 0], z])
+    normal = np.array([-np.cos(0.4), -np.sin(0.4), 0])
+    offsets = [points - each for each in (apart.tx_world[0], apart.rx_world[0])]
+    distances = [np.linalg.norm(each, axis=1) for each in offsets]
+    cosines = [-(each @ normal) / far for each, far in zip(offsets, distances, strict=True)]
+    spread = cosines[0] * cosines[1] / np.pi / (distances[0] * distances[1]) ** 2
+    expected = (apart.wavelength / (4 * np.pi)) ** 2 * spread.mean() * 0.09
+    assert 10 * np.log10(found / expected) == pytest.approx(0.0, abs=0.1)
