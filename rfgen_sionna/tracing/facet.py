@@ -287,6 +287,10 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
     middle = (p[0] + p[1] + p[2]) / 3.0
     through = placed("reference", facet) if "reference" in given else middle
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
+    slopes = list[Any]()
+    if "screens" in given:
+        upright = cross / dr.maximum(dr.squared_norm(cross), 1e-300)
+        slopes = [dr.cross(upright, p[(k + 2) % 3] - p[(k + 1) % 3]) for k in range(3)]
     # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
     away = dr.dot(cross, middle if "rises" in given and "via" not in given else middle - t) > 0
     cross = dr.select(away, -cross, cross)
@@ -316,7 +320,7 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
     pulled = None
     if "pull" in given:
         pulled = vector("pull", facet), placed("aim", facet) if "aim" in given else middle
-    surface = Lanes(cross, away, medium, *ends, monostatic, walls, crossed, turn, pulled)
+    surface = Lanes(cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, pulled)
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
     if parts is None or rises is not None:

@@ -130,12 +130,14 @@ class Strength:
         dr, surface = self._dr, self._surface
         k_in, k_out, spread = self._ways(point)
 
+        weights = [1.0 / 3.0 + dr.dot(slope, point - surface.middle) for slope in surface.slopes]  # as slabs need
+
         def field(of_element: Any, k: Any, by: tuple[Wall, Any, Any] | None, crossed: Crossed) -> _Field:
             own = transverse(dr, of_element, k), self._vector(0, 0, 0)
-            own = screened(dr, self._complex, crossed.before, k, *own)
+            own = screened(dr, self._complex, crossed.before, weights, k, *own)
             if by is not None:
                 own = _reflected(dr, _Field(*own), dr.cross(k, by[0].normal), *by[1:])
-            return _Field(*screened(dr, self._complex, crossed.behind, k, *own))
+            return _Field(*screened(dr, self._complex, crossed.behind, weights, k, *own))
 
         e_tx = field(surface.tx_field, k_in, self._wall_in, surface.crossed[0])
         e_rx = field(surface.rx_field, k_out, self._wall_out, surface.crossed[1])

@@ -104,7 +104,7 @@ class Slabs:
     crossed: IntArray
     """(facet, depth) which material of the table, or `NO_SLAB`."""
     normals: FloatArray
-    """(facet, depth, 3) unit vectors across the slabs."""
+    """(facet, depth, corner, 3) unit vectors across the slabs where the ways to the facet's corners meet them."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,8 @@ def turned(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
 class Slab(NamedTuple):
     """One slab of each lane."""
 
-    normal: Any
+    normals: list[Any]
+    """Unit vectors across it on the ways to the facet's corners."""
     eps: Any
     mu: Any
     electric: Any
@@ -155,6 +156,14 @@ class Slab(NamedTuple):
     index2: Any
     echoes: Any
     there: Any
+
+    def across(self, dr: Any, weights: Sequence[Any] | None = None) -> Any:
+        """Unit vector across it on the way to barycentric coordinates `weights` of the facet, to its middle if None."""
+        one, other, third = self.normals
+        if weights is not None:
+            one, other, third = weights[0] * one, weights[1] * other, weights[2] * third
+        total = one + other + third
+        return total / dr.maximum(dr.norm(total), 1e-12)  # of no slab it is nothing
 
 
 class Crossed(NamedTuple):
@@ -211,7 +220,8 @@ def screens_of_lanes(
     def of(side: str) -> list[Slab]:
         return _slabs_of_lanes(dr, types, screens[side], facet, node, wavenumber) if side in screens else []
 
-    return Crossed([slab._replace(normal=mirrored(slab.normal)) for slab in of("before")], of("behind"))
+    before = [slab._replace(normals=[mirrored(each) for each in slab.normals]) for slab in of("before")]
+    return Crossed(before, of("behind"))
 
 
 def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, node: Any, wavenumber: Any) -> list[Slab]:
@@ -225,7 +235,10 @@ def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, nod
         thickness = values(tables["thickness"], material) * there
         found.append(
             Slab(
-                types.Array3f64(*(values(level["normals"], facet * 3 + axis) for axis in range(3))),
+                [
+                    types.Array3f64(*(values(level["normals"], facet * 9 + 3 * corner + axis) for axis in range(3)))
+                    for corner in range(3)
+                ],
                 types.Complex2f64(values(tables["eps_re"], entry), values(tables["eps_im"], entry)),
                 types.Complex2f64(values(tables["mu_re"], material), values(tables["mu_im"], material)),
                 wavenumber * thickness,
@@ -242,15 +255,14 @@ def bulk_length(dr: Any, crossed: Crossed, k: Any) -> Any:
     """Delay in slabs [m] along unit vectors `k`."""
     total = 0.0
     for slab in (*crossed.before, *crossed.behind):
-        cos = dr.dot(slab.normal, k)
+        cos = dr.dot(slab.across(dr), k)
         sin2 = dr.maximum(1.0 - cos * cos, 0.0)
         total = total + slab.thickness * dr.sqrt(dr.maximum(slab.index2 - sin2, 0.0))
     return total
 
 
-def _coefficients(dr: Any, complex_type: Any, slab: Slab, k: Any) -> tuple[Any, Any]:
-    """T of s and p polarisation for a wave along `k`; 1 where there is no slab."""
-    across = dr.cross(k, slab.normal)
+def _coefficients(dr: Any, complex_type: Any, slab: Slab, across: Any) -> tuple[Any, Any]:
+    """T of s and p polarisation for a wave along k, with `across` = k x n; 1 where there is no slab."""
     sin2 = dr.minimum(dr.dot(across, across), 1.0)
     cos = dr.maximum(dr.sqrt(1.0 - sin2), 1e-9)
     root = dr.sqrt(slab.eps * slab.mu - sin2)
@@ -278,9 +290,13 @@ def _passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: A
     )
 
 
-def screened(dr: Any, complex_type: Any, slabs: list[Slab], k: Any, field_re: Any, field_im: Any) -> tuple[Any, Any]:
-    """A wave's field, real and imaginary part, after slabs that it goes through along `k`."""
+def screened(
+    dr: Any, complex_type: Any, slabs: list[Slab], weights: Sequence[Any], k: Any, field_re: Any, field_im: Any
+) -> tuple[Any, Any]:
+    """A wave's field, real and imaginary part, after slabs that it goes through along `k`, to or from the barycentric
+    coordinates `weights` of the facet."""
     for slab in slabs:
-        t_s, t_p = _coefficients(dr, complex_type, slab, k)
-        field_re, field_im = _passed(dr, field_re, field_im, dr.cross(k, slab.normal), t_s, t_p)
+        across = dr.cross(k, slab.across(dr, weights))
+        t_s, t_p = _coefficients(dr, complex_type, slab, across)
+        field_re, field_im = _passed(dr, field_re, field_im, across, t_s, t_p)
     return field_re, field_im

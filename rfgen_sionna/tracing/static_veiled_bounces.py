@@ -59,7 +59,7 @@ def trace_static_veiled_bounces(
     view, least = np.asarray(radar.position), SKIPPED * rtol
 
     def shower(plates: Sequence[Plate | None], owner: IntArray, facets: Facets) -> VeiledShower:
-        walk = Walk(rays, vertices, [each.faces for each in every], gone_through, least**2)
+        walk = Walk(rays, vertices, every, gone_through, least**2)
         return VeiledShower(walk, gone_through, least, rays, plates, owner, view, facets, radar.max_range)
 
     def made_of(radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:

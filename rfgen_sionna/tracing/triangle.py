@@ -36,8 +36,12 @@ class Lanes(NamedTuple):
     monostatic: bool
     walls: tuple[Wall | None, Wall | None] | None
     """By way of which Tx and Rx look at it: `tx` and `rx` with their fields are images then."""
+    middle: Any
+    """Of the facet [m]."""
+    slopes: list[Any]
+    """How its barycentric coordinates rise from there [1/m]; none where nobody looks through anything."""
     crossed: tuple[Crossed, Crossed]
-    """Through what they do."""
+    """Through what Tx and Rx look at it."""
     turn: ComplexPair | None
     """What takes the phase of the slabs' bulk away, as delays hold it."""
     pulled: tuple[Any, Any] | None

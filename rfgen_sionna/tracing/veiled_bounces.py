@@ -50,7 +50,7 @@ class VeiledBounces(Bounces):
         vertices = [*self._surfaces.static_vertices, *self._positions(t)]
         least = SKIPPED * self._rtol
         # A ghost may go through a slab on one of its ways alone.
-        walk = Walk(rays, vertices, [each.faces for each in every], self._veils.through, least**2)
+        walk = Walk(rays, vertices, every, self._veils.through, least**2)
         given = rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range
         return VeiledShower(walk, self._veils.through, least, *given)
 

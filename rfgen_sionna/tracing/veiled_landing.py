@@ -152,7 +152,8 @@ class VeiledLandingBand(LandingBand):
             depth = int((crossed != NO_SLAB).sum(axis=1).max(initial=0))
             if depth == 0:
                 return None
-            return Slabs(self._table, crossed[index, :depth], facets.across[index, leg, :depth])
+            across = facets.across[index, leg, :depth]
+            return Slabs(self._table, crossed[index, :depth], np.repeat(across[:, :, None], 3, axis=2))
 
         screens = Screens(of(0), of(1)), Screens(of(2), of(3))
         return {**super()._by(facets, nodes, index), "screens": screens}

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
@@ -21,11 +22,15 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.outlines import unit
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
+from rfgen_sionna.tracing.smooth import QUARTERS, divided
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
 from rfgen_sionna.tracing.walk import MOST_SLABS, Walk
 
+_TO_CORNERS = np.linalg.inv(GUIDE).T
+"""(point, corner) what is linear on a facet has at its corners, of what it has at the points `GUIDE`."""
 SKIPPED = 0.5
 """Share of the tolerance below which what is left of a wave, there and back, counts as nothing."""
 
@@ -39,7 +44,7 @@ class Veiled:
     share: FloatArray
     """(entry,) share of the facet's area."""
     normals: FloatArray
-    """(entry, depth, 3) sum of the slabs' normals over the sample points."""
+    """(entry, depth, corner, 3) normals of the slabs on the ways to the facet's corners, of any length."""
     looked_at: int
     rays: int
 
@@ -51,7 +56,7 @@ class VeiledFacets(MirroredFacets):
     crossed: IntArray
     """(facet, depth) surfaces gone through, or `NO_SLAB`."""
     across: FloatArray
-    """(facet, depth, 3) unit vectors across them."""
+    """(facet, depth, corner, 3) unit vectors across them on the ways to the facet's corners."""
 
     @classmethod
     def veiled(cls, facets: Facets, keys: NDArray[np.int64], normals: FloatArray) -> VeiledFacets:
@@ -71,6 +76,15 @@ class VeiledFacets(MirroredFacets):
         if not isinstance(after, VeiledFacets):
             raise TypeError(f"after is a {type(after).__name__}: VeiledFacets are needed")
         return replace(self, across=turned(self.across, after.across, share))
+
+    def finer(self) -> tuple[Facets, NDArray[np.intp]]:
+        """Of bent ones each piece has normals at corners of its own."""
+        found, index = super().finer()
+        pieces = np.flatnonzero(np.zeros(len(self), np.bool_) if self.curved is None else self.curved)
+        across = self.across[index]
+        for level in range(across.shape[1] if len(pieces) else 0):
+            across[-len(QUARTERS) * len(pieces) :, level] = divided(QUARTERS, self.across[pieces, level])
+        return replace(cast(VeiledFacets, found), across=across), index
 
     def take(self, index: NDArray[np.intp]) -> VeiledFacets:
         """The facets that `index` counts out."""
@@ -93,12 +107,12 @@ class VeilBand(ImageBand):
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world], that of the slabs' bulk included."""
         if not isinstance(shown, VeiledFacets):
             raise TypeError(f"shown is a {type(shown).__name__}: VeiledFacets are needed")
-        place, legs = centroids - self._origin, []
+        place, legs, across = centroids - self._origin, [], unit(shown.across.sum(axis=2))
         for elements in (self._tx, self._rx):
             offset = place - elements[:, None]
             distance = np.linalg.norm(offset, axis=2)
             k = offset / np.maximum(distance, 1e-12)[..., None]
-            legs.append(distance + self._table.lengths(shown.crossed, shown.across, k))
+            legs.append(distance + self._table.lengths(shown.crossed, across, k))
         return np.asarray((legs[0][:, None] + legs[1]) / SPEED_OF_LIGHT)
 
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
@@ -175,10 +189,10 @@ class Veils:
         clear = through**2 > SKIPPED * self._rtol
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
         index = np.flatnonzero(self.faced(facets, clear) & near & (fraction < 1))
-        empty = Veiled(np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3)), 0, 0)
+        empty = Veiled(np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3, 3)), 0, 0)
         if len(index) == 0:
             return empty
-        walk = Walk(rays, vertices, [each.faces for each in self._every], through, SKIPPED * self._rtol)
+        walk = Walk(rays, vertices, self._every, through, SKIPPED * self._rtol)
 
         def look(chosen: NDArray[np.intp], weights: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
             targets = np.einsum("sc,fci->fsi", weights, facets.corners[chosen]).reshape(-1, 3)
@@ -186,15 +200,15 @@ class Veils:
             shape = (len(chosen), len(weights), MOST_SLABS)
             return found.crossed.reshape(shape), found.normals.reshape(*shape, 3)
 
-        rows = []
-        chains, sums = look(index, GUIDE)
+        rows: list[tuple[NDArray[np.intp], NDArray[np.int64], FloatArray]] = []
+        chains, across = look(index, GUIDE)
         alike = (chains == chains[:, :1]).all(axis=(1, 2)) & (fraction[index] == 0)
-        rows.append((index[alike], chains[alike], sums[alike]))
+        rows.append((index[alike], chains[alike], across[alike]))
         if (~alike).any():
             mixed = index[~alike]
             rows.append((mixed, *look(mixed, FINE)))
         keys, shares, total = [], [], []
-        for which, chain, sums in rows:
+        for which, chain, across in rows:
             count = chain.shape[1]
             if len(which) == 0:
                 continue
@@ -203,9 +217,13 @@ class Veils:
             unique, back = np.unique(key[seen], axis=0, return_inverse=True)
             keys.append(unique)
             shares.append(np.bincount(back.reshape(-1), minlength=len(unique)) / count)
-            part = np.zeros((len(unique), MOST_SLABS, 3))
-            np.add.at(part, back.reshape(-1), sums.reshape(-1, MOST_SLABS, 3)[seen])
-            total.append(part / count)
+            # Guiding points tell of all corners, as normals are linear on a facet; of others the mean has to do.
+            whole = count == len(GUIDE)
+            to_corners = _TO_CORNERS if whole else np.full((count, 3), 1.0 / count)
+            corners = np.einsum("fsdi,sc->fsdci", across, to_corners).reshape(len(seen), -1)[seen]
+            places = back.reshape(-1), np.arange(len(corners))
+            gather = csr_array((np.ones(len(corners)), places), shape=(len(unique), len(corners)))
+            total.append((gather @ corners).reshape(len(unique), MOST_SLABS, 3, 3))
         found = np.concatenate(keys)
         order = np.lexsort(found.T[::-1])
         return Veiled(found[order], np.concatenate(shares)[order], np.concatenate(total)[order], len(index), walk.sent)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
+from rfgen_sionna.tracing.outlines import unit
 from rfgen_sionna.tracing.slabs import NO_SLAB
+from rfgen_sionna.tracing.surfaces import Surface
 
 MOST_SLABS = 4
 """Slabs that are gone through at most, on one leg."""
@@ -41,8 +43,8 @@ class Walk:
     ----------
     rays
         The geometry.
-    vertices, faces
-        (vertex, 3) [m] and (face, 3) of every surface in it.
+    vertices, surfaces
+        (vertex, 3) [m] of every surface in it, and these: where they are round, so are slabs.
     through
         (surface,) amplitude that gets through each, 0 for what is opaque.
     least
@@ -53,12 +55,15 @@ class Walk:
         self,
         rays: RayScene,
         vertices: Sequence[FloatArray],
-        faces: Sequence[IntArray],
+        surfaces: Sequence[Surface],
         through: FloatArray,
         least: float,
     ) -> None:
         self._rays, self._through, self._least = rays, through, least
-        self._normals = [_normals(points, each) for points, each in zip(vertices, faces, strict=True)]
+        self._normals = [
+            _normals(points, each) if clear > 0 else None
+            for points, each, clear in zip(vertices, surfaces, through, strict=True)
+        ]
         self.sent = 0
         """Rays sent so far."""
 
@@ -116,11 +121,14 @@ class Walk:
             left[lane] *= self._through[surface]
             gone = (left[lane] ** 2 > self._least) & (depth[lane] < MOST_SLABS)
             chain[lane[~gone]] = SHUT
-            lane, surface, face = lane[gone], surface[gone], hits.face[entered][gone]
+            lane, surface, met_at = lane[gone], surface[gone], entered[gone]
+            face, place = hits.face[met_at], hits.barycentric[met_at]
             across = np.empty((len(lane), 3))
             for each in np.unique(surface):
                 chosen = surface == each
-                across[chosen] = self._normals[each][face[chosen]]
+                corners = self._normals[each]
+                if corners is not None:  # it is gone through
+                    across[chosen] = unit(np.einsum("rc,rci->ri", place[chosen], corners[face[chosen]]))
             across *= -np.sign(np.einsum("ri,ri->r", across, k[lane]))[:, None]
             chain[lane, depth[lane]], normals[lane, depth[lane]] = surface, across
             depth[lane] += 1
@@ -131,7 +139,9 @@ class Walk:
         return Chain(chain, normals)
 
 
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    """(face, 3) unit vectors."""
-    cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
-    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300))
+def _normals(points: FloatArray, surface: Surface) -> FloatArray:
+    """(face, corner, 3) unit vectors."""
+    if surface.smooth is not None:
+        return surface.smooth.normals(points, surface.faces)
+    one, other = (points[surface.faces[:, k]] - points[surface.faces[:, 0]] for k in (1, 2))
+    return np.broadcast_to(unit(np.cross(one, other))[:, None], (len(one), 3, 3))

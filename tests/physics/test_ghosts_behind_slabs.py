@@ -234,7 +234,7 @@ def test_who_stands_before_what_is_shown_through_a_board_hides_it(radar, place, 
 @pytest.mark.slow
 def test_furniture_behind_a_board_has_the_ghosts_that_a_moving_radar_sees(radar):
     """A metal sheet that looks half-way between the radar and its image in a side wall, by the wall and through a board
-    aslant: as a radar sees it that is on its way there, within what each may err by."""
+    aslant: as a radar sees it that is on its way there, within what both may err by."""
     panes = {
         "side": (WALL, "metal", 0.1),
         "pane": (pane(0.7, turn=15, half=1.2), *BOARD),
@@ -244,7 +244,7 @@ def test_furniture_behind_a_board_has_the_ghosts_that_a_moving_radar_sees(radar)
     going = replace(radar, trajectory=lambda t: (0.4 * t, -0.2 * t, 0.1 * t))
     one, other = (of_corner(each, panes, 2, t=0.05, rtol=1e-2) for each in (going, going.at(0.05)))
     free = of_corner(going.at(0.05), {name: each for name, each in panes.items() if name != "pane"}, 2, rtol=1e-2)
-    assert abs(one - other).max() < 1e-2 * abs(other).max()
+    assert abs(one - other).max() < 2e-2 * abs(other).max()
     assert -18 < decibels(abs(other).max() / abs(free).max()) < -12
 
 
