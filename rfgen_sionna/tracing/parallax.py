@@ -38,7 +38,8 @@ _LIKELY, _MISSED = 0.2, (0.005, 0.015)
 made of many short edges, of which ever more are found the more closely they are looked at."""
 _WIDEST = 0.25
 """Width of strips, over the root of wavelength times distance, up to which they count as a whole; at twice that not at
-all: what casts the shadow is close to the radar, and who knows what the surface is so far aside."""
+all: what casts the shadow is close to the radar, and who knows what the surface is so far aside. Then all that they may
+return is missed."""
 
 
 @dataclass(frozen=True)
@@ -141,11 +142,10 @@ class Edges:
         least = np.zeros(len(level))
         for each in np.flatnonzero(np.bincount(group)):
             least[each] = allowed(at_most[group == each], _LEFT_PER_RTOL * rtol * level[each])
-        weight = known * np.clip(at_most / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
-        missed = _LIKELY**2 * energy((1.0 - weight) * at_most) + energy(
-            np.where(bent, _MISSED[1], _MISSED[0]) * at_most
-        )
-        missed = np.sqrt(missed) / np.where(level > 0, level, np.inf)
+        counted = np.clip(at_most / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
+        missed = energy(_LIKELY * (1.0 - counted) * at_most) + energy((1.0 - known) * counted * at_most)
+        missed = np.sqrt(missed + energy(np.where(bent, _MISSED[1], _MISSED[0]) * at_most))
+        missed, weight = missed / np.where(level > 0, level, np.inf), known * counted
         return replace(self, weight=weight).take(np.flatnonzero(weight)), missed
 
     def bent(self, facets: Facets) -> Edges:
