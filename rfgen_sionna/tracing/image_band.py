@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import Facets
@@ -88,12 +88,28 @@ class ImageBand(BandTracer):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
         return np.asarray(self.lengths(facets.centroids, facets)[pair])
 
+    def by_way_of(
+        self, places: FloatArray, facets: MirroredFacets, materials: tuple[Material, ...], nodes: Nodes
+    ) -> ComplexArray:
+        """(node, facet) gains whose delays go by `places` (facet, 3) [m, world]."""
+        return self._at(facets, materials, nodes, facets.parts, places - self._origin).a
+
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
     ) -> FacetGains:
         if not isinstance(facets, MirroredFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
-        parts = facets.parts if parts is None else parts
+        return self._at(facets, materials, nodes, facets.parts if parts is None else parts)
+
+    def _at(
+        self,
+        facets: MirroredFacets,
+        materials: tuple[Material, ...],
+        nodes: Nodes,
+        parts: IntArray,
+        reference: FloatArray | None = None,
+    ) -> FacetGains:
+        """Gains whose delays go by points `reference` (facet, 3) [m] from the phase centre; None is the centroids."""
         corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
 
         def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
@@ -104,6 +120,7 @@ class ImageBand(BandTracer):
                 nodes,
                 *self._fields,
                 parts[index],
+                reference=None if reference is None else reference[index],
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,
                 into=into,
                 **self._by(facets, nodes, index),

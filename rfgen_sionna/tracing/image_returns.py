@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.tracing.accuracy import Finer
 from rfgen_sionna.tracing.facets import facet_paths, over_time, sums
 from rfgen_sionna.tracing.gains import PROBES, Expansion
@@ -30,6 +31,8 @@ Centroids = Callable[[float, NDArray[np.intp]], FloatArray]
 Mirrors = Callable[[float], tuple[Mirror, ...]]
 """Time [s] to the mirrors as they are then."""
 Way = tuple[bool, bool]
+Cut = tuple[NDArray[np.intp], FloatArray]
+"""The facet (piece,) of pieces, and barycentric coordinates (piece, corner, 3) of their corners."""
 
 
 def image_tolerance(rtol: float, level: float) -> float:
@@ -95,6 +98,7 @@ class ImageReturns:
         facet: NDArray[np.intp],
         centroids: Centroids,
         usual: FloatArray,
+        cut: Sequence[Cut] = (),
     ) -> tuple[RadarPaths, float]:
         """Paths by one of the `WAYS` and their error, relative to the direct returns `usual` (surface,).
 
@@ -108,6 +112,8 @@ class ImageReturns:
             (instant, facet) how much of each counts.
         facet
             (facet,) number of each for `centroids`.
+        cut
+            What counts of some of them at each instant, instead of their share of the whole.
         """
         middle, first, last = len(instants) // 2, shown[0].first, shown[0].last
         mirrors = self._mirrors(float(instants[middle]))
@@ -120,6 +126,8 @@ class ImageReturns:
         error = self._error(bands[middle], shown[middle], weight, gains[middle], usual, way)
         for each, part in zip(gains, shares, strict=True):
             each *= part
+        for k, pieces in enumerate(cut):
+            self._put(pieces, gains[k], bands[k], shown[k], expansion)
         needed, back = np.unique(facet, return_inverse=True)
 
         def places(t: float) -> FloatArray:
@@ -153,6 +161,19 @@ class ImageReturns:
             1 + sum(way),
         )
         return paths, error
+
+    def _put(self, cut: Cut, gains: ComplexArray, band: ImageBand, shown: MirroredFacets, expansion: Expansion) -> None:
+        """Write what pieces of facets return to `gains` (order, tx, rx, facet)."""
+        owner, pieces = cut
+        if not len(owner):
+            return
+        order = np.argsort(owner, kind="stable")
+        owner, pieces = owner[order], pieces[order]
+        parts = cast(MirroredFacets, shown.cut(owner, pieces))
+        by = np.take(shown.centroids, owner, axis=0)
+        found = band.combined(expansion, band.by_way_of(by, parts, self._materials, expansion.nodes))
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        gains[..., owner[first]] = np.add.reduceat(found, first, axis=-1)
 
     def levels(
         self, way: Way, t: float, shown: MirroredFacets, group: NDArray[np.intp], count: int

@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facet import Nodes
 from rfgen_sionna.tracing.facets import Facets
@@ -23,6 +24,7 @@ from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.outlines import unit
+from rfgen_sionna.tracing.shadow_lines import SPACINGS, lit_parts
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
 from rfgen_sionna.tracing.smooth import QUARTERS, divided
 from rfgen_sionna.tracing.surfaces import Surface
@@ -31,6 +33,8 @@ from rfgen_sionna.tracing.walk import MOST_SLABS, Walk
 
 _TO_CORNERS = np.linalg.inv(GUIDE).T
 """(point, corner) what is linear on a facet has at its corners, of what it has at the points `GUIDE`."""
+_LOOKED_AT = (1, 5)
+"""Levels of lattices on which rims of slabs are looked for."""
 SKIPPED = 0.5
 """Share of the tolerance below which what is left of a wave, there and back, counts as nothing."""
 
@@ -45,6 +49,10 @@ class Veiled:
     """(entry,) share of the facet's area."""
     normals: FloatArray
     """(entry, depth, corner, 3) normals of the slabs on the ways to the facet's corners, of any length."""
+    owner: NDArray[np.intp]
+    """(piece,) entry that each is of: what is seen through those slabs of facets that they do not cover."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of its corners."""
     looked_at: int
     rays: int
 
@@ -86,6 +94,11 @@ class VeiledFacets(MirroredFacets):
             across[-len(QUARTERS) * len(pieces) :, level] = divided(QUARTERS, self.across[pieces, level])
         return replace(cast(VeiledFacets, found), across=across), index
 
+    def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> VeiledFacets:
+        """Pieces as of any facets, with the slabs' normals in the middle of what they are cut from."""
+        found = cast(VeiledFacets, super().cut(owner, weights))
+        return replace(found, across=np.repeat(unit(found.across.sum(axis=2))[:, :, None], 3, axis=2))
+
     def take(self, index: NDArray[np.intp]) -> VeiledFacets:
         """The facets that `index` counts out."""
         chosen = super().take(index)
@@ -94,6 +107,37 @@ class VeiledFacets(MirroredFacets):
             crossed=self.crossed[index],
             across=self.across[index],
         )
+
+
+class _Through:
+    """Tells what of facets is seen through slabs: those with `corners` (facet, 3, 3) [m] and a `number` (facet,) in the
+    ray scene, each through `chains` (facet, depth) of surfaces."""
+
+    def __init__(
+        self, walk: Walk, viewpoint: FloatArray, corners: FloatArray, number: IntArray, chains: NDArray[np.int64]
+    ) -> None:
+        self._walk, self._viewpoint = walk, viewpoint
+        self._corners, self._number, self._chains = corners, number, chains
+
+    def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
+        """As :class:`rfgen_sionna.tracing.shadow_lines.Look` has it."""
+        if not len(of):
+            return np.zeros(0, np.bool_)
+        targets = np.einsum("rc,rci->ri", places, np.take(self._corners, of, axis=0))
+        found = self._walk(self._viewpoint, targets, None, self._number[of])
+        return np.asarray((found.crossed == self._chains[of]).all(axis=1))
+
+    def edges(
+        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray]:
+        """As there; how far off the slabs' rims are nobody asks for."""
+        lit, dark = lit.copy(), dark.copy()
+        for step in range(int(halvings.max(initial=0))):
+            some = np.flatnonzero(halvings > step)
+            middle = 0.5 * (lit[some] + dark[some])
+            seen = self.seen(of[some], middle)
+            lit[some[seen]], dark[some[~seen]] = middle[seen], middle[~seen]
+        return 0.5 * (lit + dark), np.full(len(of), np.nan)
 
 
 class VeilBand(ImageBand):
@@ -149,6 +193,8 @@ class Veils:
     ) -> None:
         self._every, self._rtol, self._radar = tuple(every), rtol, radar
         self._viewpoint = np.asarray(radar.position)
+        highest = radar.center_frequency + 0.5 * radar.waveform.bandwidth
+        self._wavenumber = 2 * np.pi * highest / SPEED_OF_LIGHT
         half_band = 0.5 * radar.waveform.bandwidth
         self.table = table = SlabTable.of([each.material for each in every], radar.center_frequency, half_band)
         self.through = np.max(
@@ -189,7 +235,8 @@ class Veils:
         clear = through**2 > SKIPPED * self._rtol
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
         index = np.flatnonzero(self.faced(facets, clear) & near & (fraction < 1))
-        empty = Veiled(np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3, 3)), 0, 0)
+        none = np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3, 3))
+        empty = Veiled(*none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0, 0)
         if len(index) == 0:
             return empty
         walk = Walk(rays, vertices, self._every, through, SKIPPED * self._rtol)
@@ -224,9 +271,20 @@ class Veils:
             places = back.reshape(-1), np.arange(len(corners))
             gather = csr_array((np.ones(len(corners)), places), shape=(len(unique), len(corners)))
             total.append((gather @ corners).reshape(len(unique), MOST_SLABS, 3, 3))
-        found = np.concatenate(keys)
+        found, share = np.concatenate(keys), np.concatenate(shares)
         order = np.lexsort(found.T[::-1])
-        return Veiled(found[order], np.concatenate(shares)[order], np.concatenate(total)[order], len(index), walk.sent)
+        found, share = found[order], share[order]
+        # What the slabs' rims cut has its own phase.
+        part = np.flatnonzero(share < 1.0)
+        own = found[part, 0].astype(np.intp)
+        corners = np.take(facets.corners, own, axis=0)
+        width = 2.0 * self._wavenumber * np.ptp(lengths(corners - self._viewpoint), axis=1)
+        level = np.clip(np.searchsorted(SPACINGS, np.sqrt(width)), *_LOOKED_AT)
+        lit = lit_parts(_Through(walk, self._viewpoint, corners, facets.number[own], found[part, 1:]), level, width)
+        share[part] = np.where(lit.fraction > 0, lit.fraction, share[part])
+        inside = np.argsort(lit.owner, kind="stable")
+        pieces = part[lit.owner[inside]], lit.pieces[inside]
+        return Veiled(found, share, np.concatenate(total)[order], *pieces, len(index), walk.sent)
 
     @property
     def clear(self) -> NDArray[np.bool_]:
@@ -261,15 +319,16 @@ class Veils:
         keys, back = np.unique(np.concatenate([each.keys for each in seen]), axis=0, return_inverse=True)
         if len(keys) == 0:
             return None, 0.0, keys
-        shares = np.zeros((len(seen), len(keys)))
+        shares, cut = np.zeros((len(seen), len(keys))), []
         places = np.split(back.reshape(-1), np.cumsum([len(each.keys) for each in seen])[:-1])
         for row, place, each in zip(shares, places, seen, strict=True):
             row[place] = each.share
+            cut.append((place[each.owner], each.pieces))
         normals = over_instants(places, [each.normals for each in seen], len(keys))
         depth = max(1, int((keys[:, 1:] != NO_SLAB).sum(axis=1).max()))
         both = zip(facets, normals, strict=True)
         shown = [VeiledFacets.veiled(each, keys[:, : 1 + depth], across[:, :depth]) for each, across in both]
         column = keys[:, 0].astype(np.intp)
-        paths, error = self._returns(STRAIGHT, knots, instants, shown, shares, column, centroids, usual)
+        paths, error = self._returns(STRAIGHT, knots, instants, shown, shares, column, centroids, usual, cut)
         self._returns.finish(error)
         return paths, error, keys
