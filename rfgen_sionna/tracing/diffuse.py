@@ -91,11 +91,9 @@ def diffuse_gains(
                 material.scattering_pattern(k_in.k, -k_out.k, upright) for k_in, k_out in ((there, back), (back, there))
             )
             energy *= np.sqrt(one * other) / (there.distance * back.distance) ** 2
-            e = _across(there.field, back.k)
-            along = (e * back.field).sum(axis=1) * np.exp(1j * phases[0])
-            crossed = (np.cross(e, back.field) * back.k).sum(axis=1) * np.exp(1j * phases[1])
-            wavelength = SPEED_OF_LIGHT / frequency
-            gains[i, j, index] = wavelength / (4 * np.pi) * np.sqrt(energy) * (kept * along + turned * crossed)
+            along = np.clip((there.field * back.field).sum(axis=1), -1.0, 1.0)
+            field = kept * along * np.exp(1j * phases[0]) + turned * np.sqrt(1.0 - along**2) * np.exp(1j * phases[1])
+            gains[i, j, index] = SPEED_OF_LIGHT / frequency / (4 * np.pi) * np.sqrt(energy) * field
     return gains
 
 

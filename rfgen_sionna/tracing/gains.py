@@ -34,13 +34,13 @@ SHARE = 0.3
 """Share of the tolerance that an expansion may use up; the rest is left to the facets."""
 SLOPED = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
-ENOUGH = 20_000
-"""Facets that tell which expansion will do."""
+ENOUGH, FEW = 20_000, 4_000
+"""Facets that tell which expansion will do, and how many there are of each surface that is judged by itself."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
-WIDE = 0.05
-"""Reach of an array, over the distance of the nearest facet, from which each pair sees its own diffuse return: up to it
-levels at the phase centre are right to a quarter of a decibel."""
+WIDE = 0.1
+"""Reach of an array, over the distance of a facet, from which each pair has its own diffuse return: up to it levels at
+the phase centre are right to 0.2 dB."""
 MOST_BESIDE = 4_000_000
 """Gains beside shadows' edges that are worked out at once."""
 STEADY = 2.0
@@ -171,11 +171,11 @@ class BandTracer:
         """
         if len(facets) > self.enough:
             once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
-            strength = np.abs(once.a[0] * weight)
+            strength, judged = np.abs(once.a[0] * weight), [np.arange(len(facets))]
             if apart:
-                of_each = np.sqrt(np.bincount(facets.surface, strength**2))
-                strength /= np.maximum(of_each, 1e-300)[facets.surface]
-            strongest = np.sort(np.argpartition(-strength, self.enough)[: self.enough])
+                judged = [np.flatnonzero(facets.surface == number) for number in np.unique(facets.surface)]
+            most = max(self.enough // len(judged), FEW)
+            strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in judged]))
             facets, weight = facets.take(strongest), weight[strongest]
             reference = None if reference is None else reference[strongest]
         pairs = self.expansions.telling()
@@ -267,9 +267,14 @@ class BandTracer:
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.diffuse`), or (1, 1, facet) the same for
         every pair; None if none is."""
-        near = self.reach > WIDE * float(lengths(facets.centroids - self._origin).min(initial=np.inf))
-        ends = (self._origin + self._tx, self._origin + self._rx) if near else (self._origin[None],) * 2
-        found = diffuse_gains(facets, materials, ends, self._fields, self.centre, self._seed)
+        known = self._fields, self.centre, self._seed
+        found = diffuse_gains(facets, materials, (self._origin[None],) * 2, *known)
+        near = np.flatnonzero(self.reach > WIDE * lengths(facets.centroids - self._origin))
+        if found is not None and found[..., near].any():
+            ends = self._origin + self._tx, self._origin + self._rx
+            found = np.repeat(np.repeat(found, len(self._tx), axis=0), len(self._rx), axis=1)
+            of_near = diffuse_gains(facets.take(near), materials, ends, *known)
+            found[..., near] = 0.0 if of_near is None else of_near
         if found is None or facets.grain is None:
             return found
         # As far as the middle of its grain, from wherever on it a facet's path comes.

@@ -8,9 +8,10 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
 from rfgen_sionna.tracing.accuracy import Finer
 from rfgen_sionna.tracing.facets import facet_paths, over_time, sums
 from rfgen_sionna.tracing.gains import PROBES, Expansion
@@ -22,6 +23,8 @@ SHARE = 0.3
 """Share of the tolerance that the integral over the returns of one way may use up."""
 LOOSEST = 0.03
 """Tolerance of such a return, relative to itself, however weak it is."""
+PIECES = 100_000
+"""Pieces of facets that are integrated at once."""
 WAYS = ((True, False), (False, True), (True, True))
 """Whether the way from Tx, and that to Rx, goes by a mirror."""
 STRAIGHT = (False, False)
@@ -126,12 +129,17 @@ class ImageReturns:
         error = self._error(bands[middle], shown[middle], weight, gains[middle], usual, way)
         for each, part in zip(gains, shares, strict=True):
             each *= part
+        aside = np.zeros((len(instants), len(facet), 3))
         for k, pieces in enumerate(cut):
-            self._put(pieces, gains[k], bands[k], shown[k], expansion)
+            self._put(pieces, gains[k], aside[k], bands[k], shown[k], expansion)
+        if moved := bool(aside.any()):
+            aside = _filled(aside, shares > 0)
         needed, back = np.unique(facet, return_inverse=True)
 
         def places(t: float) -> FloatArray:
-            return centroids(t, needed)[back.reshape(-1)]
+            found = centroids(t, needed)[back.reshape(-1)]
+            # What a rim sweeps over turns in phase with the middle of what is left of it.
+            return found + np.tensordot(knot_weights(instants, np.array([t])), aside, 1)[0] if moved else found
 
         def shown_at(t: float) -> MirroredFacets:
             if len(instants) == 1:
@@ -162,18 +170,34 @@ class ImageReturns:
         )
         return paths, error
 
-    def _put(self, cut: Cut, gains: ComplexArray, band: ImageBand, shown: MirroredFacets, expansion: Expansion) -> None:
-        """Write what pieces of facets return to `gains` (order, tx, rx, facet)."""
+    def _put(
+        self,
+        cut: Cut,
+        gains: ComplexArray,
+        aside: FloatArray,
+        band: ImageBand,
+        shown: MirroredFacets,
+        expansion: Expansion,
+    ) -> None:
+        """Write what pieces of facets return to `gains` (order, tx, rx, facet), by way of their middle, and how far
+        that is from the facet's to `aside` (facet, 3) [m]."""
         owner, pieces = cut
         if not len(owner):
             return
-        order = np.argsort(owner, kind="stable")
-        owner, pieces = owner[order], pieces[order]
-        parts = cast(MirroredFacets, shown.cut(owner, pieces))
-        by = np.take(shown.centroids, owner, axis=0)
-        found = band.combined(expansion, band.by_way_of(by, parts, self._materials, expansion.nodes))
-        first = np.flatnonzero(np.diff(owner, prepend=-1))
-        gains[..., owner[first]] = np.add.reduceat(found, first, axis=-1)
+        own, of = np.unique(owner, return_inverse=True)
+        one, other = (pieces[:, corner, :2] - pieces[:, 0, :2] for corner in (1, 2))
+        area = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+        total = np.maximum(np.bincount(of, area), 1e-300)
+        middle = np.stack([np.bincount(of, area * each) for each in pieces.mean(axis=1).T], axis=1) / total[:, None]
+        places = np.einsum("fc,fci->fi", middle, np.take(shown.corners, own, axis=0))
+        aside[own] = places - shown.centroids[own]
+        values = np.zeros((len(expansion.nodes), len(own)), np.complex128)
+        for some in np.array_split(np.arange(len(owner)), -(-len(owner) // PIECES)):
+            parts = cast(MirroredFacets, shown.cut(owner[some], pieces[some]))
+            found = band.by_way_of(places[of[some]], parts, self._materials, expansion.nodes)
+            gather = csr_array((np.ones(len(some)), (of[some], np.arange(len(some)))), shape=(len(own), len(some)))
+            values += (gather @ found.T).T
+        gains[..., own] = band.combined(expansion, values)
 
     def levels(
         self, way: Way, t: float, shown: MirroredFacets, group: NDArray[np.intp], count: int
@@ -263,6 +287,15 @@ class ImageReturns:
             return np.asarray(seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-12))
 
         return towards(way[0], first), towards(way[1], last)
+
+
+def _filled(aside: FloatArray, seen: NDArray[np.bool_]) -> FloatArray:
+    """(instant, facet, 3) the same where each is `seen` (instant, facet), elsewhere that of the nearest instant."""
+    found, order = aside.copy(), np.arange(len(aside))
+    for k in range(len(aside)):
+        for nearest in sorted(order, key=lambda other: -abs(other - k)):  # the nearest last
+            found[k] = np.where(seen[nearest][:, None], aside[nearest], found[k])
+    return found
 
 
 class _ByIdentity(tuple[Mirror, ...]):

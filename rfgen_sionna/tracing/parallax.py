@@ -39,7 +39,7 @@ made of many short edges, of which ever more are found the more closely they are
 _WIDEST = 0.25
 """Width of strips, over the root of wavelength times distance, up to which they count as a whole; at twice that not at
 all: what casts the shadow is close to the radar, and who knows what the surface is so far aside. Then all that they may
-return is missed."""
+return, by :meth:`Edges.at_most`, is missed."""
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,12 @@ from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, inset, points_of
 MISSED_PER_RTOL = 0.25
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
 interfering, per unit of the tolerance."""
-_BENT = 0.125
+BENT = 0.125
 """What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
 _STILL_BENT = 0.35
 """The same of what stays, a furnished room, where edges of many things cross and what they miss adds up in phase on
 walls. What actors hide of it is no better for being looked at as closely."""
-_CORNERS = 0.3
+CORNERS = 0.3
 """What the number of its corners that are seen misses of a facet."""
 _MOST = 4_000_000
 """Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
@@ -193,7 +193,7 @@ def sampled_fraction(
             _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
         )  # fmt: skip
         edged |= least >= 0
-    bend, most_points = (_STILL_BENT, _STILL_MOST) if search else (_BENT, times * _MOST)
+    bend, most_points = (_STILL_BENT, _STILL_MOST) if search else (BENT, times * _MOST)
     bent = bend * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
@@ -220,14 +220,14 @@ def sampled_fraction(
             each_may[some] = allowed(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them)
         wanted = np.sqrt(bent / each_may)
         # Where an edge was found by searching, no coarser lattice would find it again.
-        looked = edged & ((wanted > np.sqrt(bend / _CORNERS)) | (least >= 0))
+        looked = edged & ((wanted > np.sqrt(bend / CORNERS)) | (least >= 0))
         finer = np.where(looked, np.maximum(np.searchsorted(SPACINGS[:-1], wanted), least), -1)
         while points_of(finer[looked]).sum() > most_points and finer[looked].any():
             finer[looked] = np.maximum(finer[looked] - 1, 0)
         looking.at(np.flatnonzero(finer > looking.lattice), finer)
     lattice = looking.lattice.copy()
     looked = lattice >= 0
-    missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, _CORNERS * cut * edged))
+    missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, CORNERS * cut * edged))
     missed = np.maximum(missed, hidden)
     # What is narrower than a cell may be missed: where a ray got by an outline, smaller ones look for it.
     whole = passed & looked & ((fraction == 0) | (fraction == 1))

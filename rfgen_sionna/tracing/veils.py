@@ -1,7 +1,8 @@
 """What is seen through slabs: behind a wall or a window, under clothing.
 
 A ray that meets a surface with a thickness goes straight on, up to `MOST_SLABS` times. A facet that is hidden in the
-plain sense is seen through as many chains of slabs as its sample points have, each with its share of the area.
+plain sense is seen through as many chains of slabs as rays to its corners have, and where they differ cut along the
+slabs' rims.
 """
 
 from __future__ import annotations
@@ -16,25 +17,24 @@ from scipy.sparse import csr_array
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facet import Nodes
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
-from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, ImageReturns
+from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, Cut, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.outlines import unit
-from rfgen_sionna.tracing.shadow_lines import SPACINGS, lit_parts
+from rfgen_sionna.tracing.sampling import returns_at_most
+from rfgen_sionna.tracing.shadow_lines import RIM, inset
+from rfgen_sionna.tracing.slab_rims import cut_by_rims
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
 from rfgen_sionna.tracing.smooth import QUARTERS, divided
 from rfgen_sionna.tracing.surfaces import Surface
-from rfgen_sionna.tracing.visibility import FINE, GUIDE
 from rfgen_sionna.tracing.walk import MOST_SLABS, Walk
 
-_TO_CORNERS = np.linalg.inv(GUIDE).T
-"""(point, corner) what is linear on a facet has at its corners, of what it has at the points `GUIDE`."""
-_LOOKED_AT = (1, 5)
-"""Levels of lattices on which rims of slabs are looked for."""
+_TIPS = inset(np.eye(3), RIM)
+_TO_CORNERS = np.linalg.inv(_TIPS).T
+"""(point, corner) what is linear on a facet has at its corners, of what it has at `_TIPS`, where guiding rays go."""
 SKIPPED = 0.5
 """Share of the tolerance below which what is left of a wave, there and back, counts as nothing."""
 
@@ -50,9 +50,11 @@ class Veiled:
     normals: FloatArray
     """(entry, depth, corner, 3) normals of the slabs on the ways to the facet's corners, of any length."""
     owner: NDArray[np.intp]
-    """(piece,) entry that each is of: what is seen through those slabs of facets that they do not cover."""
+    """(piece,) entry that each is of, ascending: what is seen through those slabs of facets that they cover in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
+    missed: float
+    """Estimated error of these, relative to what all facets return without interfering."""
     looked_at: int
     rays: int
 
@@ -95,7 +97,8 @@ class VeiledFacets(MirroredFacets):
         return replace(cast(VeiledFacets, found), across=across), index
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> VeiledFacets:
-        """Pieces as of any facets, with the slabs' normals in the middle of what they are cut from."""
+        """Pieces as of any facets, with the slabs' normals in the middle of what they are cut from, by which delays go:
+        :meth:`VeilBand.lengths`."""
         found = cast(VeiledFacets, super().cut(owner, weights))
         return replace(found, across=np.repeat(unit(found.across.sum(axis=2))[:, :, None], 3, axis=2))
 
@@ -107,37 +110,6 @@ class VeiledFacets(MirroredFacets):
             crossed=self.crossed[index],
             across=self.across[index],
         )
-
-
-class _Through:
-    """Tells what of facets is seen through slabs: those with `corners` (facet, 3, 3) [m] and a `number` (facet,) in the
-    ray scene, each through `chains` (facet, depth) of surfaces."""
-
-    def __init__(
-        self, walk: Walk, viewpoint: FloatArray, corners: FloatArray, number: IntArray, chains: NDArray[np.int64]
-    ) -> None:
-        self._walk, self._viewpoint = walk, viewpoint
-        self._corners, self._number, self._chains = corners, number, chains
-
-    def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
-        """As :class:`rfgen_sionna.tracing.shadow_lines.Look` has it."""
-        if not len(of):
-            return np.zeros(0, np.bool_)
-        targets = np.einsum("rc,rci->ri", places, np.take(self._corners, of, axis=0))
-        found = self._walk(self._viewpoint, targets, None, self._number[of])
-        return np.asarray((found.crossed == self._chains[of]).all(axis=1))
-
-    def edges(
-        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: NDArray[np.intp]
-    ) -> tuple[FloatArray, FloatArray]:
-        """As there; how far off the slabs' rims are nobody asks for."""
-        lit, dark = lit.copy(), dark.copy()
-        for step in range(int(halvings.max(initial=0))):
-            some = np.flatnonzero(halvings > step)
-            middle = 0.5 * (lit[some] + dark[some])
-            seen = self.seen(of[some], middle)
-            lit[some[seen]], dark[some[~seen]] = middle[seen], middle[~seen]
-        return 0.5 * (lit + dark), np.full(len(of), np.nan)
 
 
 class VeilBand(ImageBand):
@@ -236,55 +208,45 @@ class Veils:
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
         index = np.flatnonzero(self.faced(facets, clear) & near & (fraction < 1))
         none = np.zeros((0, 1 + MOST_SLABS), np.int64), np.zeros(0), np.zeros((0, MOST_SLABS, 3, 3))
-        empty = Veiled(*none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0, 0)
+        empty = Veiled(*none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0.0, 0, 0)
         if len(index) == 0:
             return empty
         walk = Walk(rays, vertices, self._every, through, SKIPPED * self._rtol)
 
-        def look(chosen: NDArray[np.intp], weights: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-            targets = np.einsum("sc,fci->fsi", weights, facets.corners[chosen]).reshape(-1, 3)
-            found = walk(self._viewpoint, targets, None, np.repeat(facets.number[chosen], len(weights)))
-            shape = (len(chosen), len(weights), MOST_SLABS)
-            return found.crossed.reshape(shape), found.normals.reshape(*shape, 3)
-
-        rows: list[tuple[NDArray[np.intp], NDArray[np.int64], FloatArray]] = []
-        chains, across = look(index, GUIDE)
-        alike = (chains == chains[:, :1]).all(axis=(1, 2)) & (fraction[index] == 0)
-        rows.append((index[alike], chains[alike], across[alike]))
-        if (~alike).any():
-            mixed = index[~alike]
-            rows.append((mixed, *look(mixed, FINE)))
-        keys, shares, total = [], [], []
-        for which, chain, across in rows:
-            count = chain.shape[1]
-            if len(which) == 0:
-                continue
-            key = np.concatenate([np.repeat(which, count)[:, None], chain.reshape(-1, MOST_SLABS)], axis=1)
-            seen = key[:, 1] >= 0
-            unique, back = np.unique(key[seen], axis=0, return_inverse=True)
-            keys.append(unique)
-            shares.append(np.bincount(back.reshape(-1), minlength=len(unique)) / count)
-            # Guiding points tell of all corners, as normals are linear on a facet; of others the mean has to do.
-            whole = count == len(GUIDE)
-            to_corners = _TO_CORNERS if whole else np.full((count, 3), 1.0 / count)
-            corners = np.einsum("fsdi,sc->fsdci", across, to_corners).reshape(len(seen), -1)[seen]
-            places = back.reshape(-1), np.arange(len(corners))
-            gather = csr_array((np.ones(len(corners)), places), shape=(len(unique), len(corners)))
-            total.append((gather @ corners).reshape(len(unique), MOST_SLABS, 3, 3))
-        found, share = np.concatenate(keys), np.concatenate(shares)
-        order = np.lexsort(found.T[::-1])
-        found, share = found[order], share[order]
+        targets = np.einsum("sc,fci->fsi", _TIPS, np.take(facets.corners, index, axis=0)).reshape(-1, 3)
+        guided = walk(self._viewpoint, targets, None, np.repeat(facets.number[index], len(_TIPS)))
+        chains = guided.crossed.reshape(len(index), -1)
+        alike = (chains == np.tile(chains[:, :MOST_SLABS], len(_TIPS))).all(axis=1) & (fraction[index] == 0)
+        key = np.column_stack([np.repeat(index, len(_TIPS)), guided.crossed])
+        seen = np.flatnonzero(key[:, 1] >= 0)
+        if not len(seen):
+            return replace(empty, looked_at=len(index), rays=walk.sent)
+        found, back = np.unique(key[seen], axis=0, return_inverse=True)
+        gather = csr_array(
+            (np.ones(len(seen)), (back.reshape(-1), np.arange(len(seen)))), shape=(len(found), len(seen))
+        )
+        # Guiding rays tell of all corners, as normals are linear on a facet; where they go through other slabs, of each
+        # what those tell in the mean that go through it.
+        whole = np.repeat(alike, len(_TIPS))[seen]
+        to_corners = np.tile(_TO_CORNERS, (len(index), 1))[seen]
+        to_corners[~whole] = 1.0
+        corners = guided.normals[seen][:, :, None] * to_corners[:, None, :, None]
+        normals = (gather @ corners.reshape(len(seen), -1)).reshape(len(found), MOST_SLABS, 3, 3)
         # What the slabs' rims cut has its own phase.
-        part = np.flatnonzero(share < 1.0)
-        own = found[part, 0].astype(np.intp)
-        corners = np.take(facets.corners, own, axis=0)
-        width = 2.0 * self._wavenumber * np.ptp(lengths(corners - self._viewpoint), axis=1)
-        level = np.clip(np.searchsorted(SPACINGS, np.sqrt(width)), *_LOOKED_AT)
-        lit = lit_parts(_Through(walk, self._viewpoint, corners, facets.number[own], found[part, 1:]), level, width)
-        share[part] = np.where(lit.fraction > 0, lit.fraction, share[part])
-        inside = np.argsort(lit.owner, kind="stable")
-        pieces = part[lit.owner[inside]], lit.pieces[inside]
-        return Veiled(found, share, np.concatenate(total)[order], *pieces, len(index), walk.sent)
+        share = np.bincount(back.reshape(-1), minlength=len(found)) / len(_TIPS)
+        through_all = np.where(found[:, 1:] == NO_SLAB, 1.0, through[found[:, 1:]]).prod(axis=1) ** 2
+        own = found[:, 0].astype(np.intp)
+        most, _, _ = returns_at_most(facets.corners - self._viewpoint, self._wavenumber)
+        level = float(np.hypot(np.linalg.norm(most * fraction), np.linalg.norm(most[own] * share * through_all)))
+        part = np.flatnonzero(np.isin(own, index[~alike]))
+        rims = cut_by_rims(
+            walk, self._viewpoint, np.take(facets.corners, own[part], axis=0), facets.number[own[part]],
+            found[part, 1:], share[part], through_all[part], level, self._wavenumber, self._rtol,
+        )  # fmt: skip
+        share[part] = rims.share
+        kept = np.flatnonzero(share)
+        owner = np.searchsorted(kept, part[rims.owner])
+        return Veiled(found[kept], share[kept], normals[kept], owner, rims.pieces, rims.missed, len(index), walk.sent)
 
     @property
     def clear(self) -> NDArray[np.bool_]:
@@ -319,7 +281,8 @@ class Veils:
         keys, back = np.unique(np.concatenate([each.keys for each in seen]), axis=0, return_inverse=True)
         if len(keys) == 0:
             return None, 0.0, keys
-        shares, cut = np.zeros((len(seen), len(keys))), []
+        shares = np.zeros((len(seen), len(keys)))
+        cut: list[Cut] = []
         places = np.split(back.reshape(-1), np.cumsum([len(each.keys) for each in seen])[:-1])
         for row, place, each in zip(shares, places, seen, strict=True):
             row[place] = each.share
@@ -331,4 +294,5 @@ class Veils:
         column = keys[:, 0].astype(np.intp)
         paths, error = self._returns(STRAIGHT, knots, instants, shown, shares, column, centroids, usual, cut)
         self._returns.finish(error)
+        error += max(each.missed for each in seen)
         return paths, error, keys

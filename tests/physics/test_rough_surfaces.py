@@ -15,6 +15,8 @@ from rfgen_sionna.scene.errors import MaterialError
 from rfgen_sionna.scene.materials import MATERIALS
 from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.diffuse import diffuse_gains
+from rfgen_sionna.tracing.facets import Facets
 
 PATTERNS = [
     ScatteringPattern(),
@@ -204,3 +206,20 @@ def test_elements_far_apart_see_each_their_own_side_of_a_rough_plate(baseline):
     spread = cosines[0] * cosines[1] / np.pi / (distances[0] * distances[1]) ** 2
     expected = (apart.wavelength / (4 * np.pi)) ** 2 * spread.mean() * 0.09
     assert 10 * np.log10(found / expected) == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("xpd", [0.0, 0.3])
+@pytest.mark.parametrize("pattern", PATTERNS, ids=lambda pattern: pattern.kind)
+def test_elements_far_apart_that_change_places_and_fields_see_the_same(pattern, xpd):
+    """Each facet by itself, of concrete, seen under different angles and across each other's polarisation."""
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(200, 3, 3)) * 0.1 + np.array([1.5, 0, 0])
+    number = np.arange(200, dtype=np.int32)
+    facets = Facets(corners, number, number, 0 * number, np.ones(200, bool), 1 + 0 * number, number)
+    rough = replace(MATERIALS["concrete"], scattering_coefficient=0.7, scattering_pattern=pattern, xpd_coefficient=xpd)
+    one, other = np.array([[0.0, 0.5, 0.2]]), np.array([[0.0, -0.4, -0.3]])
+    fields = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 1.0]) / np.sqrt(2)
+    there = diffuse_gains(facets, [rough], (one, other), fields, 77e9, 3)
+    back = diffuse_gains(facets, [rough], (other, one), fields[::-1], 77e9, 3)
+    assert np.abs(there).max() > 0
+    np.testing.assert_allclose(there, back, rtol=1e-9, atol=0)
