@@ -106,6 +106,10 @@ class Slabs:
     normals: FloatArray
     """(facet, depth, corner, 3) unit vectors across the slabs where the ways to the facet's corners meet them."""
 
+    def __post_init__(self) -> None:
+        if self.normals.shape != (*self.crossed.shape, 3, 3):  # kernels would read beyond them
+            raise ValueError(f"normals: shape {self.normals.shape}, {(*self.crossed.shape, 3, 3)} is needed")
+
 
 @dataclass(frozen=True)
 class Screens:

@@ -36,8 +36,8 @@ def media(nodes, materials, thickness=np.inf):
 def slabs(count, depth, rng):
     """So many slabs, or fewer, before each facet."""
     table = SlabTable.of([material_named("plasterboard"), material_named("glass")], 79e9, 2e9)
-    normals = rng.normal(size=(count, depth, 3))
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    normals = rng.normal(size=(count, depth, 1, 3)) + 0.1 * rng.normal(size=(count, depth, 3, 3))
+    normals /= np.linalg.norm(normals, axis=3, keepdims=True)
     return Slabs(table, rng.integers(NO_SLAB, 2, (count, depth)).astype(np.int32), normals)
 
 
