@@ -131,9 +131,10 @@ class Places:
         self._order = np.arange(len(number)) if ordered else np.argsort(number, kind="stable")
         self._ascending = number if ordered else number[self._order]
 
-    def holding(self, passing: Passing) -> FloatArray:
-        """(facet,) length of outline [rad] that falls on each, as rays' points tell: what is before an outline hides
-        it, and no shadow of it falls there. Of faces in very many pieces those around the point are tried."""
+    def holding(self, passing: Passing, behind: bool = False) -> FloatArray:
+        """(facet,) length of outline [rad] that falls on each, as rays' points tell. Those that are not `behind` the
+        outline are hidden from it, and have no shadow of it: it is quicker without them. Of faces in very many pieces
+        those around the point are tried."""
         hit, total = passing.hit, np.zeros(len(self._number))
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
@@ -142,7 +143,7 @@ class Places:
             ray = np.repeat(some, count[some])
             start = np.cumsum(count[some]) - count[some]
             facet = self._order[np.arange(len(ray)) + np.repeat(first[some] - start, count[some])]
-            self._add(total, passing, ray, facet)
+            self._add(total, passing, ray, facet, behind)
         left = np.flatnonzero(count > _MANY)
         for nearest in _NEAREST:
             if not len(left):
@@ -151,24 +152,24 @@ class Places:
             for some in np.array_split(left, -(-len(left) // _AT_ONCE)):
                 near = self._around(passing.directions[some], hit[some], nearest)
                 ray = np.repeat(some, near.shape[1])[near.ravel() >= 0]
-                found.append(self._add(total, passing, ray, near[near >= 0]))
+                found.append(self._add(total, passing, ray, near[near >= 0], behind))
             left = np.setdiff1d(left, np.concatenate(found))
         return total
 
     def _add(
-        self, total: FloatArray, passing: Passing, ray: NDArray[np.intp], facet: NDArray[np.intp]
+        self, total: FloatArray, passing: Passing, ray: NDArray[np.intp], facet: NDArray[np.intp], behind: bool
     ) -> NDArray[np.intp]:
         """Adds the rays that fall on the facets they are tried with, and returns them."""
         corners = [self._corners[facet, i].T for i in range(3)]
         ahead = passing.directions[ray].T
         sides = np.stack([_volume(ahead, corners[i], corners[(i + 1) % 3]) for i in range(3)])
         on = (np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)
-        ray, facet = ray[on], facet[on]
-        # How far along the ray the facet's plane is, of the way to the outline, times the sum of the sides.
-        side = sides[:, on].sum(axis=0)
-        way = _volume(*(each[:, on] for each in corners))
-        beyond = way * np.sign(side) >= (1.0 - _TOUCHING) * np.abs(side)
-        np.add.at(total, facet[beyond], passing.span[ray[beyond]])
+        ray, facet, counted = ray[on], facet[on], np.ones(int(np.count_nonzero(on)), np.bool_)
+        if behind:  # how far along the ray the facet's plane is, of the way to the outline, times the sum of the sides
+            side = sides[:, on].sum(axis=0)
+            way = _volume(*(each[:, on] for each in corners))
+            counted = way * np.sign(side) >= (1.0 - _TOUCHING) * np.abs(side)
+        np.add.at(total, facet[counted], passing.span[ray[counted]])
         return ray
 
     def _around(self, directions: FloatArray, face: NDArray[np.int64], nearest: int) -> NDArray[np.intp]:

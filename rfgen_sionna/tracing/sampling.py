@@ -26,7 +26,7 @@ MISSED_PER_RTOL = 0.25
 interfering, per unit of the tolerance."""
 BENT = 0.125
 """What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
-_STILL_BENT = 0.35
+_STILL_BENT = 0.28
 """The same of what stays, a furnished room, where edges of many things cross and what they miss adds up in phase on
 walls. What actors hide of it is no better for being looked at as closely."""
 CORNERS = 0.3

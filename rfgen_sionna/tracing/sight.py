@@ -222,7 +222,8 @@ class Sight:
             np.concatenate(hit),
             np.concatenate([each.span for each in passing]),
         )
-        outline = Places(corners - self._viewpoint, number).holding(fallen)
+        # Of what stays, which is looked at once, rays to facets before outlines find edges all the same.
+        outline = Places(corners - self._viewpoint, number).holding(fallen, behind=True)
         found, guides, missed, level = self._sampled(
             looks, corners, number, place, outline, weight, group, count * surfaces, 0.0, count
         )

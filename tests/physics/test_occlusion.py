@@ -259,7 +259,7 @@ def test_a_furnished_room_misses_no_more_of_its_shadows_than_is_allowed(furnishe
     radar, _ = furnished
     monkeypatch.setattr(parallax, "_LEFT_PER_RTOL", np.inf)
     static = Tracer(load_scene("living_room"), radar, [], 1e-2).static
-    monkeypatch.setattr(sampling, "_STILL_BENT", 3.0)  # cells a third as wide
+    monkeypatch.setattr(sampling, "_STILL_BENT", 2.0)  # cells three eighths as wide
     closer = Tracer(load_scene("living_room"), radar, [], 1e-2).static
     found, expected = (synthesize(radar, each.paths, 0.0, eps=1e-4, device="cpu") for each in (static, closer))
     assert closer.rays > 1.5 * static.rays

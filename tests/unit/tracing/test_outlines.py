@@ -97,4 +97,5 @@ def test_no_shadow_falls_on_what_is_before_an_outline():
     way = np.array([2.0, 0.1, 0.0])
     for far, held in ((0.5, [1, 1, 1]), (1.0005, [1, 1, 1]), (1.3, [0, 1, 1]), (2.0005, [0, 1, 1]), (3.0, [0, 0, 0])):
         passing = Passing(np.tile(way * far / way[0], (3, 1)), np.arange(3), np.full(3, 0.25))
-        assert np.array_equal(places.holding(passing), 0.25 * np.array(held)), far
+        assert np.array_equal(places.holding(passing, behind=True), 0.25 * np.array(held)), far
+        assert (places.holding(passing) == 0.25).all()
