@@ -124,7 +124,7 @@ class Screens:
 def over_instants(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
     """(entry, ..., 3) unit normals of `count` entries at each instant: a slab may turn.
 
-    `sums` (row, ..., 3) are those over sample points at each instant, of which `places` (row,) counts out the entries;
+    `sums` (row, ..., 3) are theirs at each instant, of any length, of which `places` (row,) counts out the entries;
     -1 is none. Where an entry is not seen at an instant its normals are those of the nearest one at which it is.
     """
     shape = (len(places), count, *sums[0].shape[1:])

@@ -222,9 +222,8 @@ class Veils:
         if not len(seen):
             return replace(empty, looked_at=len(index), rays=walk.sent)
         found, back = np.unique(key[seen], axis=0, return_inverse=True)
-        gather = csr_array(
-            (np.ones(len(seen)), (back.reshape(-1), np.arange(len(seen)))), shape=(len(found), len(seen))
-        )
+        entry = back.reshape(-1)
+        gather = csr_array((np.ones(len(seen)), (entry, np.arange(len(seen)))), shape=(len(found), len(seen)))
         # Guiding rays tell of all corners, as normals are linear on a facet; where they go through other slabs, of each
         # what those tell in the mean that go through it.
         whole = np.repeat(alike, len(_TIPS))[seen]
@@ -233,7 +232,7 @@ class Veils:
         corners = guided.normals[seen][:, :, None] * to_corners[:, None, :, None]
         normals = (gather @ corners.reshape(len(seen), -1)).reshape(len(found), MOST_SLABS, 3, 3)
         # What the slabs' rims cut has its own phase.
-        share = np.bincount(back.reshape(-1), minlength=len(found)) / len(_TIPS)
+        share = np.bincount(entry, minlength=len(found)) / len(_TIPS)
         through_all = np.where(found[:, 1:] == NO_SLAB, 1.0, through[found[:, 1:]]).prod(axis=1) ** 2
         own = found[:, 0].astype(np.intp)
         most, _, _ = returns_at_most(facets.corners - self._viewpoint, self._wavenumber)

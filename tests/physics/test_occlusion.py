@@ -81,12 +81,16 @@ def test_shadows_are_geometric_whatever_would_bend_around_a_plate(size, around):
     assert 40 * np.log10(abs(behind)) == pytest.approx(around, abs=0.5)
 
 
-@pytest.mark.parametrize("edge", [0.0, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (-0.01, 0.01))])
+FIRST_ORDER = pytest.mark.xfail(reason="strips beside shadows are of first order: 1.6 and 1.9 dB off", strict=True)
+
+
+@pytest.mark.parametrize(
+    "edge", [0.0, *(pytest.param(edge, marks=(pytest.mark.slow, FIRST_ORDER)) for edge in (-0.01, 0.01))]
+)
 def test_a_plate_s_edge_before_a_sphere_is_a_half_plane(edge):
-    """Half of a metal sphere's Fresnel zone hidden: within 1 dB of the dense quadrature of the patches that its facets
-    stand for, with every point left out that is behind the edge for Tx or Rx. From the phase centre that is 6 dB less
-    than the whole, as of a half-plane. A bit more hidden, or a bit less, within 2 dB: strips as wide as 1 cm, on a ball
-    of 10 cm, are known to the first order (shadows of the phase centre are 5 to 6 dB off there)."""
+    """Half of a metal sphere's Fresnel zone hidden, a bit more, a bit less: within 1 dB of the dense quadrature of the
+    patches that its facets stand for, with every point left out that is behind the edge for Tx or Rx. From the phase
+    centre, at `edge` = 0, that is 6 dB less than the whole, as of a half-plane."""
     radar = Radar.load("awr1843", position=(0, 0, 0), look_at=(3, 0, 0), overrides={"pattern": {"kind": "sionna:iso"}})
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
     ball = Actor.from_mesh(mesh, material="pec", position=(3, 0, 0), name="ball")
@@ -105,7 +109,7 @@ def test_a_plate_s_edge_before_a_sphere_is_a_half_plane(edge):
     seen = np.all([each[1] + (point[..., 1] - each[1]) * 1.5 / point[..., 0] > 0.5 * edge for each in ends], axis=0)
     at_centre = point[..., 1] / point[..., 0] > 0.5 * edge / 1.5
     truth, whole = abs((wave * seen).sum()), abs(wave.sum())
-    assert 20 * np.log10(abs(found) / truth) == pytest.approx(0.0, abs=1.0 if edge == 0 else 2.0)
+    assert 20 * np.log10(abs(found) / truth) == pytest.approx(0.0, abs=1.0)
     if edge == 0:
         assert 20 * np.log10(abs((wave * at_centre).sum()) / whole) == pytest.approx(-6.0, abs=0.5)
 
