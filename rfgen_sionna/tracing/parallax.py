@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.sampling import allowed
+from rfgen_sionna.tracing.sampling import WIDEST, allowed
 from rfgen_sionna.tracing.smooth import barycentric
 from rfgen_sionna.tracing.strips import ASLANT
 
@@ -36,10 +36,6 @@ _LEFT_PER_RTOL = 1.0
 _LIKELY, _MISSED = 0.2, (0.005, 0.015)
 """What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
 made of many short edges, of which ever more are found the more closely they are looked at."""
-_WIDEST = 0.25
-"""Width of strips, over the root of wavelength times distance, up to which they count as a whole; at twice that not at
-all: what casts the shadow is close to the radar, and who knows what the surface is so far aside. Then all that they may
-return, by :meth:`Edges.at_most`, is missed."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +178,7 @@ class Edges:
         turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
         width = np.abs(self.moved(np.concatenate([tx, rx]))).max(axis=0, initial=0.0)
         upright = np.abs(np.einsum("ei,ei->e", self.normal, towards))
-        widest = _WIDEST * np.sqrt(2 * np.pi / wavenumber * distance)
+        widest = WIDEST * np.sqrt(2 * np.pi / wavenumber * distance)
         known = np.clip(2.0 - width / widest, 0.0, 1.0)
         angle = upright * np.minimum(width, 2.0 * widest) * self.length / distance**2
         return 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0), known

@@ -26,6 +26,10 @@ MISSED_PER_RTOL = 0.25
 interfering, per unit of the tolerance."""
 BENT = 0.125
 """What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
+WIDEST = 0.25
+"""Width of strips beside shadows' edges, over the root of wavelength times distance, up to which they count as a whole;
+at twice that not at all: what casts the shadow is close to the radar, and who knows what the surface is so far
+aside."""
 _STILL_BENT = 0.28
 """The same of what stays, a furnished room, where edges of many things cross and what they miss adds up in phase on
 walls. What actors hide of it is no better for being looked at as closely."""
@@ -112,6 +116,7 @@ def sampled_fraction(
     places: IntArray | None = None,
     dark: IntArray | None = None,
     reach: float = 0.0,
+    nearest: float = np.inf,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -166,6 +171,9 @@ def sampled_fraction(
     reach
         How far elements are from the viewpoint at most [m]: as far as they see past edges, what follows the lit side is
         looked for.
+    nearest
+        How far what hides is from the viewpoint at least [m]: by that and `reach` the strips beside edges, which not
+        all elements see alike, may return more than a narrow facet itself, and ask for a closer look.
     """
     count = len(corners)
     if not count:
@@ -173,6 +181,8 @@ def sampled_fraction(
         return Sampled(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), np.zeros((0, 4)), none, none, 0)
     offset = corners - viewpoint
     most, cut, width = returns_at_most(offset, wavenumber)
+    if np.isfinite(nearest):
+        cut = cut + _strips_at_most(offset, width, reach, nearest, wavenumber)
     if weight is not None:
         most, cut = weight * most, weight * cut
     lit = seen[:, 0].astype(np.int8) + seen[:, 1] + seen[:, 2]
@@ -306,3 +316,16 @@ def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray,
     turn = wavenumber * (np.maximum(np.maximum(a, b), c) - near)
     angle = np.abs(_volume(p)) / np.maximum(near, 1e-9) ** 3  # twice the solid angle, nearly
     return angle / (1.0 + turn**2), angle / (1.0 + turn), 2.0 * turn
+
+
+def _strips_at_most(
+    offset: FloatArray, width: FloatArray, reach: float, nearest: float, wavenumber: float
+) -> FloatArray:
+    """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`returns_at_most`: seen
+    from `reach` [m] aside past what is no nearer than `nearest` [m]. `offset` (facet, corner, 3) [m] is from the
+    viewpoint, `width` (facet,) the phase between ends [rad]."""
+    distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
+    wide = reach * np.maximum(distance / max(nearest, 1e-9) - 1.0, 0.0)
+    wide = np.minimum(wide, 2.0 * WIDEST * np.sqrt(2 * np.pi / wavenumber * distance))
+    long = lengths(offset - offset[:, [1, 2, 0]]).max(axis=1)
+    return np.asarray(2.0 * wide * long / distance**2 / (1.0 + 0.5 * width))

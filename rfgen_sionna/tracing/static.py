@@ -49,6 +49,8 @@ class Dimmed(NamedTuple):
     """Estimated error for what is not known of shadows' edges, relative to what that of :class:`StaticTrace` is."""
     outline: FloatArray
     """(facet,) length of actors' outlines that fall on each [rad], as rays' points tell."""
+    nearest: float
+    """How far the nearest outline of an actor is [m]."""
     values: ComplexArray
     """(value, cut) what the expansion starts from of each facet that is hidden in part, in their order: the sum over
     its pieces. None of them before :meth:`StaticTrace.integrated`."""
@@ -67,6 +69,7 @@ class Dimmed(NamedTuple):
             None if edges is None else edges.take(np.flatnonzero(chosen[edges.owner])),
             self.missed,
             self.outline,
+            self.nearest,
             self.values[:, chosen[cut]] if self.values.size else self.values,
             None if beside is None else beside.take(np.flatnonzero(chosen[beside.owner])),
         )
@@ -185,6 +188,7 @@ class StaticTrace:
             None,
             0.0,
             np.zeros(count),
+            np.inf,
             np.zeros((0, 0), np.complex128),
             None,
         )
@@ -202,10 +206,14 @@ class StaticTrace:
         things hide is known: nothing but actors is looked for, and a facet that none of them touches keeps its share to
         the bit.
         """
-        return self.glance(rays, index, self._shown.holding(passing.of_actors))
+        past = passing.of_actors
+        return self.glance(rays, index, self._shown.holding(past), float(lengths(past.directions).min(initial=np.inf)))
 
-    def glance(self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray) -> tuple[Dimmed, int]:
-        """:meth:`visible` where so much `outline` (facet,) [rad] falls on each facet."""
+    def glance(
+        self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray, nearest: float
+    ) -> tuple[Dimmed, int]:
+        """:meth:`visible` where so much `outline` (facet,) [rad] falls on each facet, the `nearest` of it so far off
+        [m]."""
         every, outline = outline, outline[index]
         known = "_guides" in self.__dict__
         guides, lit, first = self._guides
@@ -234,6 +242,7 @@ class StaticTrace:
             places=guides.places[chosen],
             dark=guides.places[dark],
             reach=self.returns.band.reach,
+            nearest=nearest,
         )
         left[chosen] = found.fraction
         missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
@@ -243,7 +252,7 @@ class StaticTrace:
             group, level = np.zeros(len(cut), np.intp), np.array([self.returns.level])
             edges, beyond = self.returns.band.edges(self.facets, cut, found.pieces, found.hider, group, level)
             missed = float(np.hypot(missed, SAFETY * beyond[0]))
-        return Dimmed(left, cut, found.pieces, edges, missed, every, nothing, None), sent + found.rays
+        return Dimmed(left, cut, found.pieces, edges, missed, every, nearest, nothing, None), sent + found.rays
 
     def integrated(self, dimmed: Sequence[Dimmed]) -> list[Dimmed]:
         """The same with their values."""

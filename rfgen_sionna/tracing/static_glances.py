@@ -123,6 +123,7 @@ def follow_hidden(
     mine = np.zeros(len(left), np.bool_)
     mine[chosen] = True
     outline = np.max([each.outline for each in dimmed], axis=0)
+    nearest = min(each.nearest for each in dimmed)
 
     def own(look: Dimmed) -> Dimmed:
         """Of a large room no more is kept than what is looked at."""
@@ -136,7 +137,7 @@ def follow_hidden(
         fresh = [t for t in times.tolist() if t not in known]
         looked = []
         for t in fresh:
-            look, count = static.glance(rays(t), chosen, outline)
+            look, count = static.glance(rays(t), chosen, outline, nearest)
             looked.append(own(look))
             sent += count
         known |= zip(fresh, static.integrated(looked), strict=True)

@@ -192,3 +192,28 @@ def test_where_static_things_hide_is_known_without_asking_them_again():
     by_board = ~alone.targets(VIEW, corners, number).seen(*asked)
     assert 20 < np.count_nonzero(by_ball & by_board) < np.count_nonzero(by_ball) < np.count_nonzero(~seen)
     assert np.array_equal(seen, ~by_ball & ~by_board)
+
+
+def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
+    """Of a wall with a facet 0.2 mm wide along its rim, that a plate hides in part: next to nothing itself, it has a
+    strip beside the shadow's edge that is as wide as elements are apart, unless they are where the viewpoint is."""
+    rows = [(5.0, y, z) for y in (0.0, 0.3, 0.3002) for z in (0.9, 0.93)]
+    wall = trimesh.Trimesh(rows, [(0, 1, 2), (2, 1, 3), (2, 3, 4), (4, 3, 5)], process=False)
+    plate = trimesh.creation.box((0.01, 0.4, 0.4), trimesh.transformations.translation_matrix((2.5, 0.05, 0.7571)))
+    scene, corners, number = facets_of(wall, plate)
+    narrow = np.flatnonzero((corners[..., 0] > 4.9).all(axis=1) & (np.ptp(corners[..., 1], axis=1) < 1e-3))
+    assert len(narrow) == 2
+    guided, _ = Corners(VIEW, corners, number, touching(corners)).seen(scene)
+    assert all(0 < each.sum() < 3 for each in guided[narrow])
+
+    def looked_at(**more):
+        found = sampled_fraction(scene, VIEW, corners, number, guided, WAVENUMBER, 0.1, **more)
+        return np.isin(narrow, found.owner).all(), found.missed[narrow].max()
+
+    looked, missed = looked_at(reach=6e-3, nearest=2.5)
+    assert looked
+    little = [{}, {"reach": 6e-3}, {"reach": 0.0, "nearest": 2.5}, {"reach": 6e-3, "nearest": 5.1}]
+    for more in little:
+        looked, of_itself = looked_at(**more)
+        assert not looked
+        assert of_itself < missed  # of the facet alone, which is next to nothing
