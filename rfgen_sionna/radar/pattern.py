@@ -55,6 +55,12 @@ class ElementPattern:
             PchipInterpolator(self.elevation_deg, self.elevation_db),
         )
 
+    @property
+    def cubics(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Of the cut over azimuth, then of that over elevation: (angle,) ends of its pieces [degrees], and (4, piece)
+        the level [dB] as polynomials of the angle from where each begins, the cube's coefficient first."""
+        return [(np.asarray(cut.x), np.asarray(cut.c)) for cut in self._cuts]
+
     @cached_property
     def _slopes(self) -> tuple[Any, Any]:
         return self._cuts[0].derivative(), self._cuts[1].derivative()

@@ -17,6 +17,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.beam import Beam
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
@@ -85,7 +86,7 @@ class BandTracer:
         # What fields across each other return is little, and most of it for what lies between the elements.
         self._alike = bool(np.allclose(*self._fields))
         self._rtol, self._seed = rtol, seed
-        self._pattern, self._rotation = radar.pattern, radar.rotation
+        self._beam = Beam(radar.pattern, radar.rotation)
         self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
         self.aperture = self.expansions.aperture
         self.reach = float(lengths(np.concatenate([self._tx, self._rx])).max())  # from the phase centre [m]
@@ -100,19 +101,16 @@ class BandTracer:
 
     def importance(self, direction: FloatArray) -> FloatArray:
         """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
-        level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
-        return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
+        return self._beam.gains(direction)
 
     def pull(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray | None:
         """How :meth:`importance` changes over the facets that `chosen` counts out, as
         :attr:`rfgen_sionna.tracing.facets.Facets.pull`."""
-        offset = facets.centroids[chosen] - self._origin
-        distance = np.maximum(lengths(offset), 1e-9)[:, None]
-        slope = self._pattern.slope_db((offset / distance) @ self._rotation) @ self._rotation.T
-        if not slope.any():
+        found = self._beam.pulls(facets.centroids[chosen] - self._origin)
+        if found is None:
             return None
         pull = np.zeros((len(facets), 3))
-        pull[chosen] = 0.1 * np.log(10.0) * slope / distance
+        pull[chosen] = found
         return pull
 
     def frequency(self, u: FloatArray) -> FloatArray:

@@ -8,14 +8,16 @@ that passes one outside hits what the shadow's edge falls on, however narrow the
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import columns, lengths, middles
+from rfgen_sionna.scene.transfer import upload
 
 CLEARANCE = 1e-4
 """How far outside rays pass, times the distance."""
@@ -28,8 +30,8 @@ _MANY = 32
 """Pieces of a face that are all tried for the one that a ray falls on."""
 _NEAREST = (8, 64)
 """Those of more that are tried, at first and where none of them is it."""
-_AT_ONCE = 100_000
-"""Rays that are tried together."""
+_AT_ONCE = 1_000_000
+"""Facets that rays are tried with together."""
 _TOUCHING = 1e-3
 """How far before an outline, over the way there, what it touches may be."""
 _AWAY = 4.0
@@ -139,44 +141,62 @@ class Places:
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
         few = np.flatnonzero((count > 0) & (count <= _MANY))
-        for some in np.array_split(few, max(1, -(-len(few) // _AT_ONCE))):
-            ray = np.repeat(some, count[some])
-            start = np.cumsum(count[some]) - count[some]
-            facet = self._order[np.arange(len(ray)) + np.repeat(first[some] - start, count[some])]
-            self._add(total, passing, ray, facet, behind)
+        self._add(total, passing, few, self._order, first[few], count[few], behind)
         left = np.flatnonzero(count > _MANY)
         for nearest in _NEAREST:
             if not len(left):
                 break
             found = []
-            for some in np.array_split(left, -(-len(left) // _AT_ONCE)):
+            for some in np.array_split(left, -(-len(left) * nearest // _AT_ONCE)):
                 near = self._around(passing.directions[some], hit[some], nearest)
-                ray = np.repeat(some, near.shape[1])[near.ravel() >= 0]
-                found.append(self._add(total, passing, ray, near[near >= 0], behind))
+                own = near >= 0
+                count = own.sum(axis=1)
+                found.append(self._add(total, passing, some, near[own], np.cumsum(count) - count, count, behind))
             left = np.setdiff1d(left, np.concatenate(found))
         return total
 
     def _add(
-        self, total: FloatArray, passing: Passing, ray: NDArray[np.intp], facet: NDArray[np.intp], behind: bool
+        self,
+        total: FloatArray,
+        passing: Passing,
+        rays: NDArray[np.intp],
+        tried: NDArray[np.intp],
+        first: NDArray[np.intp],
+        count: NDArray[np.intp],
+        behind: bool,
     ) -> NDArray[np.intp]:
-        """Adds the rays that fall on the facets they are tried with, and returns them."""
-        corners = [self._corners[facet, i].T for i in range(3)]
-        ahead = passing.directions[ray].T
-        sides = np.stack([_volume(ahead, corners[i], corners[(i + 1) % 3]) for i in range(3)])
-        on = (np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)
-        ray, facet, counted = ray[on], facet[on], np.ones(int(np.count_nonzero(on)), np.bool_)
-        if behind:  # how far along the ray the facet's plane is, of the way to the outline, times the sum of the sides
-            side = sides[:, on].sum(axis=0)
-            way = _volume(*(each[:, on] for each in corners))
-            counted = way * np.sign(side) >= (1.0 - _TOUCHING) * np.abs(side)
-        np.add.at(total, facet[counted], passing.span[ray[counted]])
-        return ray
+        """Adds those of the `rays` (ray,) that fall on the facets they are tried with, and returns them: each with so
+        many, `count` (ray,), of `tried`, the `first` (ray,) of them and those that come after it."""
+        starts, size = np.cumsum(count) - count, int(count.sum())
+        if not size:
+            return rays[:0]
+        dr, types = drjit_types()
+        fallen = dr.empty(types.UInt32, size)
+        given = {
+            "lanes": dr.arange(types.UInt32, len(rays)),
+            "rays": upload(types.UInt32, rays),
+            "directions": upload(types.Float64, passing.directions),
+            "tried": upload(types.UInt32, tried),
+            "first": upload(types.UInt32, first),
+            "count": upload(types.UInt32, count),
+            "starts": upload(types.UInt32, starts),
+            "corners": upload(types.Float64, self._corners),
+            "fallen": fallen,
+        }
+        _FALL(given)
+        how = fallen.numpy()
+        on = np.flatnonzero(how)
+        of = np.searchsorted(starts, on, "right") - 1  # the last of those that begin there, which is not empty
+        counted = how[on] > 1 if behind else slice(None)
+        own = of[counted]
+        np.add.at(total, tried[first[own] + on[counted] - starts[own]], passing.span[rays[own]])
+        return rays[of]
 
     def _around(self, directions: FloatArray, face: NDArray[np.int64], nearest: int) -> NDArray[np.intp]:
         """(ray, nearest) pieces of the face that each ray hits, those around where it does; -1 where it has fewer."""
         tree, members, rank = self._tree
         place = np.column_stack([unit(directions), _AWAY * rank[face]])
-        near = tree.query(place, min(nearest, len(members)))[1]
+        near = tree.query(place, min(nearest, len(members)), workers=-1)[1]
         there = members[near]
         return np.where(self._number[there] == face[:, None], there, -1)
 
@@ -188,14 +208,38 @@ class Places:
         rank = np.cumsum(count > _MANY, dtype=np.intp)
         members = np.flatnonzero(count[self._number] > _MANY)
         places = np.column_stack([unit(middles(self._corners[members])), _AWAY * rank[self._number[members]]])
-        return KDTree(places), members, rank
+        return KDTree(places, balanced_tree=False), members, rank
 
 
-def _volume(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(ray,) six times the volume of the tetrahedra that vectors (3, ray) span."""
-    return np.asarray(
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+def _fall(given: dict[str, Any]) -> None:
+    """The kernel of :meth:`Places._add`: how each ray falls on each facet that it is tried with, not at all (0), on its
+    plane before the outline (1) or where it is or behind it (2)."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
+    ray, start, first, count = (dr.gather(UInt32, given[name], lane) for name in ("rays", "starts", "first", "count"))
+    ahead = Array3(*(dr.gather(Float, given["directions"], 3 * ray + axis) for axis in range(3)))
+
+    def step(k: Any) -> tuple[Any]:
+        facet = dr.gather(UInt32, given["tried"], first + k)
+        a, b, c = (
+            Array3(*(dr.gather(Float, given["corners"], 9 * facet + 3 * corner + axis) for axis in range(3)))
+            for corner in range(3)
+        )
+        sides = [dr.dot(ahead, dr.cross(one, other)) for one, other in ((a, b), (b, c), (c, a))]
+        low, high = (each(each(sides[0], sides[1]), sides[2]) for each in (dr.minimum, dr.maximum))
+        # How far along the ray the facet's plane is, of the way to the outline, times the sum of the sides.
+        side = sides[0] + sides[1] + sides[2]
+        way = dr.dot(a, dr.cross(b, c))
+        beyond = way * dr.sign(side) >= (1.0 - _TOUCHING) * abs(side)
+        how = dr.select((low >= 0) | (high <= 0), dr.select(beyond, UInt32(2), UInt32(1)), UInt32(0))
+        dr.scatter(given["fallen"], how, start + k, mode=dr.ReduceMode.Permute)
+        return (k + 1,)
+
+    dr.while_loop((dr.zeros(UInt32, dr.width(lane)),), lambda k: k < count, step)
+    dr.eval(given["fallen"])
+
+
+_FALL = Frozen(_fall)
 
 
 def unit(vectors: FloatArray) -> FloatArray:
