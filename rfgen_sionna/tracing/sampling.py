@@ -157,7 +157,7 @@ def sampled_fraction(
         Whether edges are looked for on facets, too, that neither corners nor outlines tell of any: where surfaces
         run through each other, and behind what is narrow. It takes a few rays to each facet that would matter, and
         edges that are known are looked at more closely than where facets are looked at again and again. What is too
-        narrow for these rays, a quarter to an eighth of a facet, is neither found nor in `missed`.
+        narrow for these rays, a quarter of a facet, is neither found nor in `missed`.
     times
         Number of times that the facets are looked at together: so many more points may be looked at.
     apart
@@ -199,7 +199,7 @@ def sampled_fraction(
     if search:
         level_there = float(np.linalg.norm(most * fraction))
         least, hidden, sent = searched(
-            rays, viewpoint, corners, facet, moving, fraction > 0, np.where(edged, 0.0, cut), width,
+            rays, viewpoint, corners, facet, moving, fraction > 0, np.where(edged, 0.0, cut),
             _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
         )  # fmt: skip
         edged |= least >= 0

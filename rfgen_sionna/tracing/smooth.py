@@ -21,7 +21,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.arrays import drjit_types
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths
 from rfgen_sionna.scene.transfer import joined, upload
@@ -84,56 +84,76 @@ class Smoothing:
         if not count:
             return [Bend(np.zeros((size, 3, 3))) for _ in range(times)]
         dr, types = drjit_types()
-        Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
-        places, ends = upload(Float, vertices[0] if times == 1 else joined(vertices)), upload(UInt32, faces)
-        # So many vertices, normals, faces that are shown, and faces there are of each time.
-        points, groups, lanes, every = (
-            dr.opaque(UInt32, each) for each in (len(vertices[0]), self.gather.shape[0], count, size)
-        )
-        members, starts = upload(UInt32, self.gather.indices), upload(UInt32, self.gather.indptr)
-
-        def vector(flat: Any, index: Any) -> Any:
-            return Array3(*(dr.gather(Float, flat, 3 * index + axis) for axis in range(3)))
-
-        def vertex(time: Any, face: Any, corner: Any) -> Any:
-            return vector(places, time * points + dr.gather(UInt32, ends, 3 * face + corner))
-
-        def add(each: Any, total: Any) -> tuple[Any, Any]:
-            corner = dr.gather(UInt32, members, each)
-            face, begin = corner // 3, corner % 3
-            here, one, other = (vertex(time, face, (begin + k) % 3) for k in range(3))
-            one, other = one - here, other - here
-            weight = 1.0 / dr.maximum(dr.squared_norm(one) * dr.squared_norm(other), 1e-60)
-            return each + 1, total + weight * dr.cross(one, other)
-
-        lane = dr.arange(UInt32, times * self.gather.shape[0])
-        time, normal = lane // groups, lane % groups
-        last = dr.gather(UInt32, starts, normal + 1)
-        begun = dr.gather(UInt32, starts, normal), dr.zeros(Array3, times * self.gather.shape[0])
-        total = dr.while_loop(begun, lambda each, _: each < last, add)[1]
-        total /= dr.maximum(dr.norm(total), 1e-300)
-        normals = dr.ravel(total)
-        lane = dr.arange(UInt32, times * count)
-        later, face = lane // lanes, lane % lanes
+        Float, UInt32, normals = types.Float64, types.UInt32, self.gather.shape[0]
+        rises = dr.zeros(Float, 9 * times * size)
+        dr.make_opaque(rises)  # memory that the kernel writes to, and no number that it would know
+        given = {
+            "places": upload(Float, vertices[0] if times == 1 else joined(vertices)),
+            "ends": upload(UInt32, faces),
+            "members": upload(UInt32, self.gather.indices),
+            "starts": upload(UInt32, self.gather.indptr),
+            "group": upload(UInt32, self.group),
+            # So many vertices, normals, faces, and faces that are shown there are of each time.
+            "counts": [dr.opaque(UInt32, each) for each in (len(vertices[0]), normals, size, count)],
+            "normals": dr.arange(UInt32, times * normals),
+            "faces": dr.arange(UInt32, times * count),
+            "rises": rises,
+        }
         if shown is not None:
-            face = dr.gather(UInt32, upload(UInt32, shown), face)
-        group, rises = upload(UInt32, self.group), dr.zeros(Float, 9 * times * size)
-        dr.eval(normals, rises)
-        for edge in range(3):
-            (here, first), (there, second) = (
-                (
-                    vertex(later, face, end),
-                    vector(normals, later * groups + dr.gather(UInt32, group, 3 * face + end)),
-                )
-                for end in ((edge + 1) % 3, (edge + 2) % 3)
-            )
-            mean = first + second
-            length = dr.maximum(dr.norm(mean), 1e-9)
-            rise = mean * (dr.dot(second - first, there - here) / (2.0 * length * (2.0 + length)))
-            for axis in range(3):
-                place = 9 * (later * every + face) + 3 * edge + axis
-                dr.scatter(rises, rise[axis], place, mode=dr.ReduceMode.Permute)
+            given["shown"] = upload(UInt32, shown)
+        _BENDS(given)
         return [Bend(each) for each in rises.numpy().reshape(times, size, 3, 3)]
+
+
+def _bend(given: dict[str, Any]) -> None:
+    """The kernel of :meth:`Smoothing.bends`."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
+    points, groups, every, count = given["counts"]
+
+    def vector(flat: Any, index: Any) -> Any:
+        return Array3(*(dr.gather(Float, flat, 3 * index + axis) for axis in range(3)))
+
+    def vertex(time: Any, face: Any, corner: Any) -> Any:
+        return vector(given["places"], time * points + dr.gather(UInt32, given["ends"], 3 * face + corner))
+
+    def add(each: Any, total: Any) -> tuple[Any, Any]:
+        corner = dr.gather(UInt32, given["members"], each)
+        face, begin = corner // 3, corner % 3
+        here, one, other = (vertex(time, face, (begin + k) % 3) for k in range(3))
+        one, other = one - here, other - here
+        weight = 1.0 / dr.maximum(dr.squared_norm(one) * dr.squared_norm(other), 1e-60)
+        return each + 1, total + weight * dr.cross(one, other)
+
+    lane = given["normals"]
+    time, normal = lane // groups, lane % groups
+    last = dr.gather(UInt32, given["starts"], normal + 1)
+    begun = dr.gather(UInt32, given["starts"], normal), dr.zeros(Array3, dr.width(lane))
+    total = dr.while_loop(begun, lambda each, _: each < last, add)[1]
+    total /= dr.maximum(dr.norm(total), 1e-300)
+    dr.eval(total)  # axis by axis, as many as there are lanes: in one array they would be as many as when recorded
+    lane = given["faces"]
+    later, face = lane // count, lane % count
+    if "shown" in given:
+        face = dr.gather(UInt32, given["shown"], face)
+    for edge in range(3):
+        (here, first), (there, second) = (
+            (
+                vertex(later, face, end),
+                dr.gather(Array3, total, later * groups + dr.gather(UInt32, given["group"], 3 * face + end)),
+            )
+            for end in ((edge + 1) % 3, (edge + 2) % 3)
+        )
+        mean = first + second
+        length = dr.maximum(dr.norm(mean), 1e-9)
+        rise = mean * (dr.dot(second - first, there - here) / (2.0 * length * (2.0 + length)))
+        for axis in range(3):
+            place = 9 * (later * every + face) + 3 * edge + axis
+            dr.scatter(given["rises"], rise[axis], place, mode=dr.ReduceMode.Permute)
+    dr.eval(given["rises"])
+
+
+_BENDS = Frozen(_bend)
 
 
 def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:
