@@ -9,6 +9,7 @@ import numpy as np
 
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.facet import FacetGains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.fineness import beyond_rise
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
@@ -123,13 +124,16 @@ class Finer:
         returned = sums(fine.a * np.exp(-2j * np.pi * turns) * counted, finer_ones.surface, len(materials))
         return Finer(band, facets, materials, weight, pair, probes, reference, returned)
 
-    def of_facets(self, usual: FloatArray | None = None, places: slice = slice(None)) -> Accuracy:
-        """Of the facets themselves, integrated at those `places` of the probes: what an expansion cannot mend; `usual`
+    def exact(self, places: slice = slice(None)) -> FacetGains:
+        """The facets themselves, integrated at those `places` of the probes."""
+        return self.band.at_probes(
+            self.facets, self.materials, self.probes[places], self.pair, self.facets.parts, self.reference
+        )
+
+    def of_facets(self, exact: FacetGains, usual: FloatArray | None = None, places: slice = slice(None)) -> Accuracy:
+        """Of the facets themselves, by what is :meth:`exact` at those `places`: what an expansion cannot mend; `usual`
         is that of :meth:`of_expansion`."""
         chosen = replace(self, probes=self.probes[places], returned=self.returned[places])
-        exact = self.band.at_probes(
-            self.facets, self.materials, chosen.probes, self.pair, self.facets.parts, self.reference
-        )
         return chosen._compared(exact.a, exact.tau, usual)
 
     def of_expansion(self, coefficients: ComplexArray, usual: FloatArray | None = None) -> Accuracy:

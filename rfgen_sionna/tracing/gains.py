@@ -156,6 +156,7 @@ class BandTracer:
         coherent: bool = True,
         reference: FloatArray | None = None,
         apart: bool = False,
+        strength: FloatArray | None = None,
     ) -> Expansion:
         """An expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs, than which the
         next smaller one is not. Where surfaces stand `apart` that of each one is, and else that of all.
@@ -165,11 +166,14 @@ class BandTracer:
         by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
         and some between, and then for those at the band's ends. Of very many facets the strongest tell it, by what all
         return that they are judged with. Not `coherent`, the error is relative to what the facets return without
-        interfering, where that is more. `reference` is that of :meth:`values`.
+        interfering, where that is more. `reference` is that of :meth:`values`, and
+        `strength` (facet,) what each returns, up to a factor, if it is known.
         """
         if len(facets) > self.enough:
-            once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
-            strength, judged = np.abs(once.a[0] * weight), [np.arange(len(facets))]
+            if strength is None:
+                once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
+                strength = np.abs(once.a[0] * weight)
+            judged = [np.arange(len(facets))]
             if apart:
                 judged = [np.flatnonzero(facets.surface == number) for number in np.unique(facets.surface)]
             most = max(self.enough // len(judged), FEW)

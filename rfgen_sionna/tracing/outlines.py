@@ -133,15 +133,15 @@ class Places:
         self._order = np.arange(len(number)) if ordered else np.argsort(number, kind="stable")
         self._ascending = number if ordered else number[self._order]
 
-    def holding(self, passing: Passing, behind: bool = False) -> FloatArray:
-        """(facet,) length of outline [rad] that falls on each, as rays' points tell. Those that are not `behind` the
-        outline are hidden from it, and have no shadow of it: it is quicker without them. Of faces in very many pieces
-        those around the point are tried."""
-        hit, total = passing.hit, np.zeros(len(self._number))
+    def holding(self, passing: Passing) -> FloatArray:
+        """(2, facet) length of outline [rad] that falls on each, as rays' points tell, and of that what has a shadow
+        there: facets before the outline that a ray passes hide it. Of faces in very many pieces those around the point
+        are tried."""
+        hit, total = passing.hit, np.zeros((2, len(self._number)))
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
         few = np.flatnonzero((count > 0) & (count <= _MANY))
-        self._add(total, passing, few, self._order, first[few], count[few], behind)
+        self._add(total, passing, few, self._order, first[few], count[few])
         left = np.flatnonzero(count > _MANY)
         for nearest in _NEAREST:
             if not len(left):
@@ -151,7 +151,7 @@ class Places:
                 near = self._around(passing.directions[some], hit[some], nearest)
                 own = near >= 0
                 count = own.sum(axis=1)
-                found.append(self._add(total, passing, some, near[own], np.cumsum(count) - count, count, behind))
+                found.append(self._add(total, passing, some, near[own], np.cumsum(count) - count, count))
             left = np.setdiff1d(left, np.concatenate(found))
         return total
 
@@ -163,7 +163,6 @@ class Places:
         tried: NDArray[np.intp],
         first: NDArray[np.intp],
         count: NDArray[np.intp],
-        behind: bool,
     ) -> NDArray[np.intp]:
         """Adds those of the `rays` (ray,) that fall on the facets they are tried with, and returns them: each with so
         many, `count` (ray,), of `tried`, the `first` (ray,) of them and those that come after it."""
@@ -187,9 +186,9 @@ class Places:
         how = fallen.numpy()
         on = np.flatnonzero(how)
         of = np.searchsorted(starts, on, "right") - 1  # the last of those that begin there, which is not empty
-        counted = how[on] > 1 if behind else slice(None)
-        own = of[counted]
-        np.add.at(total, tried[first[own] + on[counted] - starts[own]], passing.span[rays[own]])
+        for part, counted in zip(total, (slice(None), how[on] > 1), strict=True):
+            own = of[counted]
+            np.add.at(part, tried[first[own] + on[counted] - starts[own]], passing.span[rays[own]])
         return rays[of]
 
     def _around(self, directions: FloatArray, face: NDArray[np.int64], nearest: int) -> NDArray[np.intp]:

@@ -117,6 +117,7 @@ def sampled_fraction(
     dark: IntArray | None = None,
     reach: float = 0.0,
     nearest: float = np.inf,
+    past: FloatArray | None = None,
 ) -> Sampled:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -174,6 +175,9 @@ def sampled_fraction(
     nearest
         How far what hides is from the viewpoint at least [m]: by that and `reach` the strips beside edges, which not
         all elements see alike, may return more than a narrow facet itself, and ask for a closer look.
+    past
+        (facet,) what of the `outline` has its shadow there: what is narrower than a lattice is looked for by that. None
+        is all of it.
     """
     count = len(corners)
     if not count:
@@ -240,7 +244,8 @@ def sampled_fraction(
     missed = np.minimum(cut, np.where(looked, bent / np.array(SPACINGS)[lattice] ** 2, CORNERS * cut * edged))
     missed = np.maximum(missed, hidden)
     # What is narrower than a cell may be missed: where a ray got by an outline, smaller ones look for it.
-    whole = passed & looked & ((fraction == 0) | (fraction == 1))
+    got_by = passed if past is None else past > 0
+    whole = got_by & looked & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
     looking.at(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
     # An edge falls on facets along a chord of each; where that is short, it passes others between two rays.

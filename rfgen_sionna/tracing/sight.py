@@ -223,7 +223,7 @@ class Sight:
             np.concatenate([each.span for each in passing]),
         )
         # Of what stays, which is looked at once, rays to facets before outlines find edges all the same.
-        outline = Places(corners - self._viewpoint, number).holding(fallen, behind=True)
+        outline = Places(corners - self._viewpoint, number).holding(fallen)[1]
         found, guides, missed, level = self._sampled(
             looks, corners, number, place, outline, weight, group, count * surfaces, 0.0, count
         )

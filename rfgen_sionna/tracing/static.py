@@ -31,6 +31,8 @@ MAX_ROUNDS = 4
 """How often the facets are made finer before the tolerance is given up with a warning."""
 MAX_EFFORT = 10_000_000
 """Triangles to integrate at each node, beyond which the tolerance is given up as well."""
+_MIDDLE = slice(1, 2)
+"""The probe in the middle of the band."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -207,7 +209,8 @@ class StaticTrace:
         the bit.
         """
         past = passing.of_actors
-        return self.glance(rays, index, self._shown.holding(past), float(lengths(past.directions).min(initial=np.inf)))
+        nearest = float(lengths(past.directions).min(initial=np.inf))
+        return self.glance(rays, index, self._shown.holding(past)[0], nearest)
 
     def glance(
         self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray, nearest: float
@@ -309,13 +312,15 @@ def trace_static(
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
         held = Finer.of(band, facets, materials, weight)
         # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
-        found = held.of_facets(places=slice(1, 2))
+        exact = held.exact(_MIDDLE)
+        found = held.of_facets(exact, places=_MIDDLE)
         effort = float((facets.parts.astype(np.float64) ** 2).sum())
         # More of the same is no use where the error hardly falls, or where it would take too long.
         last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
         before[0] = found.total
         if last or found.total <= rtol:
-            expansion = band.expansion_for(facets, materials, weight, coherent=False)
+            strength = np.abs(exact.a[0]) * weight
+            expansion = band.expansion_for(facets, materials, weight, coherent=False, strength=strength)
             values = band.values(facets, materials, expansion)
             one = replace(expansion, weights=expansion.weights[:, :1, :1])
             found = held.of_expansion(band.combined(one, values)[:, 0, 0])
@@ -414,11 +419,13 @@ def _seen_facets(
         return _Seen(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
     places = touching(facets.corners, facets.surface)
     guided, sent = Corners(viewpoint, facets.corners, facets.number, places).seen(rays)
-    outline = None if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
+    outline, past = (
+        (None, None) if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
+    )
     weight = band.importance(facets.directions(viewpoint))
     found = sampled_fraction(
         rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight, search=True,
-        places=places, reach=band.reach,
+        places=places, reach=band.reach, past=past,
     )  # fmt: skip
     cut = np.zeros(len(facets), np.bool_)
     cut[found.owner] = True

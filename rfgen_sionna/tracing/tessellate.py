@@ -244,17 +244,18 @@ def tessellate(
     done_parts: list[IntArray] = []
     done_heights: list[FloatArray] = []
     count = 0
-    for _ in range(_MAX_SPLITS):
+    for times in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
         if np.isfinite(max_range):
             centre = middles(corners)
             radius = widest(lengths(corners - centre[:, None]))
             near = lengths(centre - viewpoint) - radius < max_range
-            face, weights, grains, corners = face[near], weights[near], grains[near], corners[near]
+            if not near.all():
+                face, weights, grains, corners = face[near], weights[near], grains[near], corners[near]
         # It goes with the square of a piece's edges, as its area does.
         bend = None
         if rises is not None:
-            bend = SmoothPieces(height[face] * np.abs(np.linalg.det(weights)), weights, rises[face])
+            bend = SmoothPieces(height[face] * 0.5**times, weights, rises[face])
         coarse, parts, high = demand(corners, viewpoint, frequency, rtol, importance, half_band, bend, still)
         for mirrored, tolerance in images:
             seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)

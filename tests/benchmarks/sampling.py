@@ -55,7 +55,7 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
             apart = apart_for([vertices[0][surface.faces]], viewpoint, rtol)
             past, span = Outline(surface.faces).passing(vertices[0] - viewpoint, apart)
             passing = Passing(past, rays.first_facet(viewpoint, past), span)
-            outline = Places(corners - viewpoint, number).holding(passing)
+            outline = Places(corners - viewpoint, number).holding(passing)[0]
             seen, guides = sampling.Corners(viewpoint, corners, number, places).seen(rays)
             found = sampling.sampled_fraction(rays, viewpoint, corners, number, seen, wavenumber, rtol, outline)
             return found.fraction, guides + found.rays + len(past)

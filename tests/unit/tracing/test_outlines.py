@@ -49,7 +49,7 @@ def test_the_piece_that_a_ray_falls_on_is_told_from_its_neighbours(halvings):
     places = Places(corners, np.full(len(corners), 7))
     middles = corners.mean(axis=1)
     for k, middle in enumerate(middles[::17] if halvings > 1 else middles):
-        held = places.holding(Passing(middle[None], np.array([7]), np.ones(1)))
+        held = places.holding(Passing(middle[None], np.array([7]), np.ones(1)))[0]
         assert np.flatnonzero(held).tolist() == [17 * k if halvings > 1 else k]
     assert not places.holding(Passing(middles[:4], np.array([-1, 3, 8, 6]), np.ones(4))).any()
 
@@ -73,7 +73,7 @@ def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
     view, area = np.zeros(3), 0.5 * np.linalg.norm(np.cross(*np.diff(corners, axis=1).swapaxes(0, 1)), axis=1)
 
     def lit(rays):
-        passed = None if rays is None else Places(corners, front).holding(rays)
+        passed = None if rays is None else Places(corners, front).holding(rays)[0]
         found = sampled_fraction(scene, view, corners, front, guides.seen(scene)[0], WAVENUMBER, 1e-3, passed)
         return (found.fraction * area).sum() / area.sum()
 
@@ -97,5 +97,6 @@ def test_no_shadow_falls_on_what_is_before_an_outline():
     way = np.array([2.0, 0.1, 0.0])
     for far, held in ((0.5, [1, 1, 1]), (1.0005, [1, 1, 1]), (1.3, [0, 1, 1]), (2.0005, [0, 1, 1]), (3.0, [0, 0, 0])):
         passing = Passing(np.tile(way * far / way[0], (3, 1)), np.arange(3), np.full(3, 0.25))
-        assert np.array_equal(places.holding(passing, behind=True), 0.25 * np.array(held)), far
-        assert (places.holding(passing) == 0.25).all()
+        every, shadowed = places.holding(passing)
+        assert np.array_equal(shadowed, 0.25 * np.array(held)), far
+        assert (every == 0.25).all()

@@ -100,7 +100,7 @@ def pole_before_a_wall():
 
     def past(apart):
         points, span = Outline(np.asarray(pole.faces)).passing(np.asarray(pole.vertices) - VIEW, apart)
-        return Places(corners - VIEW, number).holding(Passing(points, scene.first_facet(VIEW, points), span))
+        return Places(corners - VIEW, number).holding(Passing(points, scene.first_facet(VIEW, points), span))[0]
 
     return scene, corners, number, uniform(scene, corners, number, 24), past
 
