@@ -14,6 +14,7 @@ from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.fineness import beyond_rise
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import unit
+from rfgen_sionna.tracing.phasors import phasors
 
 SAFETY = 2.0
 """What is measured at one pair and a few frequencies counts this much, for all the others."""
@@ -120,8 +121,8 @@ class Finer:
             ends = band.importance(unit(finer_ones.corners[flat] - band.viewpoint))
             counted[flat] *= np.exp(np.clip(0.25 * beyond_rise(ends, usual_gain[index[flat]]), -1.0, 1.0))
         fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
-        turns = np.mod(band.frequency(probes)[:, None] * fine.tau, 1.0)
-        returned = sums(fine.a * np.exp(-2j * np.pi * turns) * counted, finer_ones.surface, len(materials))
+        waves = fine.a * phasors(band.frequency(probes)[:, None] * fine.tau)
+        returned = sums(waves * counted, finer_ones.surface, len(materials))
         return Finer(band, facets, materials, weight, pair, probes, reference, returned)
 
     def exact(self, places: slice = slice(None)) -> FacetGains:
@@ -156,8 +157,7 @@ class Finer:
     def _compared(self, gains: ComplexArray, tau: FloatArray, usual: FloatArray | None) -> Accuracy:
         """Of `gains` (probe, facet) without the propagation phase of delays `tau` [s]."""
         count, surface = len(self.materials), self.facets.surface
-        turns = np.mod(self.band.frequency(self.probes)[:, None] * tau, 1.0)
-        coarse = gains * np.exp(-2j * np.pi * turns) * self.weight
+        coarse = gains * phasors(self.band.frequency(self.probes)[:, None] * tau) * self.weight
         error = sums(coarse, surface, count) - self.returned
         single = np.abs(coarse)
         least = np.zeros(count) if usual is None else usual.copy()

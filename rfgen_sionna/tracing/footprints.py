@@ -17,6 +17,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.tracing.diffuse import reflectance
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.surfaces import Surface
 
 if TYPE_CHECKING:
@@ -221,7 +222,7 @@ def trace_footprints(
     gains = facet_gains(
         triangles, np.tile(objects, 2), media, Nodes(here, here, frequency), field, field, monostatic=True
     )
-    returns = gains.a[0] * np.exp(-2j * np.pi * np.mod(frequency * gains.tau[0], 1.0))
+    returns = gains.a[0] * phasors(frequency * gains.tau[0])
     return Footprints(
         ray=ray.astype(np.int32),
         a=returns[: len(ray)] + returns[len(ray) :],

@@ -24,6 +24,7 @@ from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, fa
 from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.parallax import Edges, Parallax
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.quadratic import Slopes
 from rfgen_sionna.tracing.strips import beside
 
@@ -335,15 +336,14 @@ class BandTracer:
             exact = self._gains(facets, materials, nodes)
         else:
             exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
-        turns = np.mod(self.frequency(u)[:, None] * exact.tau, 1.0)
-        phasors = np.asarray(weight * np.exp(-2j * np.pi * turns), np.complex128)
+        waves = weight * phasors(self.frequency(u)[:, None] * exact.tau)
         group, count = (facets.surface, len(materials)) if apart else (np.zeros(len(facets), np.int32), 1)
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
-        scale = np.maximum(_rms(sums(exact.a * phasors, group, count)), CANCELLED * strongest)
+        scale = np.maximum(_rms(sums(exact.a * waves, group, count)), CANCELLED * strongest)
         if not coherent:
             scale = np.maximum(scale, np.sqrt(np.bincount(group, (single**2).mean(axis=0), count)))
-        return _Probes(u, pairs, exact.a, phasors, group, scale)
+        return _Probes(u, pairs, exact.a, waves, group, scale)
 
     def _error(
         self,

@@ -28,6 +28,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.knots import QUIET_GAPS, RIM_GAPS, Splined, spline_error
 from rfgen_sionna.tracing.parallax import Parallax
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns, Lit
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.sight import Seen, Sight
@@ -370,8 +371,7 @@ class Glances:
 
     def _phasors(self, reference: FloatArray) -> ComplexArray:
         """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""
-        turns = np.mod(self._band.centre * self._band.delays(reference, (0, 0)), 1.0)
-        return np.asarray(np.exp(-2j * np.pi * turns)[:, None])
+        return phasors(self._band.centre * self._band.delays(reference, (0, 0)))[:, None]
 
     def _single(
         self,

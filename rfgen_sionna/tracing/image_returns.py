@@ -17,6 +17,7 @@ from rfgen_sionna.tracing.facets import facet_paths, over_time, sums
 from rfgen_sionna.tracing.gains import PROBES, Expansion
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.surfaces import Surface
 
 SHARE = 0.3
@@ -209,7 +210,7 @@ class ImageReturns:
         band = self._band(mirrors, way, LOOSEST)
         parts = np.minimum(shown.parts, 2).astype(np.int32)
         found = band.at_probes(shown, self._materials, np.zeros(1), (0, 0), parts)
-        a = found.a[0] * np.exp(-2j * np.pi * np.mod(band.centre * found.tau[0], 1.0))
+        a = found.a[0] * phasors(band.centre * found.tau[0])
         a = a * np.sqrt(band.importance(departing) * band.importance(arriving))
         total = np.abs(sums(a[None], group.astype(np.int32), count)[0])
         return total, np.sqrt(np.bincount(group, np.abs(a) ** 2, count))
@@ -251,7 +252,7 @@ class ImageReturns:
             facets, weight = facets.take(lit), weight[lit]
             rough = self._band(mirrors, way, LOOSEST)
             found = rough.at_probes(facets, self._materials, PROBES, (0, 0), facets.parts)
-            phasor = np.exp(-2j * np.pi * np.mod(rough.frequency(PROBES)[:, None] * found.tau, 1.0))
+            phasor = phasors(rough.frequency(PROBES)[:, None] * found.tau)
             level = np.sqrt((np.abs(sums(found.a * phasor * weight, facets.surface, len(usual))) ** 2).mean(axis=0))
             # As accurate as the direct return of the surface whose images are strongest against it asks for.
             share = float(np.max(level / np.maximum(np.maximum(usual, level), 1e-300), initial=0.0))

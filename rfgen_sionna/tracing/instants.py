@@ -152,8 +152,8 @@ class _Faces:
             if closed:
                 found, angle = np.where(angle > 0, found, 0.0), np.maximum(angle, 0.0)
             strength, size = np.maximum(strength, found), np.maximum(size, np.abs(angle))
-        order = np.argsort(-strength)
-        order = order[: int(np.count_nonzero(strength))]
+        some = np.flatnonzero(strength)
+        order = some[np.argsort(-strength[some])]
         rest = order[STRONGEST:]
         step = max(1, -(-len(rest) // OTHERS))
         chosen = np.concatenate([order[:STRONGEST], rest[::step]])

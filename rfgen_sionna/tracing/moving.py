@@ -200,10 +200,12 @@ class MovingParts:
         pattern = [self._facets.patches.pattern(each, kept, leader) for each in seen]
         given = facets, shares, values, expansion, leader, parallax, pattern
         coefficients, led = self._returns.coefficients(*given)
-        led_by = [each.facets.take(led) for each in seen]
-        self._cancelling = self._returns.cancelling(led_by, coefficients[0, 0, 0], len(self._cancelling))
+        led_by, by_way = seen[0].facets.take(led), [each.facets.centroids[led] for each in seen]
+        self._cancelling = self._returns.cancelling(
+            by_way, coefficients[0, 0, 0], led_by.surface, len(self._cancelling)
+        )
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
-        paths = self._paths(knots, instants, positions, led_by[0], coefficients, led, known)
+        paths = self._paths(knots, instants, positions, led_by, coefficients, led, known)
         self._turn += 1
         interference = np.where(self._interference > 0, self._interference, 1.0)  # of what was hidden nobody knows
         shadows = SAFETY * interference * np.hypot(np.max([each.missed for each in seen], axis=0), lit.missed)

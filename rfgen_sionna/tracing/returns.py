@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.parallax import Parallax
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.sight import Seen
 
 AT_ONCE = 200_000
@@ -148,14 +149,16 @@ class FacetReturns:
                 found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
         return found, led
 
-    def cancelling(self, facets: Sequence[Facets], gains: ComplexArray, surfaces: int) -> FloatArray:
-        """(surface,) what paths by way of `facets`, as they are at each instant, with `gains` (path, instant) of the
-        first pair, return without interfering, over what they do, over all instants; 0 where nothing comes."""
+    def cancelling(
+        self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
+    ) -> FloatArray:
+        """(surface,) what paths by way of points, `by_way` (path, 3) [m] at each instant, with `gains` (path, instant)
+        of the first pair, return without interfering, over what they do, over all instants; 0 where nothing comes.
+        `surface` (path,) is that of each, one of so many `surfaces`."""
         alone, together = np.zeros((2, surfaces))
-        for own, there in zip(gains.T, facets, strict=True):
-            turns = np.mod(self._band.centre * self._band.delays(there.centroids, (0, 0)), 1.0)
-            waves = own * np.exp(-2j * np.pi * turns)
-            real, imaginary = (np.bincount(there.surface, part, surfaces) for part in (waves.real, waves.imag))
-            alone += np.bincount(there.surface, np.abs(own) ** 2, surfaces)
+        for own, there in zip(gains.T, by_way, strict=True):
+            waves = own * phasors(self._band.centre * self._band.delays(there, (0, 0)))
+            real, imaginary = (np.bincount(surface, part, surfaces) for part in (waves.real, waves.imag))
+            alone += np.bincount(surface, own.real**2 + own.imag**2, surfaces)
             together += real**2 + imaginary**2
         return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))

@@ -32,6 +32,7 @@ from rfgen_sionna.tracing.glint_doubts import doubts
 from rfgen_sionna.tracing.glint_pieces import Pieces
 from rfgen_sionna.tracing.glint_search import Search, Things
 from rfgen_sionna.tracing.glints import Glints, matched
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.surfaces import Surface, Surfaces
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
 from rfgen_sionna.tracing.tubes.media import Optics
@@ -227,7 +228,7 @@ class RoundBounces:
         arrival, route = glints.arrival(self._whose, place, place, self._optics)
         a = self._received(arrival, route, self._radar.center_frequency) * self._softened(glints)
         a = a * np.sqrt(eyes.importance(arrival.legs[0]) * eyes.importance(-arrival.ray))
-        a = a * np.exp(-2j * np.pi * np.mod(arrival.length / self._radar.wavelength, 1.0))
+        a = a * phasors(arrival.length / self._radar.wavelength)
         owner = self._stronger(glints, usual)
         for number in np.unique(owner).tolist():
             lane = owner == number

@@ -27,6 +27,7 @@ from rfgen_sionna.tracing.glances import (
     most_rounds,
     rms,
 )
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.shadows import Shadow
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace
@@ -207,5 +208,4 @@ def _single(static: StaticTrace, index: NDArray[np.intp], left: FloatArray, dimm
 
 def _phasors(paths: RadarPaths, index: NDArray[np.intp]) -> ComplexArray:
     """(path, 1) of the propagation, of the first pair in the middle of the band."""
-    turns = np.mod(paths.frequency * paths.tau[0, 0, index], 1.0)
-    return np.asarray(np.exp(-2j * np.pi * turns))
+    return phasors(paths.frequency * paths.tau[0, 0, index])

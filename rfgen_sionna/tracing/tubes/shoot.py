@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar.pose import Vector
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.relative import to_world
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
@@ -262,7 +263,7 @@ class _Shot:
             chosen = landed(hits, rows[at])
             there, back = integrate(chosen, self.setting.optics, source, source, fields, [self.centre])
             total = there.a[0, 0, 0] + (0.0 if back is None else back.a[0, 0, 0])
-            total = total * np.exp(-2j * np.pi * np.mod(self.centre * there.tau[0, 0], 1.0))
+            total = total * phasors(self.centre * there.tau[0, 0])
             a[at] = total * (1.0 if back is None else weight[start : start + 8 * _CHUNK])
         first, last = ends(hits, rows)
         return a * np.sqrt(self.eyes.importance(first) * self.eyes.importance(last))
