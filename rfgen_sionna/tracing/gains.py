@@ -18,6 +18,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.beam import Beam
+from rfgen_sionna.tracing.delays import delays, rates
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
@@ -120,19 +121,15 @@ class BandTracer:
 
     def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
-        place = np.ascontiguousarray((centroids - self._origin).T)
+        places = centroids - self._origin
         if pair is not None:
-            to_tx, to_rx = (_ranges(each, place) for each in (self._tx[pair[0]], self._rx[pair[1]]))
-            return np.asarray((to_tx + to_rx) / SPEED_OF_LIGHT)
-        to_tx, to_rx = (np.stack([_ranges(one, place) for one in each]) for each in (self._tx, self._rx))
-        return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
+            return delays(places, self._tx[pair[0], None], self._rx[pair[1], None])[0, 0]
+        return delays(places, self._tx, self._rx)
 
     def rates(self, centroids: FloatArray, velocities: FloatArray) -> FloatArray:
         """(tx, rx, facet) rates [s/s] of :meth:`delays` by way of points that move with `velocities` (facet, 3)
         [m/s]."""
-        place, speed = (np.ascontiguousarray(each.T) for each in (centroids - self._origin, velocities))
-        to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (self._tx, self._rx))
-        return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
+        return rates(centroids - self._origin, velocities, self._tx, self._rx)
 
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
         """(facet,) delays [s] that the gains of one pair go by."""
@@ -404,19 +401,6 @@ class BandTracer:
             )
 
         return by_curvature(facets.curved, of)
-
-
-def _ranges(element: FloatArray, place: FloatArray) -> FloatArray:
-    """(facet,) distances of an `element` (3,) from each `place` (axis, facet) [m]."""
-    x, y, z = place - element[:, None]
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-
-def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> FloatArray:
-    """(facet,) rates [m/s] of these distances, of places that move at a `speed` (axis, facet) [m/s]."""
-    x, y, z = place - element[:, None]
-    along = x * speed[0] + y * speed[1] + z * speed[2]
-    return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))
 
 
 def _rms(values: ComplexArray) -> FloatArray:

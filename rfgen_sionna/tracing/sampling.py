@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import bounds, lengths
+from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.looking import Hiding, Looking, searched
 from rfgen_sionna.tracing.shadow_lines import RIM, SPACINGS, inset, points_of
 
@@ -315,12 +317,44 @@ def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray,
     angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
     phase. An integral over a whole facet falls with the square of that, one over a straight edge with
     itself. And the phase between their ends, there and back [rad]."""
-    p = np.ascontiguousarray(corners.T)
-    a, b, c = np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2)
-    near = np.minimum(np.minimum(a, b), c)
-    turn = wavenumber * (np.maximum(np.maximum(a, b), c) - near)
-    angle = np.abs(_volume(p)) / np.maximum(near, 1e-9) ** 3  # twice the solid angle, nearly
-    return angle / (1.0 + turn**2), angle / (1.0 + turn), 2.0 * turn
+    count = len(corners)
+    if not count:
+        nothing = np.zeros(0)
+        return nothing, nothing, nothing
+    dr, types = drjit_types()
+    found = [dr.empty(types.Float64, count) for _ in range(3)]
+    given = {
+        "lanes": dr.arange(types.UInt32, count),
+        "corners": upload(types.Float64, corners),
+        "wavenumber": dr.opaque(types.Float64, wavenumber),
+        "found": found,
+    }
+    _AT_MOST(given)
+    most, cut, width = (each.numpy() for each in found)
+    return most, cut, width
+
+
+def _at_most(given: dict[str, Any]) -> None:
+    """The kernel of :func:`returns_at_most`."""
+    dr, types = drjit_types()
+    Float, Array3, lane = types.Float64, types.Array3f64, given["lanes"]
+    a, b, c = (
+        Array3(*(dr.gather(Float, given["corners"], 9 * lane + 3 * corner + axis) for axis in range(3)))
+        for corner in range(3)
+    )
+    ways = [dr.norm(each) for each in (a, b, c)]
+    near, far = (each(each(ways[0], ways[1]), ways[2]) for each in (dr.minimum, dr.maximum))
+    turn = given["wavenumber"] * (far - near)
+    safe = dr.maximum(near, 1e-9)
+    angle = abs(dr.dot(a, dr.cross(b - a, c - a))) / (safe * safe * safe)  # twice the solid angle, nearly
+    for values, where in zip(
+        (angle / (1.0 + turn * turn), angle / (1.0 + turn), 2.0 * turn), given["found"], strict=True
+    ):
+        dr.scatter(where, values, lane, mode=dr.ReduceMode.Permute)
+    dr.eval(*given["found"])
+
+
+_AT_MOST = Frozen(_at_most)
 
 
 def _strips_at_most(

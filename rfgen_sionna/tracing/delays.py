@@ -1,0 +1,64 @@
+"""Delays between elements by way of places, and how they change as these move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.transfer import upload
+
+
+def delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
+    """(tx, rx, place) [s] from elements `tx` (tx, 3) to elements `rx` (rx, 3) by way of `places` (place, 3) [m]."""
+    count, shape = len(places), (len(tx), len(rx), len(places))
+    if not count:
+        return np.zeros(shape)
+    dr, types = drjit_types()
+    found = dr.empty(types.Float64, int(np.prod(shape)))
+    given = {
+        "lanes": dr.arange(types.UInt32, count),
+        "places": upload(types.Float64, places),
+        "elements": upload(types.Float64, np.concatenate([tx, rx])),
+        "count": dr.opaque(types.UInt32, count),
+        "found": found,
+    }
+    _DELAYS(given, len(tx), len(rx))
+    return np.asarray(found.numpy()).reshape(shape)
+
+
+def _delay(given: dict[str, Any], senders: int, receivers: int) -> None:
+    """The kernel of :func:`delays`."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
+    place = Array3(*(dr.gather(Float, given["places"], 3 * lane + axis) for axis in range(3)))
+    ways = [
+        dr.norm(place - Array3(*(dr.gather(Float, given["elements"], UInt32(3 * each + axis)) for axis in range(3))))
+        for each in range(senders + receivers)
+    ]
+    for sender in range(senders):
+        for receiver in range(receivers):
+            delay = (ways[sender] + ways[senders + receiver]) / SPEED_OF_LIGHT
+            row = lane + given["count"] * (sender * receivers + receiver)
+            dr.scatter(given["found"], delay, row, mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"])
+
+
+_DELAYS = Frozen(_delay)
+
+
+def rates(places: FloatArray, velocities: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
+    """(tx, rx, place) [s/s] by which these change as the places move with `velocities` (place, 3) [m/s]."""
+    place, speed = (np.ascontiguousarray(each.T) for each in (places, velocities))
+    to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (tx, rx))
+    return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
+
+
+def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> FloatArray:
+    """(place,) rates [m/s] of the distances of an `element` (3,) from each `place` (axis, place) [m], of places that
+    move at a `speed` (axis, place) [m/s]."""
+    x, y, z = place - element[:, None]
+    along = x * speed[0] + y * speed[1] + z * speed[2]
+    return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))
