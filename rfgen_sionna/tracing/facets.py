@@ -67,23 +67,41 @@ class Facets:
 
     def take(self, index: NDArray[np.intp]) -> Facets:
         """The facets that `index` counts out; not a mask."""
-        found = Facets(
-            np.take(self.corners, index, axis=0),
-            self.number[index],
-            self.face[index],
-            self.surface[index],
-            self.facing[index],
-            self.parts[index],
-            self.place[index],
-            bend=None if self.bend is None else self.bend.take(index),
-            curved=None if self.curved is None else self.curved[index],
-            pull=None if self.pull is None else np.take(self.pull, index, axis=0),
-            aim=None if self.aim is None else np.take(self.aim, index, axis=0),
-            grain=None if self.grain is None else self.grain[index],
-        )
-        if "centroids" in self.__dict__:  # they are known
-            found.__dict__["centroids"] = np.take(self.centroids, index, axis=0)
-        return found
+        return Facets.taken([self], index)[0]
+
+    @staticmethod
+    def taken(every: Sequence[Facets], index: NDArray[np.intp]) -> list[Facets]:
+        """:meth:`take` of the same facets at several times: what they share they share then."""
+        shared: dict[int, NDArray[Any]] = {}
+
+        def some(values: NDArray[Any]) -> NDArray[Any]:
+            if id(values) not in shared:
+                shared[id(values)] = np.take(values, index, axis=0)
+            return shared[id(values)]
+
+        def if_there(values: FloatArray | None) -> FloatArray | None:
+            return None if values is None else some(values)
+
+        taken = []
+        for each in every:
+            found = Facets(
+                some(each.corners),
+                some(each.number),
+                some(each.face),
+                some(each.surface),
+                some(each.facing),
+                some(each.parts),
+                some(each.place),
+                bend=None if each.bend is None else each.bend.take(index),
+                curved=None if each.curved is None else some(each.curved),
+                pull=if_there(each.pull),
+                aim=if_there(each.aim),
+                grain=if_there(each.grain),
+            )
+            if "centroids" in each.__dict__:  # they are known
+                found.__dict__["centroids"] = some(each.centroids)
+            taken.append(found)
+        return taken
 
     def pulled(self, pull: FloatArray | None) -> Facets:
         """The same facets with this :attr:`pull`, by way of their centroids."""

@@ -277,7 +277,7 @@ class Glances:
         gains = expansion.weights[0, 0, 0] @ values[half] * weight * self._phasors(references[half])[:, 0]
         surface = facets[half].surface
         now = [np.bincount(surface, part, len(level)) for part in (gains.real, gains.imag)]
-        own = [each.take(some) for each in facets]
+        own = Facets.taken(facets, some)
         ends = lengths(own[half].corners - self._viewpoint)
         # Who comes into the range window is not coming out of a shadow.
         near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)

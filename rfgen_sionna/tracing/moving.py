@@ -157,9 +157,9 @@ class MovingParts:
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             pull = self._band.pull(seen[0].facets, kept)
             seen = [replace(each, facets=each.facets.pulled(pull)) for each in seen]
-            facets = [each.facets.take(kept) for each in seen]
+            facets = Facets.taken([each.facets for each in seen], kept)
             leader = self._facets.patches.followed([each.facets.centroids for each in seen], kept)
-            references = [each.facets.centroids[leader] for each in seen]
+            references = [np.take(each.facets.centroids, leader, axis=0) for each in seen]
             lit = self._returns.seen(seen, kept, facets, references, expansion)
             if self._turn % MEASURED_EVERY:
                 break
@@ -194,13 +194,13 @@ class MovingParts:
             looked.append(found)
             rest = np.setdiff1d(np.arange(len(kept)), chosen.facets, assume_unique=True)
             kept, leader, shares = kept[rest], leader[rest], shares[rest]
-            facets = [each.take(rest) for each in facets]
+            facets = Facets.taken(facets, rest)
             values = [np.take(each, rest, axis=1) for each in values]
             parallax = [None if each is None else each.within(rest) for each in parallax]
         pattern = [self._facets.patches.pattern(each, kept, leader) for each in seen]
         given = facets, shares, values, expansion, leader, parallax, pattern
         coefficients, led = self._returns.coefficients(*given)
-        led_by, by_way = seen[0].facets.take(led), [each.facets.centroids[led] for each in seen]
+        led_by, by_way = seen[0].facets.take(led), [np.take(each.facets.centroids, led, axis=0) for each in seen]
         self._cancelling = self._returns.cancelling(
             by_way, coefficients[0, 0, 0], led_by.surface, len(self._cancelling)
         )

@@ -230,16 +230,15 @@ def sampled_fraction(
         again = (total < 0.5 * told) & ((total > 0) | np.isinf(told))
         if not again.any():
             break
-        each_may = np.full(count, np.inf)
         for mine, all_of_them in zip(members, np.where(again, total, told).tolist(), strict=True):
             some = mine[edged[mine]]
-            each_may[some] = allowed(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them)
-        wanted = np.sqrt(bent / each_may)
+            wanted[some] = np.sqrt(bent[some] / allowed(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them))
         # Where an edge was found by searching, no coarser lattice would find it again.
-        looked = edged & ((wanted > np.sqrt(bend / CORNERS)) | (least >= 0))
-        finer = np.where(looked, np.maximum(np.searchsorted(SPACINGS[:-1], wanted), least), -1)
-        while points_of(finer[looked]).sum() > most_points and finer[looked].any():
-            finer[looked] = np.maximum(finer[looked] - 1, 0)
+        closely = np.flatnonzero(edged & ((wanted > np.sqrt(bend / CORNERS)) | (least >= 0)))
+        finer = np.full(count, -1, np.intp)
+        finer[closely] = np.maximum(np.searchsorted(SPACINGS[:-1], wanted[closely]), least[closely])
+        while points_of(finer[closely]).sum() > most_points and finer[closely].any():
+            finer[closely] = np.maximum(finer[closely] - 1, 0)
         looking.at(np.flatnonzero(finer > looking.lattice), finer)
     lattice = looking.lattice.copy()
     looked = lattice >= 0
@@ -273,7 +272,7 @@ class Corners:
     ) -> None:
         self._viewpoint, self._corners, self._facet = viewpoint, corners, facet
         self.places = places
-        self._side = 2 * places + (_volume(np.ascontiguousarray((corners - viewpoint).T)) < 0)[:, None]
+        self._side = 2 * places + _turned_away(corners, viewpoint)[:, None]
         # The corner that stands for all that meet in a place; the last one of them.
         self._one = np.full(int(self._side.max(initial=-1)) + 1, -1, np.intp)
         self._one[self._side.ravel()] = np.arange(self._side.size)
@@ -288,7 +287,7 @@ class Corners:
         light[side.ravel()] = True
         there = np.flatnonzero(light)
         owner, corner = np.divmod(self._one[there], 3)
-        targets = rays.targets(self._viewpoint, self._corners[owner], self._facet[owner], moving)
+        targets = rays.targets(self._viewpoint, np.take(self._corners, owner, axis=0), self._facet[owner], moving)
         light[there] = targets.seen(np.arange(len(there)), inset(np.eye(3), RIM)[corner])
         return light[side], len(there)
 
@@ -305,11 +304,44 @@ def allowed(errors: FloatArray, total: float) -> float:
     return max(float(np.sqrt((total**2 - below[k]) / rest[k])), 1e-300)
 
 
-def _volume(p: FloatArray) -> FloatArray:
-    """(facet,) six times the volume between each and the viewpoint, with the sign of the side that it shows; `p` (axis,
-    corner, facet) are corners [m] from there, in rows as long as they are quick to reckon with."""
-    a, b, c = p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)))
+def _turned_away(corners: FloatArray, viewpoint: FloatArray) -> IntArray:
+    """(facet,) which side facets with these `corners` (facet, 3, 3) [m] show the viewpoint, 0 or 1."""
+    if not len(corners):
+        return np.zeros(0, np.int32)
+    dr, types = drjit_types()
+    found = dr.empty(types.UInt32, len(corners))
+    given = {
+        "lanes": dr.arange(types.UInt32, len(corners)),
+        "corners": upload(types.Float64, corners),
+        "viewpoint": upload(types.Float64, viewpoint),
+        "found": found,
+    }
+    _TURN_AWAY(given)
+    return np.asarray(found.numpy()).view(np.int32)
+
+
+def _corners_of(given: dict[str, Any]) -> list[Any]:
+    """Those of the facets of a kernel's lanes."""
+    dr, types = drjit_types()
+    return [
+        types.Array3f64(
+            *(dr.gather(types.Float64, given["corners"], 9 * given["lanes"] + 3 * corner + k) for k in range(3))
+        )
+        for corner in range(3)
+    ]
+
+
+def _turn_away(given: dict[str, Any]) -> None:
+    """The kernel of :func:`_turned_away`."""
+    dr, types = drjit_types()
+    a, b, c = _corners_of(given)
+    eye = types.Array3f64(*(dr.gather(types.Float64, given["viewpoint"], types.UInt32(k)) for k in range(3)))
+    away = dr.select(dr.dot(a - eye, dr.cross(b - a, c - a)) < 0, types.UInt32(1), types.UInt32(0))
+    dr.scatter(given["found"], away, given["lanes"], mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"])
+
+
+_TURN_AWAY = Frozen(_turn_away)
 
 
 def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -336,12 +368,9 @@ def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray,
 
 def _at_most(given: dict[str, Any]) -> None:
     """The kernel of :func:`returns_at_most`."""
-    dr, types = drjit_types()
-    Float, Array3, lane = types.Float64, types.Array3f64, given["lanes"]
-    a, b, c = (
-        Array3(*(dr.gather(Float, given["corners"], 9 * lane + 3 * corner + axis) for axis in range(3)))
-        for corner in range(3)
-    )
+    dr, _ = drjit_types()
+    lane = given["lanes"]
+    a, b, c = _corners_of(given)
     ways = [dr.norm(each) for each in (a, b, c)]
     near, far = (each(each(ways[0], ways[1]), ways[2]) for each in (dr.minimum, dr.maximum))
     turn = given["wavenumber"] * (far - near)
