@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.radar.pose import rotation_matrix
-from rfgen_sionna.records import FloatArray, IntArray, MeshSequence
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
 
+FASTEST = 0.01 * SPEED_OF_LIGHT
+"""Constant velocities, at most [m/s]: an echo comes from where a thing is, not from where it was."""
 Vector: TypeAlias = tuple[float, float, float]
 Pose: TypeAlias = "ArrayLike | tuple[ArrayLike, ArrayLike]"
 
@@ -24,8 +26,8 @@ class Actor:
     """A mesh sequence of one material, placed and moving rigidly in the world on top of its own deformation.
 
     Raises:
-        ValueError: a vector that is not three finite numbers, an empty name, or a trajectory together with a
-            position or velocity.
+        ValueError: a vector that is not three finite numbers, a velocity beyond :data:`FASTEST`, an empty name, or a
+            trajectory together with a position or velocity.
         MaterialError: unknown material.
         TypeError: `sequence` is no mesh sequence.
     """
@@ -56,6 +58,11 @@ class Actor:
             raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
         for field in ("position", "orientation", "velocity"):
             object.__setattr__(self, field, _vector(getattr(self, field), f"{self.name}: {field}"))
+        if np.linalg.norm(self.velocity) > FASTEST:
+            raise ValueError(
+                f"{self.name}: velocity {self.velocity} m/s given, at most {FASTEST:.3g} m/s is allowed, "
+                "a hundredth of the speed of light"
+            )
         if self.trajectory is not None:
             if not callable(self.trajectory):
                 raise TypeError(f"{self.name}: trajectory is not callable")

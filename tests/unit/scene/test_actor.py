@@ -59,6 +59,7 @@ def test_vertices_keep_micrometres_10_km_away():
         ({"material": None}, TypeError, "name of a material"),
         ({"position": (1, 2)}, ValueError, r"crate: position: \(1, 2\) given"),
         ({"velocity": (np.nan, 0, 0)}, ValueError, "crate: velocity"),
+        ({"velocity": (0, 4e8, 0)}, ValueError, r"crate: velocity \(0.0, 400000000.0, 0.0\) m/s given, at most 3e\+06"),
         ({"orientation": "left"}, ValueError, "crate: orientation"),
         ({"trajectory": 3}, TypeError, "not callable"),
         ({"trajectory": lambda t: (t, 0)}, ValueError, "trajectory at t = 0.0"),
