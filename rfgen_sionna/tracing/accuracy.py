@@ -9,7 +9,6 @@ import numpy as np
 
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.facet import FacetGains
 from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.fineness import beyond_rise
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
@@ -125,17 +124,14 @@ class Finer:
         returned = sums(waves * counted, finer_ones.surface, len(materials))
         return Finer(band, facets, materials, weight, pair, probes, reference, returned)
 
-    def exact(self, places: slice = slice(None)) -> FacetGains:
-        """The facets themselves, integrated at those `places` of the probes."""
-        return self.band.at_probes(
-            self.facets, self.materials, self.probes[places], self.pair, self.facets.parts, self.reference
-        )
-
-    def of_facets(self, exact: FacetGains, usual: FloatArray | None = None, places: slice = slice(None)) -> Accuracy:
-        """Of the facets themselves, by what is :meth:`exact` at those `places`: what an expansion cannot mend; `usual`
-        is that of :meth:`of_expansion`."""
+    def of_facets(self, usual: FloatArray | None = None, places: slice = slice(None)) -> tuple[Accuracy, ComplexArray]:
+        """Of the facets themselves, integrated at those `places` of the probes: what an expansion cannot mend; `usual`
+        is that of :meth:`of_expansion`. And (probe, facet) their gains there."""
         chosen = replace(self, probes=self.probes[places], returned=self.returned[places])
-        return chosen._compared(exact.a, exact.tau, usual)
+        exact = self.band.at_probes(
+            self.facets, self.materials, chosen.probes, self.pair, self.facets.parts, self.reference
+        )
+        return chosen._compared(exact.a, exact.tau, usual), exact.a
 
     def of_expansion(self, coefficients: ComplexArray, usual: FloatArray | None = None) -> Accuracy:
         """Of gains that are polynomials over the band: the error of the expansion over band and array is in it as

@@ -30,7 +30,7 @@ class Beam:
         if self._cuts is None:
             level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
             return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
-        return self._listened(direction, 1).reshape(direction.shape[:-1])
+        return self._at(direction, 1).reshape(direction.shape[:-1])
 
     def pulls(self, offset: FloatArray) -> FloatArray | None:
         """(place, 3) by how much the logarithm of the gain rises per metre [1/m], at places `offset` (place, 3) [m]
@@ -40,10 +40,10 @@ class Beam:
             slope = self._pattern.slope_db((offset / distance) @ self._rotation) @ self._rotation.T
             pull = _NEPERS * slope / distance
         else:
-            pull = self._listened(offset / distance, 3).reshape(-1, 3) / distance
+            pull = self._at(offset / distance, 3).reshape(-1, 3) / distance
         return pull if pull.any() else None
 
-    def _listened(self, direction: FloatArray, columns: int) -> FloatArray:
+    def _at(self, direction: FloatArray, columns: int) -> FloatArray:
         """(direction, columns) the gain, or three columns of how its logarithm rises per radian."""
         count = direction.size // 3
         if not count or self._cuts is None:
@@ -64,7 +64,8 @@ class Beam:
 
 
 def _listen(given: dict[str, Any], columns: int) -> None:
-    """The kernel of :meth:`Beam._listened`."""
+    """The kernel of :meth:`Beam._at`: :meth:`~rfgen_sionna.radar.ElementPattern.gain_db` or
+    :meth:`~rfgen_sionna.radar.ElementPattern.slope_db`, by the number of `columns`."""
     dr, types = drjit_types()
     Float, UInt32, lane = types.Float64, types.UInt32, given["lanes"]
     world = [dr.gather(Float, given["directions"], 3 * lane + axis) for axis in range(3)]

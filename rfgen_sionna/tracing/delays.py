@@ -50,7 +50,7 @@ _DELAYS = Frozen(_delay)
 
 
 def rates(places: FloatArray, velocities: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
-    """(tx, rx, place) [s/s] by which these change as the places move with `velocities` (place, 3) [m/s]."""
+    """(tx, rx, place) [s/s] by which :func:`delays` change as the places move with `velocities` (place, 3) [m/s]."""
     place, speed = (np.ascontiguousarray(each.T) for each in (places, velocities))
     to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (tx, rx))
     return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)

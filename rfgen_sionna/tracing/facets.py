@@ -25,6 +25,7 @@ RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
+_IF_THERE = ("curved", "pull", "aim", "grain")
 
 
 @dataclass(frozen=True)
@@ -71,35 +72,24 @@ class Facets:
 
     @staticmethod
     def taken(every: Sequence[Facets], index: NDArray[np.intp]) -> list[Facets]:
-        """:meth:`take` of the same facets at several times: what they share they share then."""
-        shared: dict[int, NDArray[Any]] = {}
+        """:meth:`take` of the same facets at several times: an array that stays the same object from one time to the
+        next does so then. How :attr:`loud` they are is left out."""
+        shared: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {}
 
-        def some(values: NDArray[Any]) -> NDArray[Any]:
-            if id(values) not in shared:
-                shared[id(values)] = np.take(values, index, axis=0)
-            return shared[id(values)]
-
-        def if_there(values: FloatArray | None) -> FloatArray | None:
-            return None if values is None else some(values)
+        def some(each: Facets, name: str) -> Any:
+            values = getattr(each, name)
+            if values is None:
+                return None
+            if name not in shared or shared[name][0] is not values:
+                shared[name] = values, np.take(values, index, axis=0)
+            return shared[name][1]
 
         taken = []
         for each in every:
-            found = Facets(
-                some(each.corners),
-                some(each.number),
-                some(each.face),
-                some(each.surface),
-                some(each.facing),
-                some(each.parts),
-                some(each.place),
-                bend=None if each.bend is None else each.bend.take(index),
-                curved=None if each.curved is None else some(each.curved),
-                pull=if_there(each.pull),
-                aim=if_there(each.aim),
-                grain=if_there(each.grain),
-            )
+            columns = {name: some(each, name) for name in ("corners", *_COLUMNS, *_IF_THERE)}
+            found = Facets(bend=None if each.bend is None else each.bend.take(index), **columns)
             if "centroids" in each.__dict__:  # they are known
-                found.__dict__["centroids"] = some(each.centroids)
+                found.__dict__["centroids"] = some(each, "centroids")
             taken.append(found)
         return taken
 

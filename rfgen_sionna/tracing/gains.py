@@ -164,8 +164,8 @@ class BandTracer:
         by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
         and some between, and then for those at the band's ends. Of very many facets the strongest tell it, by what all
         return that they are judged with. Not `coherent`, the error is relative to what the facets return without
-        interfering, where that is more. `reference` is that of :meth:`values`, and
-        `strength` (facet,) what each returns, up to a factor, if it is known.
+        interfering, where that is more. `reference` is that of :meth:`values`, and `strength`
+        (facet,) what each returns times its `weight`, up to a factor, if it is known.
         """
         if len(facets) > self.enough:
             if strength is None:

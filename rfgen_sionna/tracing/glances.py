@@ -341,11 +341,11 @@ class Glances:
             values = lit.values[0]
             by_time = [values[:, count * k : count * (k + 1)] for k in order]
             shares = looked.fraction.reshape(-1, count)[order].T
-            phasors = self._phasors(references).reshape(-1, count)[order].T
+            waves = self._phasors(references).reshape(-1, count)[order].T
             of_time = [None] * len(order) if lit.parallax[0] is None else lit.parallax[0].split(count, len(order))
             beside = [of_time[k] for k in order]
             gains = self._single(first, by_time, beside, expansion)
-            missed = missed_of(gains, phasors, shares, chosen.width, first.surface, len(chosen.level))
+            missed = missed_of(gains, waves, shares, chosen.width, first.surface, len(chosen.level))
             error = chosen.error(missed)
             if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > most_rounds(len(instants)):
                 break

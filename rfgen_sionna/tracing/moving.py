@@ -298,7 +298,7 @@ class MovingParts:
             self._facets.coarsen(positions(t))
         while True:
             held = self._held(t, positions, rays, ray_scene)
-            error = self._noted([held.of_facets(held.exact(), self._level)])
+            error = self._noted([held.of_facets(self._level)[0]])
             facets.append(self._error)
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
             last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])

@@ -32,6 +32,8 @@ _NEAREST = (8, 64)
 """Those of more that are tried, at first and where none of them is it."""
 _AT_ONCE = 1_000_000
 """Facets that rays are tried with together."""
+_FEW = 1000
+"""Rays that one thread looks up the neighbours of."""
 _TOUCHING = 1e-3
 """How far before an outline, over the way there, what it touches may be."""
 _AWAY = 4.0
@@ -141,7 +143,8 @@ class Places:
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
         few = np.flatnonzero((count > 0) & (count <= _MANY))
-        self._add(total, passing, few, self._order, first[few], count[few])
+        for some in np.split(few, np.flatnonzero(np.diff(np.cumsum(count[few]) // _AT_ONCE)) + 1):
+            self._add(total, passing, some, self._order, first[some], count[some])
         left = np.flatnonzero(count > _MANY)
         for nearest in _NEAREST:
             if not len(left):
@@ -195,7 +198,7 @@ class Places:
         """(ray, nearest) pieces of the face that each ray hits, those around where it does; -1 where it has fewer."""
         tree, members, rank = self._tree
         place = np.column_stack([unit(directions), _AWAY * rank[face]])
-        near = tree.query(place, min(nearest, len(members)), workers=-1)[1]
+        near = tree.query(place, min(nearest, len(members)), workers=-1 if len(place) > _FEW else 1)[1]
         there = members[near]
         return np.where(self._number[there] == face[:, None], there, -1)
 
@@ -211,8 +214,8 @@ class Places:
 
 
 def _fall(given: dict[str, Any]) -> None:
-    """The kernel of :meth:`Places._add`: how each ray falls on each facet that it is tried with, not at all (0), on its
-    plane before the outline (1) or where it is or behind it (2)."""
+    """The kernel of :meth:`Places._add`: how each ray falls on each facet that it is tried with, not at all (0), on it
+    where it is before the outline (1), or where it touches it or is behind it (2)."""
     dr, types = drjit_types()
     Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
     ray, start, first, count = (dr.gather(UInt32, given[name], lane) for name in ("rays", "starts", "first", "count"))
@@ -224,12 +227,14 @@ def _fall(given: dict[str, Any]) -> None:
             Array3(*(dr.gather(Float, given["corners"], 9 * facet + 3 * corner + axis) for axis in range(3)))
             for corner in range(3)
         )
-        sides = [dr.dot(ahead, dr.cross(one, other)) for one, other in ((a, b), (b, c), (c, a))]
+        # Twice that: the other way round it is the opposite to the last bit, so that a ray falls on one side of an edge
+        # that two facets share and on the other of the other.
+        sides = [dr.dot(ahead, dr.cross(one, other) - dr.cross(other, one)) for one, other in ((a, b), (b, c), (c, a))]
         low, high = (each(each(sides[0], sides[1]), sides[2]) for each in (dr.minimum, dr.maximum))
         # How far along the ray the facet's plane is, of the way to the outline, times the sum of the sides.
         side = sides[0] + sides[1] + sides[2]
-        way = dr.dot(a, dr.cross(b, c))
-        beyond = way * dr.sign(side) >= (1.0 - _TOUCHING) * abs(side)
+        way = 2.0 * dr.dot(a, dr.cross(b, c))
+        beyond = (side == 0) | (way * dr.sign(side) >= (1.0 - _TOUCHING) * abs(side))
         how = dr.select((low >= 0) | (high <= 0), dr.select(beyond, UInt32(2), UInt32(1)), UInt32(0))
         dr.scatter(given["fallen"], how, start + k, mode=dr.ReduceMode.Permute)
         return (k + 1,)

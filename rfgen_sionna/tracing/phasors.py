@@ -12,7 +12,7 @@ from rfgen_sionna.scene.transfer import upload
 
 
 def phasors(cycles: FloatArray) -> ComplexArray:
-    """exp(-2j pi c) of each of the `cycles` c, of any shape: to 1e-15 and what rounding left of whole ones."""
+    """exp(-2j pi c) of each of the `cycles` c, of any shape, to 1e-15 beyond the rounding of `cycles`."""
     if not cycles.size:
         return np.zeros(cycles.shape, np.complex128)
     dr, types = drjit_types()

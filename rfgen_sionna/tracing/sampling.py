@@ -175,8 +175,9 @@ def sampled_fraction(
         How far elements are from the viewpoint at most [m]: as far as they see past edges, what follows the lit side is
         looked for.
     nearest
-        How far what hides is from the viewpoint at least [m]: by that and `reach` the strips beside edges, which not
-        all elements see alike, may return more than a narrow facet itself, and ask for a closer look.
+        How far what hides is from the viewpoint at least [m], if that is known: by that and `reach` the strips beside
+        edges, which not all elements see alike, may return more than a narrow facet itself, and ask for a closer look.
+        Infinity: it is not, and they count for nothing.
     past
         (facet,) what of the `outline` has its shadow there: what is narrower than a lattice is looked for by that. None
         is all of it.

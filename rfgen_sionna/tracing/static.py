@@ -52,7 +52,7 @@ class Dimmed(NamedTuple):
     outline: FloatArray
     """(facet,) length of actors' outlines that fall on each [rad], as rays' points tell."""
     nearest: float
-    """How far the nearest outline of an actor is [m]."""
+    """How far the nearest outline of an actor is [m]; infinity where there is none."""
     values: ComplexArray
     """(value, cut) what the expansion starts from of each facet that is hidden in part, in their order: the sum over
     its pieces. None of them before :meth:`StaticTrace.integrated`."""
@@ -312,14 +312,13 @@ def trace_static(
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
         held = Finer.of(band, facets, materials, weight)
         # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
-        exact = held.exact(_MIDDLE)
-        found = held.of_facets(exact, places=_MIDDLE)
+        found, exact = held.of_facets(places=_MIDDLE)
         effort = float((facets.parts.astype(np.float64) ** 2).sum())
         # More of the same is no use where the error hardly falls, or where it would take too long.
         last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
         before[0] = found.total
         if last or found.total <= rtol:
-            strength = np.abs(exact.a[0]) * weight
+            strength = np.abs(exact[0]) * weight
             expansion = band.expansion_for(facets, materials, weight, coherent=False, strength=strength)
             values = band.values(facets, materials, expansion)
             one = replace(expansion, weights=expansion.weights[:, :1, :1])

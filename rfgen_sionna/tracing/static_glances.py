@@ -131,7 +131,7 @@ def follow_hidden(
         return look._replace(left=look.left[chosen])
 
     known = {t: own(each.only(mine)) for t, each in zip(instants.tolist(), told, strict=True)}
-    phasors, every = _phasors(static.paths, chosen), np.zeros(len(chosen), np.intp)
+    waves, every = _phasors(static.paths, chosen), np.zeros(len(chosen), np.intp)
     sent = 0
     while True:
         times = fine_times(instants, rounds)
@@ -144,7 +144,7 @@ def follow_hidden(
         known |= zip(fresh, static.integrated(looked), strict=True)
         looks = [known[t] for t in times.tolist()]
         shares = np.stack([each.left for each in looks], axis=1)
-        gains, over_time = _single(static, chosen, shares, looks), np.broadcast_to(phasors, shares.shape)
+        gains, over_time = _single(static, chosen, shares, looks), np.broadcast_to(waves, shares.shape)
         missed = missed_of(gains, over_time, shares, found.width, every, 1)
         if np.sqrt(missed[0]) <= BETWEEN_PER_RTOL * rtol * static.level or rounds == most:
             break

@@ -73,9 +73,13 @@ def person(quick: bool) -> dict[str, Any]:
     # such in which an arm swings before the body; the first ones of a run choose its facets. Each counts by the best of
     # a few walks, as an instant does: what else the machine does is not the tracer's.
     walk()
-    walks = [walk()[2:] for _ in range(1 if quick else PASSES)]
-    passes = np.array([[each for each, _ in frames] for frames in walks])
-    seconds, traced = passes.min(axis=0), walks[-1][-1][1]
+    passes, traced = [], None
+    for _ in range(1 if quick else PASSES):
+        frames = walk()[2:]
+        passes.append([each for each, _ in frames])
+        traced = frames[-1][1]
+    del frames
+    seconds = np.min(passes, axis=0)
 
     def samples() -> Any:
         start = traced.moving.times[0]
@@ -87,8 +91,8 @@ def person(quick: bool) -> dict[str, Any]:
     return {
         "mesh_to_samples_seconds": float(np.median(mesh_to_samples)), "rtol": tracer.rtol,
         "facets": len(simulator.actors[0].faces), "instant_seconds": instant_seconds,
-        "frame_seconds": float(seconds.min()), "frame_median_seconds_of_passes": np.median(passes, axis=1).tolist(),
-        "frame_median_seconds": float(np.median(seconds)), "frame_mean_seconds": float(np.mean(seconds)),
+        "frame_seconds": float(seconds.min()), "best_frames_median_seconds": float(np.median(seconds)),
+        "best_frames_mean_seconds": float(np.mean(seconds)), "walks_median_seconds": np.median(passes, axis=1).tolist(),
         "instants": traced.report.instants, "knots": traced.report.knots, "paths": traced.moving.num_paths,
         "synthesis_seconds": best_of(samples, repeats),
     }  # fmt: skip

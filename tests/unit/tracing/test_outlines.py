@@ -100,3 +100,37 @@ def test_no_shadow_falls_on_what_is_before_an_outline():
         every, shadowed = places.holding(passing)
         assert np.array_equal(shadowed, 0.25 * np.array(held)), far
         assert (every == 0.25).all()
+
+
+def on(corners, ray):
+    """Whether a ray falls on a facet, by the sides of its edges that it passes on."""
+    sides = [np.linalg.det(np.stack([ray, corners[k], corners[(k + 1) % 3]])) for k in range(3)]
+    return min(sides) >= 0 or max(sides) <= 0
+
+
+def test_rays_fall_on_the_facets_that_they_go_through():
+    rng = np.random.default_rng(3)
+    corners = np.array([3.0, 0, 0]) + rng.normal(size=(60, 3, 3))
+    number = np.sort(rng.integers(0, 5, 60))  # up to 32 pieces of each face are all tried
+    rays, hit = np.array([3.0, 0, 0]) + rng.normal(size=(200, 3)), rng.integers(-1, 6, 200)
+    for count in (200, 1, 0, 150):
+        held = Places(corners, number).holding(Passing(rays[:count], hit[:count], np.ones(count)))[0]
+        expected = np.zeros(60)
+        for ray, face in zip(rays[:count], hit[:count], strict=True):
+            expected += [face == own and on(facet, ray) for facet, own in zip(corners, number, strict=True)]
+        assert np.array_equal(held, expected)
+
+
+def test_a_ray_on_an_edge_that_two_facets_share_falls_on_one_of_them():
+    """On neither a shadow would be lost, on both it would count twice: whatever rounding says of the edge's middle."""
+    rng = np.random.default_rng(2)
+    square = np.array([[3, -1, -1], [3, 1, 1], [3, 1, -1], [3, -1, 1.0]])
+    corners, rays = [], []
+    for _ in range(500):
+        a, b, c, d = square + 0.3 * rng.normal(size=(4, 3))
+        corners += [[a, c, b], [b, d, a]]
+        rays.append(a + rng.choice([0.5, 0.25, rng.uniform()]) * (b - a))
+    places = Places(np.array(corners), np.repeat(np.arange(500), 2))
+    held = places.holding(Passing(np.array(rays), np.arange(500), np.ones(500)))[0].reshape(-1, 2).sum(axis=1)
+    assert (held == 1).mean() > 0.99  # on both where the ray meets the edge to the last bit
+    assert held.min() == 1

@@ -194,6 +194,20 @@ def test_where_static_things_hide_is_known_without_asking_them_again():
     assert np.array_equal(seen, ~by_ball & ~by_board)
 
 
+def test_what_facets_may_return_falls_with_how_their_corners_turn():
+    """Against the same in NumPy; of fewer facets after more, and of none."""
+    rng = np.random.default_rng(5)
+    corners = 4.0 * rng.normal(size=(3000, 1, 3)) + rng.normal(size=(3000, 3, 3)) * rng.uniform(1e-3, 1, (3000, 1, 1))
+    away = np.linalg.norm(corners, axis=2)
+    turn = WAVENUMBER * np.ptp(away, axis=1)
+    angle = np.abs(np.linalg.det(corners)) / away.min(axis=1) ** 3
+    for count in (3000, 7, 1, 0, 500):
+        most, cut, width = returns_at_most(corners[:count], WAVENUMBER)
+        assert np.allclose(most, (angle / (1 + turn**2))[:count], rtol=1e-6)
+        assert np.allclose(cut, (angle / (1 + turn))[:count], rtol=1e-6)
+        assert np.allclose(width, 2 * turn[:count])
+
+
 def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
     """Of a wall with a facet 0.2 mm wide along its rim, that a plate hides in part: next to nothing itself, it has a
     strip beside the shadow's edge that is as wide as elements are apart, unless they are where the viewpoint is."""
@@ -208,12 +222,12 @@ def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
 
     def looked_at(**more):
         found = sampled_fraction(scene, VIEW, corners, number, guided, WAVENUMBER, 0.1, **more)
-        return np.isin(narrow, found.owner).all(), found.missed[narrow].max()
+        return np.isin(narrow, found.owner), found.missed[narrow].max()
 
     looked, missed = looked_at(reach=6e-3, nearest=2.5)
-    assert looked
+    assert looked.all()
     little = [{}, {"reach": 6e-3}, {"reach": 0.0, "nearest": 2.5}, {"reach": 6e-3, "nearest": 5.1}]
     for more in little:
         looked, of_itself = looked_at(**more)
-        assert not looked
+        assert not looked.any()
         assert of_itself < missed  # of the facet alone, which is next to nothing
