@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
-from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns, image_tolerance
+from rfgen_sionna.tracing.image_returns import WAYS, Centroids, Cut, ImageReturns, image_tolerance
 from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.surfaces import Surfaces
@@ -126,7 +126,9 @@ class Ghosts:
 
     @cached_property
     def _sight(self) -> MirrorSight:
-        return MirrorSight(self.mirrors, self._surfaces, self._viewpoint, self._radar.max_range)
+        highest = self._radar.center_frequency + 0.5 * self._radar.waveform.bandwidth
+        wavenumber = 2 * np.pi * highest / SPEED_OF_LIGHT
+        return MirrorSight(self.mirrors, self._surfaces, self._viewpoint, self._radar.max_range, wavenumber, self._rtol)
 
     def trace(
         self,
@@ -157,8 +159,23 @@ class Ghosts:
                 continue
             first, last = both[:, row].astype(np.int32)
             shown = [MirroredFacets.of(each, column, first, last) for each in facets]
-            more, missed = self._returns(way, knots, instants, shown, shares[:, row, column], column, centroids, usual)
+            place = np.full(shares.shape[1:], -1, np.intp)
+            place[row, column] = np.arange(len(row))
+            cut = [self._cut(each, tx and rx, place) for each in seen]
+            own = shares[:, row, column]
+            more, missed = self._returns(way, knots, instants, shown, own, column, centroids, usual, cut)
             paths.append(more)
             error += missed
         self._returns.finish(error)
-        return paths, error
+        return paths, error + max(each.missed for each in seen)
+
+    def _cut(self, seen: MirroredView, twice: bool, place: NDArray[np.intp]) -> Cut:
+        """What is `seen` of facets of which a part is, once or `twice`; `place` (row, facet) tells which of all those
+        that are shown each is, of the mirrors in use one after the other and of the pairs of them, either first."""
+        own, across = seen.cut[1 if twice else 0], seen.cut[2]
+        parts = [(own.row, own.column, own.pieces)]
+        if twice and len(self._pairs):
+            first = len(self._kept)
+            parts += [(row + across.row, across.column, across.pieces) for row in (first, first + len(self._pairs))]
+        rows, columns, pieces = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return place[rows, columns], pieces

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,25 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.ghost_levels import ON_MIRROR
 from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.rims import Rims, cut_by_rims
+from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.surfaces import Surfaces
-from rfgen_sionna.tracing.visibility import MirrorView, mirrored_fraction, seen_by_both
+from rfgen_sionna.tracing.visibility import MirrorView, Shown, mirrored_fraction, seen_by_both
+
+
+class Parts(NamedTuple):
+    """What is seen of facets that are shown in part."""
+
+    row: NDArray[np.intp]
+    """(piece,) the mirror or pair of mirrors that shows it, and the facet (piece,) that it is of."""
+    column: NDArray[np.intp]
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of its corners."""
+
+    @staticmethod
+    def none() -> Parts:
+        """Where nothing is cut."""
+        return Parts(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros((0, 3, 3)))
 
 
 @dataclass(frozen=True)
@@ -27,6 +45,10 @@ class MirroredView:
     """(mirror, facet) share seen by the mirror."""
     across: FloatArray
     """(pair, facet) share seen by each of two mirrors."""
+    cut: tuple[Parts, Parts, Parts]
+    """What is seen of those that matter of which a part is, once, twice and across."""
+    missed: float
+    """Estimated error for what is not known of the rims of such parts, relative to what is seen directly."""
     looked_at: int
     rays: int
 
@@ -34,7 +56,16 @@ class MirroredView:
 class MirrorSight:
     """Finds out how much of moving surfaces the radar sees by way of mirrors, as far as its range window."""
 
-    def __init__(self, mirrors: Sequence[Mirror], surfaces: Surfaces, viewpoint: FloatArray, max_range: float) -> None:
+    def __init__(
+        self,
+        mirrors: Sequence[Mirror],
+        surfaces: Surfaces,
+        viewpoint: FloatArray,
+        max_range: float,
+        wavenumber: float,
+        rtol: float,
+    ) -> None:
+        self._wavenumber, self._rtol = wavenumber, rtol
         self._mirrors, self._viewpoint, self._max_range = tuple(mirrors), viewpoint, max_range
         self._closed = np.array([surface.closed for surface in surfaces.moving], dtype=np.bool_)
         self._images = np.array([mirror.image(viewpoint) for mirror in mirrors]).reshape(-1, 3)
@@ -84,20 +115,82 @@ class MirrorSight:
             columns.append(index)
         place, column = np.concatenate(rows), np.concatenate(columns)
         if len(column) == 0:
-            return MirroredView(once, twice, np.zeros((len(pairs), len(facets))), 0, 0)
+            return MirroredView(once, twice, np.zeros((len(pairs), len(facets))), (Parts.none(),) * 3, 0.0, 0, 0)
         number = kept[place]
-        shown = MirrorView(
+        shown = self._view(number)
+        found = mirrored_fraction(rays, view, facets.corners[column], facets.number[column], fraction[column], shown)
+        length = np.linalg.norm(facets.centroids[column] - self._images[number], axis=1)
+        near = length + distance[column] < 2 * reach
+        asked = np.zeros((2, *shape), np.bool_)
+        asked[:, place, column] = used[number, 0] & near & (fraction[column] > 0), used[number, 1] & (length < reach)
+        once[place, column], twice[place, column], points[place, column] = found.once, found.twice, found.points
+        once *= asked[0]
+        twice *= asked[1]
+        rim = np.zeros(shape, np.bool_)
+        rim[place, column] = found.mixed
+        one, other = np.searchsorted(kept, pairs).T
+        both_near = lengths[one] + lengths[other] < 2 * reach
+        across = seen_by_both(points[one], points[other]) * both_near
+        some = rim | (points > 0)
+        rims_across = (rim[one] | rim[other]) & some[one] & some[other] & both_near
+        parts, missed, sent = [], 0.0, found.rays
+        # What all of it may return, directly and by way of mirrors.
+        most, *shown_most = (
+            returns_at_most(facets.corners - end, self._wavenumber)[0] for end in (view, *self._images[kept])
+        )
+        by_way = [np.sqrt(own * most) * part for own, part in zip(shown_most, once, strict=True)]
+        by_way += [own * part for own, part in zip(shown_most, twice, strict=True)]
+        level = float(np.linalg.norm([most * fraction, *by_way]))
+        by_one, by_pair = kept[:, None], kept[np.stack([one, other], axis=1)] if len(pairs) else pairs
+        for share, rimmed, mirrors, straight in (
+            (once, (rim | ((once > 0) & (once < 1))) & asked[0], by_one, True),
+            (twice, rim & asked[1], by_one, False),
+            (across, rims_across, by_pair, False),
+        ):
+            by, of = np.nonzero(rimmed)
+            rims, rays_there = self._cut(rays, facets, of, mirrors[by], straight, share[by, of], level)
+            share[by, of] = rims.share
+            parts.append(Parts(by[rims.owner], of[rims.owner], rims.pieces))
+            missed, sent = float(np.hypot(missed, rims.missed)), sent + rays_there
+        # Of some both are known closer than what they have in common.
+        at_most = np.where(asked[1], twice, 1.0)
+        across = np.minimum(across, np.minimum(at_most[one], at_most[other]))
+        once_cut, twice_cut, across_cut = parts
+        return MirroredView(once, twice, across, (once_cut, twice_cut, across_cut), missed, len(column), sent)
+
+    def _view(self, number: NDArray[np.intp]) -> MirrorView:
+        """Of facets that are shown by the mirrors of that `number` (facet,)."""
+        return MirrorView(
             np.stack([mirror.normal for mirror in self._mirrors])[number],
             np.array([mirror.offset for mirror in self._mirrors])[number],
             number.astype(np.int32),
             self._owner,
         )
-        found = mirrored_fraction(rays, view, facets.corners[column], facets.number[column], fraction[column], shown)
-        length = np.linalg.norm(facets.centroids[column] - self._images[number], axis=1)
-        near = length + distance[column] < 2 * reach
-        once[place, column] = np.where(used[number, 0] & near, found.once, 0.0)
-        twice[place, column] = np.where(used[number, 1] & (length < reach), found.twice, 0.0)
-        points[place, column] = found.points
-        one, other = np.searchsorted(kept, pairs).T
-        across = seen_by_both(points[one], points[other]) * (lengths[one] + lengths[other] < 2 * reach)
-        return MirroredView(once, twice, across, len(column), found.rays)
+
+    def _cut(
+        self,
+        rays: RayScene,
+        facets: Facets,
+        index: NDArray[np.intp],
+        mirrors: NDArray[np.intp],
+        straight: bool,
+        share: FloatArray,
+        level: float,
+    ) -> tuple[Rims, int]:
+        """What rims and shadows leave of the facets that `index` counts out, of which the `mirrors` (facet, way) show
+        about a `share` (facet,), and of which it is to be seen directly as well if one way is `straight`; and the rays
+        sent."""
+        corners, number = np.take(facets.corners, index, axis=0), facets.number[index]
+        ways = [corners - self._images[own][:, None] for own in mirrors.T]
+        if straight or len(ways) == 1:
+            ways.append(corners - self._viewpoint if straight else ways[0])
+        (_, one, there), (_, other, back) = (returns_at_most(each, self._wavenumber) for each in ways)
+        looks: list[Shown] = []
+
+        def look(some: NDArray[np.intp]) -> Shown:
+            views = [self._view(own) for own in mirrors[some].T]
+            looks.append(Shown(rays, self._viewpoint, corners[some], number[some], views, straight))
+            return looks[-1]
+
+        found = cut_by_rims(look, np.sqrt(one * other), 0.5 * (there + back), share, level, self._rtol)
+        return found, sum(each.sent for each in looks)

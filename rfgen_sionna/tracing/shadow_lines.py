@@ -10,7 +10,7 @@ is a triangle or two instead of dozens, which all that follows is spared.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import NamedTuple, Protocol
 
@@ -183,6 +183,23 @@ def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
     (a, b), (c, d) = (piece[:, k, :2].T - piece[:, 0, :2].T for k in (1, 2))
     fraction += np.bincount(owner, np.abs(a * d - b * c), len(level))
     return Lit(np.minimum(fraction, 1.0), owner, piece, np.concatenate(hiders), sent + halved)
+
+
+def halved(
+    seen: Callable[[NDArray[np.intp], FloatArray], NDArray[np.bool_]],
+    of: NDArray[np.intp],
+    lit: FloatArray,
+    dark: FloatArray,
+    halvings: NDArray[np.intp],
+) -> tuple[FloatArray, FloatArray]:
+    """:meth:`Look.edges` by whether points are :meth:`Look.seen`, where nobody knows what casts a shadow."""
+    lit, dark = lit.copy(), dark.copy()
+    for step in range(int(halvings.max(initial=0))):
+        some = np.flatnonzero(halvings > step)
+        middle = 0.5 * (lit[some] + dark[some])
+        light = seen(of[some], middle)
+        lit[some[light]], dark[some[~light]] = middle[light], middle[~light]
+    return 0.5 * (lit + dark), np.full(len(of), np.nan)
 
 
 def crossed(look: Look, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> NDArray[np.bool_]:

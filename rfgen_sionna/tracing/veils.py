@@ -24,9 +24,10 @@ from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, Cut, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.outlines import unit
+from rfgen_sionna.tracing.rims import cut_by_rims
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.shadow_lines import RIM, inset
-from rfgen_sionna.tracing.slab_rims import cut_by_rims
+from rfgen_sionna.tracing.slab_rims import Through
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
 from rfgen_sionna.tracing.smooth import QUARTERS, divided
 from rfgen_sionna.tracing.surfaces import Surface
@@ -238,10 +239,13 @@ class Veils:
         most, _, _ = returns_at_most(facets.corners - self._viewpoint, self._wavenumber)
         level = float(np.hypot(np.linalg.norm(most * fraction), np.linalg.norm(most[own] * share * through_all)))
         part = np.flatnonzero(np.isin(own, index[~alike]))
-        rims = cut_by_rims(
-            walk, self._viewpoint, np.take(facets.corners, own[part], axis=0), facets.number[own[part]],
-            found[part, 1:], share[part], through_all[part], level, self._wavenumber, self._rtol,
-        )  # fmt: skip
+        pieces, number, chain = np.take(facets.corners, own[part], axis=0), facets.number[own[part]], found[part, 1:]
+        _, cut, width = returns_at_most(pieces - self._viewpoint, self._wavenumber)
+
+        def look(some: NDArray[np.intp]) -> Through:
+            return Through(walk, self._viewpoint, pieces[some], number[some], chain[some])
+
+        rims = cut_by_rims(look, through_all[part] * cut, width, share[part], level, self._rtol)
         share[part] = rims.share
         kept = np.flatnonzero(share)
         owner = np.searchsorted(kept, part[rims.owner])

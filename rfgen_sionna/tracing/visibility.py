@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.shadow_lines import RIM, halved, inset
 
 
 def lattice(n: int) -> FloatArray:
@@ -21,6 +23,7 @@ def lattice(n: int) -> FloatArray:
 
 GUIDE = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
 FINE = lattice(4)
+_TIPS = inset(np.eye(3), RIM)
 _LEAST_HEIGHT = 1e-4
 """What lies nearer to a mirror than this [m] is on it."""
 
@@ -38,6 +41,29 @@ class MirrorView:
     owner: IntArray
     """(face,) number of the mirror that each face of the ray scene belongs to, -1 for none."""
 
+    def take(self, index: NDArray[np.intp]) -> MirrorView:
+        """That of the facets that `index` counts out."""
+        return MirrorView(self.normal[index], self.offset[index], self.mirror[index], self.owner)
+
+    def shows(
+        self, rays: RayScene, viewpoint: FloatArray, targets: FloatArray, facet: IntArray
+    ) -> tuple[NDArray[np.bool_], int]:
+        """(facet,) whether the viewpoint sees by each one's mirror a point on it, `targets` (facet, 3) [m], of which
+        `facet` (facet,) is the ray scene's face; and the rays sent."""
+        here = self.normal @ viewpoint - self.offset
+        there = np.einsum("ri,ri->r", targets, self.normal) - self.offset
+        found = there > _LEAST_HEIGHT
+        tried = np.flatnonzero(found)
+        normal, here, there = self.normal[tried], here[tried, None], there[tried, None]
+        foot, other = viewpoint - here * normal, targets[tried] - there * normal
+        place = (there * foot + here * other) / (here + there)
+        hit = rays.first_facet(viewpoint, place - viewpoint)
+        on = (hit >= 0) & (self.owner[hit] == self.mirror[tried])
+        found[tried[~on]] = False
+        met = tried[on]
+        found[met] = ~rays.occluded(place[on], targets[met], facet[met], hit[on])
+        return found, len(tried) + len(met)
+
 
 @dataclass(frozen=True)
 class MirroredVisibility:
@@ -49,6 +75,8 @@ class MirroredVisibility:
     """(facet,) share that is seen by the mirror."""
     points: NDArray[np.uint16]
     """(facet,) which of the points `FINE` that is, a bit for each: all or none where guiding rays agree."""
+    mixed: NDArray[np.bool_]
+    """(facet,) whether those do not, or not with their neighbours': a rim may be on it."""
     rays: int
 
 
@@ -59,8 +87,8 @@ def mirrored_fraction(
 
     A point counts where the way from the viewpoint first meets the mirror in the place that the law of reflection asks
     for, and nothing is between that place and the point. `direct` (facet,) is the share that is seen directly. Three
-    guiding rays go to every facet; where they disagree, or where the neighbour in the list (most often one in the mesh
-    too) is shown differently, 16 on a lattice decide.
+    guiding rays go to every facet, next to its corners; where they disagree, or where the neighbour in the list (most
+    often one in the mesh too) is shown differently, 16 on a lattice decide.
     """
     count = 0
 
@@ -69,20 +97,8 @@ def mirrored_fraction(
         nonlocal count
         targets = np.tensordot(weights, corners[index], axes=(1, 1)).reshape(-1, 3)  # sample by sample
         lane = np.tile(index, len(weights))
-        normal, offset = view.normal[lane], view.offset[lane]
-        here, there = normal @ viewpoint - offset, np.einsum("ri,ri->r", targets, normal) - offset
-        twice = there > _LEAST_HEIGHT
-        sent = np.flatnonzero(twice)
-        normal, here, there, lane = normal[sent], here[sent, None], there[sent, None], lane[sent]
-        foot, other = viewpoint - here * normal, targets[sent] - there * normal
-        place = (there * foot + here * other) / (here + there)
-        hit = rays.first_facet(viewpoint, place - viewpoint)
-        on = (hit >= 0) & (view.owner[hit] == view.mirror[lane])
-        twice[sent[~on]] = False
-        count += len(sent)
-        sent, place, hit, lane = sent[on], place[on], hit[on], lane[on]
-        twice[sent] = ~rays.occluded(place, targets[sent], facet[lane], hit)
-        count += len(sent)
+        twice, sent_there = view.take(lane).shows(rays, viewpoint, targets, facet[lane])
+        count += sent_there
         once = twice.copy()
         sent = np.flatnonzero(twice)
         lane = np.tile(index, len(weights))[sent]
@@ -94,7 +110,7 @@ def mirrored_fraction(
         shape = len(weights), len(index)
         return once.reshape(shape).mean(axis=0), twice.reshape(shape)
 
-    once, by_points = shares(np.arange(len(corners)), GUIDE)
+    once, by_points = shares(np.arange(len(corners)), _TIPS)
     twice = by_points.mean(axis=0)
     mixed = (twice > 0) & (twice < 1) | (once != twice) & (once > 0)
     step = (twice[1:] != twice[:-1]) & (view.mirror[1:] == view.mirror[:-1])
@@ -105,9 +121,62 @@ def mirrored_fraction(
     once[index], by_points = shares(index, FINE)
     twice[index] = by_points.mean(axis=0)
     points[index] = (by_points << np.arange(len(FINE), dtype=np.uint16)[:, None]).sum(axis=0, dtype=np.uint16)
-    return MirroredVisibility(once, twice, points, count)
+    return MirroredVisibility(once, twice, points, mixed, count)
 
 
 def seen_by_both(one: NDArray[np.uint16], other: NDArray[np.uint16]) -> FloatArray:
     """Share of the points `FINE` that are among both of two choices of :attr:`MirroredVisibility.points`."""
     return np.asarray(np.bitwise_count(one & other) / len(FINE))
+
+
+class Shown:
+    """Tells which points of facets mirrors show, as :class:`rfgen_sionna.tracing.shadow_lines.Look` has it.
+
+    Parameters
+    ----------
+    rays
+        The geometry.
+    viewpoint
+        (3,) [m].
+    corners, facet
+        (facet, 3, 3) [m] and (facet,) the ray scene's face that each is a piece of.
+    views
+        The mirrors that are to show a point, all of them.
+    straight
+        Whether it is to be seen directly as well.
+    """
+
+    def __init__(
+        self,
+        rays: RayScene,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facet: IntArray,
+        views: Sequence[MirrorView],
+        straight: bool,
+    ) -> None:
+        self._rays, self._viewpoint, self._corners, self._facet = rays, viewpoint, corners, facet
+        self._views, self._straight = views, straight
+        self.sent = 0
+        """Rays sent."""
+
+    def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
+        """As there."""
+        targets = np.einsum("rc,rci->ri", places, np.take(self._corners, of, axis=0))
+        found = np.ones(len(of), np.bool_)
+        for view in self._views:
+            some = np.flatnonzero(found)
+            there = of[some]
+            found[some], sent = view.take(there).shows(self._rays, self._viewpoint, targets[some], self._facet[there])
+            self.sent += sent
+        if self._straight:
+            some = np.flatnonzero(found)
+            found[some] = ~self._rays.occluded(self._viewpoint, targets[some], self._facet[of[some]])
+            self.sent += len(some)
+        return found
+
+    def edges(
+        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray]:
+        """As there; how far off what casts a shadow is nobody asks for."""
+        return halved(self.seen, of, lit, dark, halvings)
