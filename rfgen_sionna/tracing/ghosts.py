@@ -178,4 +178,6 @@ class Ghosts:
             first = len(self._kept)
             parts += [(row + across.row, across.column, across.pieces) for row in (first, first + len(self._pairs))]
         rows, columns, pieces = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return place[rows, columns], pieces
+        owner = place[rows, columns]
+        shown = owner >= 0  # of some next to nothing is
+        return owner[shown], pieces[shown]

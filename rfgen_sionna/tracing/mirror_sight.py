@@ -24,8 +24,9 @@ class Parts(NamedTuple):
     """What is seen of facets that are shown in part."""
 
     row: NDArray[np.intp]
-    """(piece,) the mirror or pair of mirrors that shows it, and the facet (piece,) that it is of."""
+    """(piece,) the mirror or pair of mirrors that shows it."""
     column: NDArray[np.intp]
+    """(piece,) the facet that it is of."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
 
@@ -46,9 +47,10 @@ class MirroredView:
     across: FloatArray
     """(pair, facet) share seen by each of two mirrors."""
     cut: tuple[Parts, Parts, Parts]
-    """What is seen of those that matter of which a part is, once, twice and across."""
+    """What is seen of those that matter of which a part is, once, twice and across: as much as their share."""
     missed: float
-    """Estimated error for what is not known of the rims of such parts, relative to what is seen directly."""
+    """Estimated error for what is not known of the rims of such parts, relative to what a surface returns directly and
+    by way of mirrors without interfering, of the worst surface."""
     looked_at: int
     rays: int
 
@@ -133,30 +135,48 @@ class MirrorSight:
         across = seen_by_both(points[one], points[other]) * both_near
         some = rim | (points > 0)
         rims_across = (rim[one] | rim[other]) & some[one] & some[other] & both_near
-        parts, missed, sent = [], 0.0, found.rays
-        # What all of it may return, directly and by way of mirrors.
-        most, *shown_most = (
-            returns_at_most(facets.corners - end, self._wavenumber)[0] for end in (view, *self._images[kept])
-        )
-        by_way = [np.sqrt(own * most) * part for own, part in zip(shown_most, once, strict=True)]
-        by_way += [own * part for own, part in zip(shown_most, twice, strict=True)]
-        level = float(np.linalg.norm([most * fraction, *by_way]))
+        parts, sent, surfaces = [], found.rays, len(self._closed)
+        missed, level = np.zeros(surfaces), np.zeros(surfaces)
         by_one, by_pair = kept[:, None], kept[np.stack([one, other], axis=1)] if len(pairs) else pairs
-        for share, rimmed, mirrors, straight in (
-            (once, (rim | ((once > 0) & (once < 1))) & asked[0], by_one, True),
-            (twice, rim & asked[1], by_one, False),
-            (across, rims_across, by_pair, False),
+        masks = (rim | ((once > 0) & (once < 1))) & asked[0], rim & asked[1], rims_across
+        if any(mask.any() for mask in masks):
+            level = self._level(facets, fraction, kept, once, twice)
+        # By the first mirror there and back the straight way, or the other way round; of two mirrors either first.
+        for share, mask, mirrors, straight, ways in (
+            (once, masks[0], by_one, True, 2.0),
+            (twice, masks[1], by_one, False, 1.0),
+            (across, masks[2], by_pair, False, 2.0),
         ):
-            by, of = np.nonzero(rimmed)
-            rims, rays_there = self._cut(rays, facets, of, mirrors[by], straight, share[by, of], level)
-            share[by, of] = rims.share
-            parts.append(Parts(by[rims.owner], of[rims.owner], rims.pieces))
-            missed, sent = float(np.hypot(missed, rims.missed)), sent + rays_there
-        # Of some both are known closer than what they have in common.
+            found_parts = [Parts.none()]
+            for surface in np.unique(facets.surface[mask.any(axis=0)]):
+                by, of = np.nonzero(mask & (facets.surface == surface))
+                given = share[by, of], float(level[surface])
+                rims, rays_there = self._cut(rays, facets, of, mirrors[by], straight, *given)
+                share[by, of] = rims.share
+                found_parts.append(Parts(by[rims.owner], of[rims.owner], rims.pieces))
+                missed[surface] += (ways * rims.missed) ** 2
+                sent += rays_there
+            parts.append(Parts(*(np.concatenate(each) for each in zip(*found_parts, strict=True))))
+        # Of some that are not cut both are known closer than what they have in common.
         at_most = np.where(asked[1], twice, 1.0)
-        across = np.minimum(across, np.minimum(at_most[one], at_most[other]))
+        whole = np.ones(across.shape, np.bool_)
+        whole[parts[2].row, parts[2].column] = False
+        across = np.where(whole, np.minimum(across, np.minimum(at_most[one], at_most[other])), across)
         once_cut, twice_cut, across_cut = parts
-        return MirroredView(once, twice, across, (once_cut, twice_cut, across_cut), missed, len(column), sent)
+        cut, error = (once_cut, twice_cut, across_cut), float(np.sqrt(missed.max(initial=0.0)))
+        return MirroredView(once, twice, across, cut, error, len(column), sent)
+
+    def _level(
+        self, facets: Facets, fraction: FloatArray, kept: NDArray[np.intp], once: FloatArray, twice: FloatArray
+    ) -> FloatArray:
+        """(surface,) what may return of each, directly and by way of the mirrors `kept`, without interfering."""
+        direct = facets.corners - self._viewpoint
+        energy = (returns_at_most(direct, self._wavenumber)[0] * fraction) ** 2
+        for which, by_one, by_two in zip(kept, once, twice, strict=True):
+            shown = facets.corners - self._images[which]
+            energy += 2.0 * (returns_at_most(shown, self._wavenumber, direct)[0] * by_one) ** 2
+            energy += (returns_at_most(shown, self._wavenumber)[0] * by_two) ** 2
+        return np.sqrt(np.bincount(facets.surface, energy, len(self._closed)))
 
     def _view(self, number: NDArray[np.intp]) -> MirrorView:
         """Of facets that are shown by the mirrors of that `number` (facet,)."""
@@ -181,10 +201,10 @@ class MirrorSight:
         about a `share` (facet,), and of which it is to be seen directly as well if one way is `straight`; and the rays
         sent."""
         corners, number = np.take(facets.corners, index, axis=0), facets.number[index]
-        ways = [corners - self._images[own][:, None] for own in mirrors.T]
-        if straight or len(ways) == 1:
-            ways.append(corners - self._viewpoint if straight else ways[0])
-        (_, one, there), (_, other, back) = (returns_at_most(each, self._wavenumber) for each in ways)
+        ends = [corners - self._images[own][:, None] for own in mirrors.T]
+        if straight:
+            ends.append(corners - self._viewpoint)
+        _, cut, width = returns_at_most(ends[0], self._wavenumber, ends[1] if len(ends) > 1 else None)
         looks: list[Shown] = []
 
         def look(some: NDArray[np.intp]) -> Shown:
@@ -192,5 +212,5 @@ class MirrorSight:
             looks.append(Shown(rays, self._viewpoint, corners[some], number[some], views, straight))
             return looks[-1]
 
-        found = cut_by_rims(look, np.sqrt(one * other), 0.5 * (there + back), share, level, self._rtol)
+        found = cut_by_rims(look, cut, width, share, level, self._rtol)
         return found, sum(each.sent for each in looks)

@@ -58,13 +58,14 @@ def cut_by_rims(
     wanted = np.sqrt(bent / allowed(bent, MISSED_PER_RTOL * rtol * level))
     cells = np.searchsorted(SPACINGS[:-1], wanted)
     looked = wanted > np.sqrt(BENT / CORNERS)
-    missed = np.where(looked, bent / np.array(SPACINGS)[cells] ** 2, CORNERS * cut)
+    missed = np.where(looked, bent / np.array(SPACINGS)[cells] ** 2, CORNERS * cut * ((share > 0) & (share < 1)))
     some = np.flatnonzero(looked)
     owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
     batch = np.cumsum(points_of(cells[some])) // _BATCH
     for own in np.split(some, np.flatnonzero(np.diff(batch)) + 1):
         lit = lit_parts(look(own), cells[own], width[own])
         share[own] = lit.fraction
+        missed[np.setdiff1d(own, own[lit.owner])] = 0.0  # no rim is on it
         order = np.argsort(lit.owner, kind="stable")
         owners.append(own[lit.owner[order]])
         pieces.append(lit.pieces[order])

@@ -321,13 +321,11 @@ def _turned_away(corners: FloatArray, viewpoint: FloatArray) -> IntArray:
     return np.asarray(found.numpy()).view(np.int32)
 
 
-def _corners_of(given: dict[str, Any]) -> list[Any]:
-    """Those of the facets of a kernel's lanes."""
+def _corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
+    """Those of the facets of a kernel's lanes, by their `name`."""
     dr, types = drjit_types()
     return [
-        types.Array3f64(
-            *(dr.gather(types.Float64, given["corners"], 9 * given["lanes"] + 3 * corner + k) for k in range(3))
-        )
+        types.Array3f64(*(dr.gather(types.Float64, given[name], 9 * given["lanes"] + 3 * corner + k) for k in range(3)))
         for corner in range(3)
     ]
 
@@ -345,11 +343,14 @@ def _turn_away(given: dict[str, Any]) -> None:
 _TURN_AWAY = Frozen(_turn_away)
 
 
-def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def returns_at_most(
+    corners: FloatArray, wavenumber: float, other: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
     angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
     phase. An integral over a whole facet falls with the square of that, one over a straight edge with
-    itself. And the phase between their ends, there and back [rad]."""
+    itself. And the phase between their ends, there and back [rad]. `other` (facet, 3, 3) are corners from where the way
+    back goes, if that is another place."""
     count = len(corners)
     if not count:
         nothing = np.zeros(0)
@@ -362,6 +363,8 @@ def returns_at_most(corners: FloatArray, wavenumber: float) -> tuple[FloatArray,
         "wavenumber": dr.opaque(types.Float64, wavenumber),
         "found": found,
     }
+    if other is not None:
+        given["other"] = upload(types.Float64, other)
     _AT_MOST(given)
     most, cut, width = (each.numpy() for each in found)
     return most, cut, width
@@ -371,12 +374,16 @@ def _at_most(given: dict[str, Any]) -> None:
     """The kernel of :func:`returns_at_most`."""
     dr, _ = drjit_types()
     lane = given["lanes"]
-    a, b, c = _corners_of(given)
-    ways = [dr.norm(each) for each in (a, b, c)]
-    near, far = (each(each(ways[0], ways[1]), ways[2]) for each in (dr.minimum, dr.maximum))
-    turn = given["wavenumber"] * (far - near)
-    safe = dr.maximum(near, 1e-9)
-    angle = abs(dr.dot(a, dr.cross(b - a, c - a))) / (safe * safe * safe)  # twice the solid angle, nearly
+    angles, ways = [], []
+    for name in ("corners", "other") if "other" in given else ("corners",):
+        a, b, c = _corners_of(given, name)
+        ways.append([dr.norm(each) for each in (a, b, c)])
+        near = dr.maximum(dr.minimum(dr.minimum(ways[-1][0], ways[-1][1]), ways[-1][2]), 1e-9)
+        angles.append(abs(dr.dot(a, dr.cross(b - a, c - a))) / (near * near * near))  # twice the solid angle, nearly
+    total = [0.5 * (there + back) for there, back in zip(ways[0], ways[-1], strict=True)]
+    low, high = (each(each(total[0], total[1]), total[2]) for each in (dr.minimum, dr.maximum))
+    turn = given["wavenumber"] * (high - low)
+    angle = angles[0] if len(angles) == 1 else dr.sqrt(angles[0] * angles[1])
     for values, where in zip(
         (angle / (1.0 + turn * turn), angle / (1.0 + turn), 2.0 * turn), given["found"], strict=True
     ):

@@ -87,8 +87,8 @@ def mirrored_fraction(
 
     A point counts where the way from the viewpoint first meets the mirror in the place that the law of reflection asks
     for, and nothing is between that place and the point. `direct` (facet,) is the share that is seen directly. Three
-    guiding rays go to every facet, next to its corners; where they disagree, or where the neighbour in the list (most
-    often one in the mesh too) is shown differently, 16 on a lattice decide.
+    guiding rays go to every facet, next to its corners; where they disagree, where the neighbour in the list (most
+    often one in the mesh too) is shown differently, or where a part is seen directly, 16 on a lattice decide.
     """
     count = 0
 
@@ -116,6 +116,7 @@ def mirrored_fraction(
     step = (twice[1:] != twice[:-1]) & (view.mirror[1:] == view.mirror[:-1])
     mixed[1:] |= step
     mixed[:-1] |= step
+    mixed |= (direct > 0) & (direct < 1) & (twice > 0)
     points = np.where(twice > 0, ~np.uint16(0), np.uint16(0))
     index = np.flatnonzero(mixed)
     once[index], by_points = shares(index, FINE)

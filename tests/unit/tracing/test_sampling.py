@@ -206,6 +206,13 @@ def test_what_facets_may_return_falls_with_how_their_corners_turn():
         assert np.allclose(most, (angle / (1 + turn**2))[:count], rtol=1e-6)
         assert np.allclose(cut, (angle / (1 + turn))[:count], rtol=1e-6)
         assert np.allclose(width, 2 * turn[:count])
+    # By another way back the phase is that of both together: on the bisector of both ends it does not turn.
+    other = corners * [1.0, -1.0, 1.0] + [0.0, 2.0, 0.0]
+    ways = 0.5 * (away + np.linalg.norm(other, axis=2))
+    apart = np.abs(np.linalg.det(other)) / np.linalg.norm(other, axis=2).min(axis=1) ** 3
+    most, _, width = returns_at_most(corners, WAVENUMBER, other)
+    assert np.allclose(width, 2 * WAVENUMBER * np.ptp(ways, axis=1), rtol=1e-6)
+    assert np.allclose(most, np.sqrt(angle * apart) / (1 + (0.5 * width) ** 2), rtol=1e-6)
 
 
 def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
