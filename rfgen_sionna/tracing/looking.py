@@ -21,8 +21,8 @@ _HIDDEN = 4e-3
 """Of facets that no edge is known to pass, the energy of what their returns miss for those that pass all the same, over
 that of what they may return when cut: in a furnished room, of small ones."""
 _SEARCHED = 2
-"""Level of the lattices on which such edges are looked for: three times as many points find edges on one in a thousand
-more facets of a furnished room, and change what it returns by 0.02 % at most."""
+"""Level of the lattices on which such edges are looked for: three times as many find edges on one facet in a thousand
+of a furnished room, and leave it as far off as these do, to 0.02 % of what it returns."""
 _BESIDE, _BAND_HALVINGS, _ITSELF = 1e-3, 8, 0.98
 """Where it is surely lit beside an edge, over how far elements tell; how often what is between there and the dark is
 halved for the other edge; and the share of the way there from which what hides is the surface itself."""

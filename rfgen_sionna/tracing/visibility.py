@@ -76,7 +76,7 @@ class MirroredVisibility:
     points: NDArray[np.uint16]
     """(facet,) which of the points `FINE` that is, a bit for each: all or none where guiding rays agree."""
     mixed: NDArray[np.bool_]
-    """(facet,) whether those do not, or not with their neighbours': a rim may be on it."""
+    """(facet,) whether those do not, or not with their neighbours', or a part is seen directly: a rim may be on it."""
     rays: int
 
 

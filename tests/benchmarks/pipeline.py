@@ -28,7 +28,7 @@ RTOL = 1e-2
 LONG = 150.0
 """Frames of the living room end after so many seconds; their mean tells the rest."""
 PASSES = 4
-"""Walks, of which the quickest frame at each time counts."""
+"""Walks that are timed."""
 FIRST = """
 import time
 begin = time.perf_counter()
@@ -70,8 +70,8 @@ def person(quick: bool) -> dict[str, Any]:
         return [timed(lambda t=t: tracer.trace(t, t + length, run)) for t in starts.tolist()]
 
     # Warm: each kind of frame has its kernels, which the first walk reads from the disk or compiles. Quiet frames, and
-    # such in which an arm swings before the body; the first ones of a run choose its facets. Each counts by the best of
-    # a few walks, as an instant does: what else the machine does is not the tracer's.
+    # such in which an arm swings before the body; the first ones of a run choose its facets. Of several walks the
+    # median of each is told, and what the quickest frame at each time takes: the machine does other things as well.
     walk()
     passes, traced = [], None
     for _ in range(1 if quick else PASSES):
