@@ -29,8 +29,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import RATE_STEP
 from rfgen_sionna.tracing.glint_doubts import doubts
-from rfgen_sionna.tracing.glint_pieces import Pieces
-from rfgen_sionna.tracing.glint_search import Search, Things
+from rfgen_sionna.tracing.glint_search import Search
 from rfgen_sionna.tracing.glints import Glints, matched
 from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.surfaces import Surface, Surfaces
@@ -45,8 +44,6 @@ SKIPPED = 0.5
 """Share of the tolerance that the returns of one surface may make up together to be left out."""
 APART = 1 / 16
 """By how many wavelengths the ways of two glints may differ half way between their instants to be one glint's."""
-NEARER = 0.5
-"""Pieces are made anew for what moves once that has come so much nearer."""
 NEAR = 0.05
 """How far apart their places may be then [m]."""
 
@@ -73,13 +70,6 @@ class _Tracks:
     """... and the last one."""
     entry: NDArray[np.intp]
     """(track, instant) its number among the glints of each instant, -1 beyond."""
-
-
-def _bent(skin: Skin) -> FloatArray:
-    """(face,) about how much each face's normal turns per length [1/m]."""
-    ends, normals = skin.corners[:, [1, 2, 0]] - skin.corners, skin.normals[:, [1, 2, 0]] - skin.normals
-    size = np.sqrt((ends**2).sum(axis=2))
-    return np.asarray((np.sqrt((normals**2).sum(axis=2)) / np.maximum(size, 1e-9)).max(axis=1))
 
 
 def _hat(instants: FloatArray, k: int, t: float) -> float:
@@ -122,31 +112,21 @@ class RoundBounces:
         # (face,) one of these has to be among both; seen from a radar that moves all are.
         self._tells = (np.arange(len(self._whose)) < self._static_faces) == still
         self._skins: list[Skin] = []
-        self._pieces: Pieces | None = None
-        self._near = np.inf
-        self._bent = np.zeros(0)
 
     def see(self, rays: RayScene, vertices: Sequence[FloatArray], seen: IntArray) -> RoundSeen:
         """What is there when all surfaces have their `vertices` [m], of which the faces `seen` (face,) of the ray scene
         are seen directly among those that move."""
         skin = self._skin(vertices)
         bent = (self._plates() < 0) & ~skin.plane[skin.sheet]
-        first = len(self._surfaces.static)
-        near = min((float(lengths(each - self._eyes.position).min()) for each in vertices[first:]), default=np.inf)
-        if self._pieces is None or near < NEARER * self._near:
-            self._pieces, self._near = Pieces.of(skin, np.flatnonzero(bent), self._eyes.position), near
-            self._bent = _bent(skin)
         wanted = bent & (np.arange(len(bent)) < self._static_faces)
         wanted[seen] = bent[seen]
         if not (wanted & self._tells).any():
             return RoundSeen(Glints.none(), np.zeros(0), 0, 0)
         limits = self._radar.max_range, self._radar.wavelength
-        things = self._things(vertices)
         search = Search(
-            skin, rays, self._eyes.position, wanted, *limits, self._bent, things, self._tells,
-            lambda facet: self._bends(skin, facet),
-        )  # fmt: skip
-        found = search.find(self._pieces)
+            skin, rays, self._eyes.position, wanted, *limits, self._tells, lambda facet: self._bends(skin, facet)
+        )
+        found = search.find()
         doubt = doubts(found, self._middle(found), self._eyes.position, 2 * np.pi / self._radar.wavelength, rays)
         return RoundSeen(found, doubt, int(wanted.sum()), search.sent)
 
@@ -162,16 +142,20 @@ class RoundBounces:
         relative to the direct returns `usual`: (moving surface,), or one of all that stays. None where all of it is.
         And what geometrical optics may be off by and what is left out, relative to these returns, of the surface of
         which that is most."""
+        found, worst = self.strong(seen, usual)
+        if not any(len(each) for each in found):
+            return None, worst
+        return self.paths(knots, instants, found, positions), worst
+
+    def strong(self, seen: Sequence[RoundSeen], usual: FloatArray) -> tuple[list[Glints], float]:
+        """Of what was `seen` at some instants all that is not too weak, and the error, as of :meth:`trace`."""
         most = self._usual(usual)
         found = [each.glints for each in seen]
         level, off = np.max([self._levels(each.glints, most, each.doubt) for each in seen], axis=0)
         strong = level > SKIPPED * self._rtol * most
         error = np.where(strong, off, level) / np.where(most > 0, most, np.inf)
         found = [each.take(np.flatnonzero(strong[self._stronger(each, most)])) for each in found]
-        worst = float(error.max(initial=0.0))
-        if not any(len(each) for each in found):
-            return None, worst
-        return self._paths(knots, instants, found, self._tracks(instants, found, positions), positions), worst
+        return found, float(error.max(initial=0.0))
 
     def _skin(self, vertices: Sequence[FloatArray]) -> Skin:
         if not self._skins:
@@ -181,18 +165,6 @@ class RoundBounces:
         first = len(self._surfaces.static)
         moved = zip(self._every[first:], vertices[first:], self._skins[first:], strict=True)
         return Skin.joined([*self._skins[:first], *(Skin.one(*each) for each in moved)])
-
-    def _things(self, vertices: Sequence[FloatArray]) -> Things:
-        """All surfaces that are bent."""
-        bent = [number for number, each in enumerate(self._every) if each.smooth is not None]
-        low, high = (np.array([end(vertices[number], axis=0) for number in bent]).reshape(-1, 3)
-                     for end in (np.min, np.max))  # fmt: skip
-        first = np.array([self._every[number].first_facet for number in bent], np.int64)
-        last = first + np.array([len(self._every[number].faces) for number in bent], np.int64)
-        radius = 0.5 * lengths(high - low)
-        # A limb is as thick as twice the radius that most of its faces bend by.
-        usual = [2.0 / max(float(np.median(self._bent[a:b])), 1e-6) for a, b in zip(first, last, strict=True)]
-        return Things(0.5 * (low + high), radius, np.minimum(np.array(usual), radius), first, last)
 
     def _bends(self, skin: Skin, facet: NDArray[np.int64]) -> FloatArray:
         """(n, 3, 3, 3) how normals turn at the corners of faces `facet` (n,) of the ray scene [1/m]."""
@@ -283,16 +255,13 @@ class RoundBounces:
         first = np.argmax(there, axis=1)
         return _Tracks(first, first + there.sum(axis=1) - 1, entry[-1])
 
-    def _paths(
-        self,
-        knots: FloatArray,
-        instants: FloatArray,
-        found: Sequence[Glints],
-        tracks: _Tracks,
-        positions: Positions,
+    def paths(
+        self, knots: FloatArray, instants: FloatArray, found: Sequence[Glints], positions: Positions
     ) -> RadarPaths:
-        """Of each track, both ways round."""
-        count, eyes = len(tracks.first), self._eyes
+        """Those of glints that were `found` at the `instants` [s], as of :meth:`trace`: of each that goes on both ways
+        round, one way's after the other's."""
+        tracks, eyes = self._tracks(instants, found, positions), self._eyes
+        count = len(tracks.first)
         late = self._optics.table.echo_lengths
         echoes = max(float(late[self._whose[each.facet]].sum(axis=1).max(initial=0.0)) for each in found)
         u = band_nodes(echoes, self._half_band, self._rtol)

@@ -68,11 +68,12 @@ def trace_static_round_bounces(
         owner[flat.faces] = number
     rounds = RoundBounces(replace(surfaces, moving=()), radar, rtol, lambda: owner, still=True)
     seen = rounds.see(rays, points, np.zeros(0, np.int32))
-    now = np.zeros(1)
-    paths, error = rounds.trace(now, now, [seen], lambda _: (), np.array([static.level]))
-    if paths is None:
+    (strong,), error = rounds.strong([seen], np.array([static.level]))
+    if len(strong) == 0:
         return None
-    facet, place = seen.glints.facet, seen.glints.weights.reshape(-1, 3)
+    now = np.zeros(1)
+    paths = rounds.paths(now, now, [strong], lambda _: ())
+    facet, place = strong.facet, strong.weights.reshape(-1, 3)
     stands = Skin.some(surfaces.static, points, facet.reshape(-1))
     places, _ = stands.places(np.arange(len(place)), place)
     view = np.asarray(radar.position)

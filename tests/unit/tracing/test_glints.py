@@ -1,18 +1,18 @@
-"""What glints are found with: places and bends of chosen faces, zeros in triangles, matching, folds."""
+"""What glints are found with: places and bends of chosen faces, pieces, pairs of them, matching, folds."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import quad
+from scipy.optimize import least_squares
 
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.tracing.glint_pieces import SHARP, TURN, Pieces
-from rfgen_sionna.tracing.glint_search import _barycentre
-from rfgen_sionna.tracing.glints import Glints, matched
+from rfgen_sionna.tracing.glint_pairs import CLOSE, Limits, possible
+from rfgen_sionna.tracing.glint_pieces import Halving, Pieces, stands_out
+from rfgen_sionna.tracing.glint_places import places
+from rfgen_sionna.tracing.glints import Glints, matched, unit_normals
 from rfgen_sionna.tracing.surfaces import collect_surfaces
 from rfgen_sionna.tracing.tubes.skin import Skin, corner_bends
 
@@ -65,32 +65,135 @@ def test_bends_are_those_of_a_cylinder(two):
     assert np.abs(found[:, :2]).max() < 0.05 / 0.05
 
 
-def test_pieces_turn_no_more_than_they_may_and_cover_their_faces(two):
+SOURCE = np.array([-2.0, 0.3, 0.1])
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def outgoing(skin, facet, weights):
+    """Places on the smooth surface, relative to the source, and where rays from there go on from them."""
+    place = skin.places(facet, weights)[1] - SOURCE
+    normal, home = unit_normals(skin, facet, weights), -unit(place)
+    return place, 2.0 * np.einsum("ni,ni->n", normal, home)[:, None] * normal - home
+
+
+def inside(pieces, rng, times=20):
+    """Random places on pieces: which piece, and barycentric coordinates on its face."""
+    which = np.repeat(np.arange(len(pieces)), times)
+    return which, np.einsum("nc,ncv->nv", rng.dirichlet(np.ones(3), len(which)), pieces.weights[which])
+
+
+def test_rays_leave_a_piece_as_it_is_known(two):
+    """From wherever on it: places in its ball, directions within its spread, the plane below it; so for its halves,
+    which cover it and know more."""
     surfaces, vertices = two
-    skin = Skin.of(surfaces, vertices)
-    pieces = Pieces.of(skin, np.arange(len(skin.corners)), np.zeros(3))
-    place = pieces.corners.reshape(-1, 3)
-    normal = np.einsum("pc,pci->pi", place, skin.normals[np.repeat(pieces.facet, 3)]).reshape(-1, 3, 3)
-    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-    cos = np.einsum("pci,pci->pc", normal, normal[:, [1, 2, 0]])
-    assert np.arccos(np.clip(cos, -1, 1)).max() < 1.1 * SHARP
-    assert pieces.turn.max() < 1.1 * SHARP
-    assert pieces.turn.min() < TURN
-    area = np.abs(np.linalg.det(pieces.corners))
-    assert np.bincount(pieces.facet, area, len(skin.corners)) == pytest.approx(1.0)
-    # Every node is a corner of a piece that has it.
-    piece, corner = np.divmod(pieces.at, 3)
-    assert np.array_equal(pieces.node[piece, corner], np.arange(len(pieces.at)))
+    skin, rng = Skin.of(surfaces, vertices), np.random.default_rng(0)
+    facet = rng.integers(0, len(skin.corners), 200)
+    whole = Pieces.of(skin, SOURCE, facet, np.tile(np.eye(3), (len(facet), 1, 1)))
+    halves = whole.halves(skin, SOURCE)
+    for pieces in (whole, halves, halves.halves(skin, SOURCE)):
+        which, weights = inside(pieces, rng)
+        place, out = outgoing(skin, pieces.facet[which], weights)
+        assert (np.linalg.norm(place - pieces.middle[which], axis=1) <= pieces.radius[which] * (1 + 1e-9)).all()
+        off = np.arccos(np.clip(np.einsum("ni,ni->n", out, pieces.out[which]), -1, 1))
+        assert (off <= pieces.spread[which] + 1e-6).all()
+        rows = pieces.rows[which].astype(np.float64)
+        assert (np.einsum("ni,ni->n", rows[:, 8:11], place) >= rows[:, 11] - 1e-6).all()
+        leaves = np.einsum("ni,ni->n", rows[:, 8:11], out)
+        assert (leaves >= rows[:, 12] - 1e-6).all()
+    area = np.abs(np.linalg.det(halves.weights)).reshape(-1, 2)
+    assert area == pytest.approx(0.5)
+    assert halves.spread.mean() < 0.85 * whole.spread.mean()
 
 
-@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=3, max_size=3))
-def test_zero_is_found_where_it_is(corners):
-    triangle = np.array(corners)[None]
-    share = _barycentre(triangle)[0]
-    if share.min() > -1 + 1e-9:  # it has an area
-        assert share.sum() == pytest.approx(1.0)
-        if np.abs(share).max() < 1e6:
-            assert np.einsum("c,cv->v", share, triangle[0]) == pytest.approx(0.0, abs=1e-6)
+def test_no_pair_is_lost_that_shows_the_source_itself(two):
+    """Rays from random places on the egg that meet the rod, both of them turned so that rays come back from there:
+    whatever the normals, the pair of faces is among those that are possible."""
+    surfaces, vertices = two
+    skin, rng = Skin.of(surfaces, vertices), np.random.default_rng(1)
+    limits, count = Limits(0.01, 20.0), len(skin.corners)
+    kept = 0
+    for _ in range(40):
+        facet = rng.integers(0, count, 2)
+        weights = rng.dirichlet(np.full(3, 2.0), 2)
+        place = skin.places(facet, weights)[1] + rng.normal(size=(2, 3))
+        # Faces are moved to where they are to be, and turned about their places.
+        home, ray = unit(SOURCE - place), unit(place[1] - place[0])
+        wanted = unit(home + np.array([ray, -ray]))
+        if np.linalg.norm(place[1] - place[0]) < 0.05:
+            continue
+        corners, normals, rises = (np.empty((2, 3, 3)) for _ in range(3))
+        for k in range(2):
+            own = unit_normals(skin, facet[k : k + 1], weights[k : k + 1])[0]
+            axis = np.cross(own, wanted[k])
+            angle = np.arctan2(np.linalg.norm(axis), own @ wanted[k])
+            turn = trimesh.transformations.rotation_matrix(angle, axis)[:3, :3]
+            middle = skin.places(facet[k : k + 1], weights[k : k + 1])[1][0]
+            corners[k] = (skin.corners[facet[k]] - middle) @ turn.T + place[k]
+            normals[k], rises[k] = skin.normals[facet[k]] @ turn.T, skin.rises[facet[k]] @ turn.T
+        pair = Skin(corners, normals, rises, skin.bends[:2], np.zeros(2, np.int32), np.zeros(1, bool), np.ones(1))
+        halving = Halving(pair, SOURCE, np.arange(2))
+        found = [places(pair, SOURCE, (halving.pieces.facet[one], halving.pieces.facet[other]),
+                        (halving.pieces.weights[one], halving.pieces.weights[other]))
+                 for one, other in possible(halving, np.ones(2, bool), limits)]  # fmt: skip
+        spots = np.concatenate([each.weights for each in found]) if found else np.zeros((0, 2, 3))
+        gap = np.abs(spots - weights).max(axis=(1, 2)), np.abs(spots[:, ::-1] - weights).max(axis=(1, 2))
+        assert min(each.min(initial=np.inf) for each in gap) < 1e-5
+        kept += 1
+    assert kept > 30
+
+
+def test_pairs_that_are_left_are_closely_known(two):
+    """All that :func:`possible` yields, and by one of each pair that tells."""
+    surfaces, vertices = two
+    skin = Skin.of(surfaces, [vertices[0], vertices[1] + np.array([0.1, 0.5, 0.0])])
+    halving, tells = Halving(skin, SOURCE, np.arange(len(skin.corners))), np.arange(len(skin.corners)) < 40
+    seen = 0
+    for one, other in possible(halving, tells, Limits(0.01, 20.0)):
+        pieces = halving.pieces
+        assert (tells[pieces.facet[one]] | tells[pieces.facet[other]]).all()
+        apart = np.linalg.norm(pieces.middle[one] - pieces.middle[other], axis=1)
+        aside = stands_out((pieces.radius[one] + pieces.radius[other]) / apart)
+        assert (np.maximum(pieces.spread[one], pieces.spread[other]) + aside < CLOSE).all()
+        seen += len(one)
+    assert seen > 0
+
+
+def test_places_on_two_balls_are_where_the_way_is_shortest():
+    """By the pieces that are next to it, and by no other pair."""
+    balls = [trimesh.creation.icosphere(3, 0.2) for _ in range(2)]
+    middles = np.array([[0.0, 0.0, 0.0], [0.3, 0.5, 0.1]])
+    actors = [Actor.from_mesh(ball, material="pec", name=name) for ball, name in zip(balls, "ab", strict=True)]
+    surfaces = collect_surfaces(None, actors).moving
+    skin = Skin.of(surfaces, [ball.vertices + m for ball, m in zip(balls, middles, strict=True)])
+    halving, found = Halving(skin, SOURCE, np.arange(len(skin.corners))), []
+    for one, other in possible(halving, np.ones(len(skin.corners), bool), Limits(0.01, 20.0)):
+        facet = halving.pieces.facet[one], halving.pieces.facet[other]
+        there = places(skin, SOURCE, facet, (halving.pieces.weights[one], halving.pieces.weights[other]))
+        lane = there.pair[there.beyond <= 0]
+        weights = there.weights[there.beyond <= 0]
+        for pair, own in zip(lane, weights, strict=True):
+            face = np.array([facet[0][pair], facet[1][pair]])
+            place, out = outgoing(skin, face, own)
+            ray = unit(place[1] - place[0])
+            assert out[0] == pytest.approx(ray, abs=1e-3)
+            assert out[1] == pytest.approx(-ray, abs=1e-3)
+            order = np.argsort(face)
+            found.append((place + SOURCE)[order])
+
+    def miss(x):
+        place = middles + 0.2 * unit(x.reshape(2, 3))
+        normal, home, ray = unit(x.reshape(2, 3)), unit(SOURCE - place), unit(place[1] - place[0])
+        return (unit(home + np.array([ray, -ray])) - normal).reshape(-1)
+
+    way = unit(middles[1] - middles[0])
+    start = unit(SOURCE - middles) + np.array([way, -way])
+    truth = middles + 0.2 * unit(least_squares(miss, start.reshape(-1), xtol=1e-14).x.reshape(2, 3))
+    outside = [each for each in found if np.einsum("ni,ni->", each - middles, SOURCE - middles) > 0]
+    near = [each for each in outside if np.abs(each - truth).max() < 2e-3]
+    assert near
 
 
 def test_matches_are_mutual_and_near():
