@@ -94,14 +94,22 @@ class RoundBounces:
     plates
         (face,) number of the flat part that each face of the ray scene belongs to, -1 for none; asked for at first use,
         which is after the flat parts were found.
+    lit
+        Faces of the ray scene that stay and that the radar sees without actors, asked for at first use.
     still
         Whether it is for what stays in the world alone, and not for what moves and what that shows of the rest.
     """
 
     def __init__(
-        self, surfaces: Surfaces, radar: Radar, rtol: float, plates: Callable[[], IntArray], still: bool = False
+        self,
+        surfaces: Surfaces,
+        radar: Radar,
+        rtol: float,
+        plates: Callable[[], IntArray],
+        lit: Callable[[], NDArray[np.int64]],
+        still: bool = False,
     ) -> None:
-        self._surfaces, self._radar, self._rtol, self._plates = surfaces, radar, rtol, plates
+        self._surfaces, self._radar, self._rtol, self._plates, self._lit = surfaces, radar, rtol, plates, lit
         self._every: tuple[Surface, ...] = (*surfaces.static, *surfaces.moving)
         self._eyes = Elements.of(radar)
         self._half_band = 0.5 * radar.waveform.bandwidth
@@ -118,8 +126,9 @@ class RoundBounces:
         are seen directly among those that move."""
         skin = self._skin(vertices)
         bent = (self._plates() < 0) & ~skin.plane[skin.sheet]
-        wanted = bent & (np.arange(len(bent)) < self._static_faces)
-        wanted[seen] = bent[seen]
+        wanted = np.zeros(len(bent), np.bool_)
+        for some in (self._lit(), seen):
+            wanted[some] = bent[some]
         if not (wanted & self._tells).any():
             return RoundSeen(Glints.none(), np.zeros(0), 0, 0)
         limits = self._radar.max_range, self._radar.wavelength

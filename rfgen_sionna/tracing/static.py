@@ -155,6 +155,11 @@ class StaticTrace:
     returns: Returns
 
     @cached_property
+    def lit(self) -> NDArray[np.int64]:
+        """Faces of the ray scene of which something is seen."""
+        return np.unique(self.facets.number).astype(np.int64)
+
+    @cached_property
     def _guides(self) -> tuple[Corners, NDArray[np.bool_], int]:
         """Rays to the facets' corners, (facet, 3) which are seen without actors, and the number of rays: looked up
         where there are any."""

@@ -66,7 +66,7 @@ def trace_static_round_bounces(
     owner = np.full(sum(len(each.faces) for each in surfaces.static), -1, np.int32)
     for number, flat in enumerate(find_flats(surfaces.static, points, [PLATE * radar.wavelength] * len(points))):
         owner[flat.faces] = number
-    rounds = RoundBounces(replace(surfaces, moving=()), radar, rtol, lambda: owner, still=True)
+    rounds = RoundBounces(replace(surfaces, moving=()), radar, rtol, lambda: owner, lambda: static.lit, still=True)
     seen = rounds.see(rays, points, np.zeros(0, np.int32))
     (strong,), error = rounds.strong([seen], np.array([static.level]))
     if len(strong) == 0:

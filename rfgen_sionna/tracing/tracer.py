@@ -225,7 +225,7 @@ class Tracer:
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
         """Flat parts of the static scene, wide against the Fresnel zone, that the radar sees: ghosts appear in them."""
-        surfaces, seen = self.surfaces, np.unique(self.static.facets.number).astype(np.int64)
+        surfaces, seen = self.surfaces, self.static.lit
         radar, points = self.radar, surfaces.static_vertices
         return find_mirrors(surfaces.static, points, seen, self._viewpoint, radar.wavelength, radar.max_range)
 
@@ -263,7 +263,9 @@ class Tracer:
             plain = Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
             bounces.append(plain)
             if any(surface.smooth is not None for surface in self.surfaces.moving):
-                rounds = RoundBounces(self.surfaces, self.radar, self.rtol, lambda: plain.owner)
+                rounds = RoundBounces(
+                    self.surfaces, self.radar, self.rtol, lambda: plain.owner, lambda: self.static.lit
+                )
         reach = self.radar.max_range
         veils = None
         if self.transmission and self.surfaces.moving:
