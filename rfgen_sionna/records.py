@@ -271,10 +271,13 @@ class RadarPaths:
         if len(bands) > 1:
             raise ValueError(f"parts differ in the band of their dispersion: {sorted(bands)} Hz")
 
-        def dispersion(part: RadarPaths) -> ComplexArray:
-            full = np.zeros((order, *part.a.shape), dtype=np.complex128)
-            if part.dispersion is not None:
-                full[: len(part.dispersion)] = part.dispersion
+        def dispersion() -> ComplexArray:
+            count = sum(part.num_paths for part in parts)
+            full, last = np.zeros((order, *first.a.shape[:2], count, first.a.shape[3]), dtype=np.complex128), 0
+            for part in parts:
+                if part.dispersion is not None:
+                    full[: len(part.dispersion), :, :, last : last + part.num_paths] = part.dispersion
+                last += part.num_paths
             return full
 
         def join(name: str, axis: int) -> Any:
@@ -287,7 +290,7 @@ class RadarPaths:
                 name: join(name, 0)
                 for name in ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")
             },
-            dispersion=np.concatenate([dispersion(part) for part in parts], axis=3) if order else None,
+            dispersion=dispersion() if order else None,
             half_band=max(bands, default=0.0),
         )
 
