@@ -14,6 +14,8 @@ from rfgen_sionna.tracing.obliquity import strongest_reflection
 
 SAMPLES = 200
 """Vertices of a body that its ghosts' levels are estimated from."""
+FOLDED_SAMPLES = 40
+"""Vertices of it for those by two mirrors one after the other, of which there are many."""
 ON_MIRROR = 1e-3
 """What is nearer to a mirror than this [m] has no ghost in it."""
 _PLACES = np.array([-1.0, 0.0, 1.0])
@@ -67,6 +69,61 @@ def ghost_levels(
             reached = 0.5 * (shown.length[one] + shown.length[others]) < radar.max_range
             level = (shown.way[one] * shown.way[others] * reached).max(axis=1, initial=0.0)
             found.across[one, others] = 2.0 * level / shown.direct
+    return found
+
+
+def folded_levels(
+    radar: Radar,
+    importance: Callable[[FloatArray], FloatArray],
+    mirrors: Sequence[Mirror],
+    points: FloatArray,
+) -> FloatArray:
+    """(mirror, mirror) returns by one mirror, then another on one way, and straight on the other, both ways round
+    together, relative to the direct return; the arguments and the estimate are those of :func:`ghost_levels`."""
+    found = np.zeros((len(mirrors), len(mirrors)))
+    points = points[:: max(1, len(points) // FOLDED_SAMPLES)]
+    view = np.asarray(radar.position)
+    offset = points - view
+    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-6)
+    near = np.sqrt(importance(offset / distance[:, None])) / distance
+    direct = float((near**2).max(initial=0.0))
+    if direct <= 0 or len(mirrors) < 2:
+        return found
+    normal, axes = np.stack([each.normal for each in mirrors]), np.stack([each.axes for each in mirrors])
+    low, high = (np.stack([getattr(each, end) for each in mirrors])[:, None] for end in ("low", "high"))
+    there = np.stack([each.height(points) for each in mirrors])  # (mirror, vertex)
+    feet = points - there[..., None] * normal[:, None]
+    frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _PLACES
+    for number, mirror in enumerate(mirrors):
+        image = mirror.image(view)
+        here = np.array([float(each.height(image)) for each in mirrors])
+        foot = image - here[:, None] * normal
+        both = np.where((here[:, None] > ON_MIRROR) & (there > ON_MIRROR), here[:, None] + there, np.nan)
+        place = foot[:, None] + (here[:, None] / both)[..., None] * (feet - foot[:, None])
+        span = np.einsum("mvi,mai->mva", place, axes)
+        rise = mirror.height(place)
+        turn = mirror.crossings(view, np.nan_to_num(place).reshape(-1, 3)).reshape(place.shape)
+        within = ((span >= low) & (span <= high)).all(axis=2) & (rise > ON_MIRROR)
+        within &= mirror.spans(turn.reshape(-1, 3)).reshape(rise.shape)
+        length = np.linalg.norm(points - (image - 2.0 * here[:, None] * normal)[:, None], axis=2)
+        other, vertex = np.nonzero(within & (0.5 * (length + distance) < radar.max_range))
+        others = other != number
+        other, vertex = other[others].astype(np.int32), vertex[others]
+        if not len(other):
+            continue
+        leaves = turn[other, vertex] - view
+        leaves /= np.maximum(np.linalg.norm(leaves, axis=1), 1e-12)[:, None]
+        cos = [
+            (rise[other, vertex] + mirror.height(view)) / np.linalg.norm(place[other, vertex] - image, axis=1),
+            both[other, vertex] / length[other, vertex],
+        ]
+        way = np.sqrt(importance(leaves)) / length[other, vertex]
+        for which, materials, slope in (
+            (np.zeros(len(other), np.int32), [mirror.material], cos[0]),
+            (other, [each.material for each in mirrors], cos[1]),
+        ):
+            way *= strongest_reflection(materials, which, np.minimum(slope, 1.0), frequencies)
+        np.maximum.at(found[number], other, 2.0 * way * near[vertex] / direct)
     return found
 
 

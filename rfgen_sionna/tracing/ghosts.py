@@ -2,13 +2,15 @@
 
 A plane mirror makes an image of the radar, and the facet integral is then that between the images of the elements and
 the elements themselves: radar, mirror, body, radar; the same backwards; and by a mirror both times, the same one or
-another. Which mirrors matter is estimated from their Fresnel coefficients, spreading and antenna pattern; the integral
-is as accurate as a weaker return needs.
+another. A mirror that another one shows makes an image of the image: radar, mirror, mirror, body, radar. Which mirrors
+matter is estimated from their Fresnel coefficients, spreading and antenna pattern; the integral is as accurate as a
+weaker return needs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 
@@ -19,17 +21,36 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.ghost_levels import ghost_levels
+from rfgen_sionna.tracing.ghost_levels import folded_levels, ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, Cut, ImageReturns, image_tolerance
 from rfgen_sionna.tracing.mirror_sight import MirroredView, MirrorSight
-from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.mirrors import Folded, Mirror
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 SKIPPED = 0.5
 """Share of the tolerance that the mirrors left out may make up together."""
 KNOT_SAMPLES = 2000
 """Vertices of an image that tell how many knots its delays need."""
+
+
+@dataclass(frozen=True)
+class GhostView:
+    """What mirrors show of the facets at an instant."""
+
+    mirrors: MirroredView
+    folded: MirroredView | None
+    """By way of two, one after the other; None where none matter."""
+
+    @property
+    def looked_at(self) -> int:
+        """Facets that rays were sent for."""
+        return self.mirrors.looked_at + (0 if self.folded is None else self.folded.looked_at)
+
+    @property
+    def rays(self) -> int:
+        """Rays sent."""
+        return self.mirrors.rays + (0 if self.folded is None else self.folded.rays)
 
 
 class Ghosts:
@@ -64,8 +85,13 @@ class Ghosts:
         self._used = np.zeros((0, 2), np.bool_)
         self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror there, the other back
         self._level = np.zeros(0)  # (mirror,) of the strongest ghost by way of it
+        self._folds: dict[tuple[int, int], Folded] = {}  # all that ever mattered
+        self._folded: tuple[Folded, ...] = ()  # those in use
+        self._folded_level = np.zeros(0)
+        self._sight_folded: MirrorSight | None = None
         names = surfaces.object_names, surfaces.part_names
         self._returns = ImageReturns(surfaces.moving, names, radar, rtol, lambda _: self.mirrors)
+        self._folded_returns = ImageReturns(surfaces.moving, names, radar, rtol, lambda _: self._folded)
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -80,6 +106,7 @@ class Ghosts:
     def forget(self) -> None:
         """Choose the expansions anew."""
         self._returns.forget()
+        self._folded_returns.forget()
 
     def consider(self, poses: Sequence[Sequence[FloatArray]]) -> None:
         """Choose the mirrors that matter while the (vertex, 3) positions [m] of the actors are those of `poses`."""
@@ -88,12 +115,20 @@ class Ghosts:
         known = self._radar, self._probe.importance, self.mirrors
         each_pose = [ghost_levels(*known, points, self._max_bounces) for points in chain(*poses)]
         levels, across = (np.max(some, axis=0) for some in zip(*each_pose, strict=True))
-        every = np.concatenate([levels.ravel(), across.ravel()])
+        folded = np.zeros_like(across)
+        if self._max_bounces > 2:
+            folded = np.max([folded_levels(*known, points) for points in chain(*poses)], axis=0)
+        every = np.concatenate([levels.ravel(), across.ravel(), folded.ravel()])
         order = np.argsort(every)
         used = np.zeros(every.size, np.bool_)
         used[order[np.cumsum(every[order]) > SKIPPED * self._rtol]] = True
         used &= every > 0
-        single, both = used[: levels.size].reshape(levels.shape), used[levels.size :].reshape(across.shape)
+        single, both, after = (
+            each.reshape(shape.shape)
+            for each, shape in zip(
+                np.split(used, np.cumsum([levels.size, across.size])), (levels, across, folded), strict=True
+            )
+        )
         pairs = np.argwhere(both)
         new = (single & ~self._used if self._used.size else single).any()
         if new or not set(map(tuple, pairs.tolist())) <= set(map(tuple, self._pairs.tolist())):
@@ -101,49 +136,71 @@ class Ghosts:
         self._used, self._pairs = single, pairs
         self._level = np.maximum(levels.max(axis=1), np.maximum(across.max(axis=0), across.max(axis=1)))
         self._kept = np.flatnonzero(single.any(axis=1) | both.any(axis=0) | both.any(axis=1))
+        ways = [(one, other) for one, other in np.argwhere(after).tolist()]
+        for way in ways:
+            if way not in self._folds:
+                self._folds[way] = Folded.of(*(self.mirrors[each] for each in way))
+        chosen = tuple(self._folds[way] for way in ways)
+        if [id(each) for each in chosen] != [id(each) for each in self._folded]:
+            self._folded_returns.forget()
+            self._folded, self._sight_folded = chosen, self._sight_of(chosen) if chosen else None
+        self._folded_level = np.array([folded[way] for way in ways])
 
     def images(self, vertices: Sequence[FloatArray]) -> list[list[tuple[FloatArray, float]]]:
         """For every actor its images in the mirrors in use and the tolerance of their returns."""
         found = []
         for points in vertices:
             found.append(
-                [(self.mirrors[m].image(points), image_tolerance(self._rtol, self._level[m])) for m in self._kept]
+                [(mirror.unfolded(points), image_tolerance(self._rtol, level)) for mirror, level in self._in_use]
             )
         return found
 
     def followed(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
         """The actors and a choice of their images' vertices, whose distances the delays follow."""
         few = [points[:: max(1, len(points) // KNOT_SAMPLES)] for points in vertices]
-        return [*vertices, *(self.mirrors[m].image(points) for m in self._kept for points in few)]
+        return [*vertices, *(mirror.unfolded(points) for mirror, _ in self._in_use for points in few)]
+
+    @property
+    def _in_use(self) -> list[tuple[Mirror, float]]:
+        """Mirrors, and the level of the strongest ghost by way of each."""
+        own = [(self.mirrors[m], float(self._level[m])) for m in self._kept]
+        return own + list(zip(self._folded, self._folded_level.tolist(), strict=True))
 
     @cached_property
     def _probe(self) -> ImageBand:
         return ImageBand(self._radar, self._rtol, self.mirrors, True, True)
 
-    def see(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> MirroredView:
+    def see(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> GhostView:
         """What the mirrors in use show of the facets, of which `fraction` (facet,) is seen directly."""
-        return self._sight(rays, facets, fraction, self._kept, self._used, self._pairs)
+        folded, count = None, len(self._folded)
+        if self._sight_folded is not None:
+            once, none = np.tile([True, False], (count, 1)), np.zeros((0, 2), np.intp)
+            folded = self._sight_folded(rays, facets, fraction, np.arange(count), once, none)
+        return GhostView(self._sight(rays, facets, fraction, self._kept, self._used, self._pairs), folded)
 
     @cached_property
     def _sight(self) -> MirrorSight:
+        return self._sight_of(self.mirrors)
+
+    def _sight_of(self, mirrors: Sequence[Mirror]) -> MirrorSight:
         highest = self._radar.center_frequency + 0.5 * self._radar.waveform.bandwidth
         wavenumber = 2 * np.pi * highest / SPEED_OF_LIGHT
-        return MirrorSight(self.mirrors, self._surfaces, self._viewpoint, self._radar.max_range, wavenumber, self._rtol)
+        return MirrorSight(mirrors, self._surfaces, self._viewpoint, self._radar.max_range, wavenumber, self._rtol)
 
     def trace(
         self,
         knots: FloatArray,
         instants: FloatArray,
         facets: Sequence[Facets],
-        seen: Sequence[MirroredView],
+        views: Sequence[GhostView],
         centroids: Centroids,
         usual: FloatArray,
     ) -> tuple[list[RadarPaths], float]:
         """Paths of the ghosts and their error, relative to the actors' direct returns `usual` (surface,).
 
-        `facets` and `seen` are those of each of the `instants` [s]; delays are for the `knots` [s].
+        `facets` and `views` are those of each of the `instants` [s]; delays are for the `knots` [s].
         """
-        paths, error = [], 0.0
+        paths, error, seen = [], 0.0, [each.mirrors for each in views]
         for way in WAYS:
             tx, rx = way
             shares, both = (
@@ -167,6 +224,42 @@ class Ghosts:
             paths.append(more)
             error += missed
         self._returns.finish(error)
+        error += max(each.missed for each in seen)
+        by_two, missed = self._trace_folded(knots, instants, facets, views, centroids, usual)
+        return paths + by_two, error + missed
+
+    def _trace_folded(
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        facets: Sequence[Facets],
+        views: Sequence[GhostView],
+        centroids: Centroids,
+        usual: FloatArray,
+    ) -> tuple[list[RadarPaths], float]:
+        """Paths by way of two mirrors one after the other, then straight back or the other way round, as of
+        :meth:`trace`."""
+        seen = [each.folded for each in views if each.folded is not None]
+        shares = np.stack([each.once for each in seen]) if seen else np.zeros((1, 0, 0))
+        row, column = np.nonzero((shares > 0).any(axis=0))
+        if len(row) == 0:
+            return [], max([each.missed for each in seen], default=0.0)
+        paths, error = [], 0.0
+        place = np.full(shares.shape[1:], -1, np.intp)
+        place[row, column] = np.arange(len(row))
+        number = row.astype(np.int32)
+        shown = [MirroredFacets.of(each, column, number, number) for each in facets]
+        cut = []
+        for each in seen:
+            parts = each.cut[0]
+            owner = place[parts.row, parts.column]
+            cut.append((owner[owner >= 0], parts.pieces[owner >= 0]))
+        for way in WAYS[:2]:
+            given = shown, shares[:, row, column], column, centroids, usual, cut
+            more, missed = self._folded_returns(way, knots, instants, *given)
+            paths.append(more)
+            error += missed
+        self._folded_returns.finish(error)
         return paths, error + max(each.missed for each in seen)
 
     def _cut(self, seen: MirroredView, twice: bool, place: NDArray[np.intp]) -> Cut:

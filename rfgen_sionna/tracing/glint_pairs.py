@@ -25,7 +25,7 @@ CLOSE = 0.25
 """Pairs are halved until directions are known to this [rad]: over less, misses are about linear."""
 SMALLEST = 1 / 64
 """No pieces are halved that are smaller than this share of how far apart places are at least: where normals of a face
-are all but opposite they turn over the smallest of pieces."""
+are all but opposite they turn over the smallest of pieces, and around the radar rays go anywhere."""
 FAN, MOST_BLOCKS = 2, 256
 """Blocks have so many parts each, and this many there are to begin with, at most."""
 AT_ONCE = 1 << 21
@@ -53,21 +53,29 @@ def possible(halving: Halving, tells: NDArray[np.bool_], limits: Limits) -> Iter
     waiting = [_wholes(halving, tells[halving.pieces.facet], limits)]
     while waiting:
         one, other = waiting.pop()
-        while waiting and len(one) + len(waiting[-1][0]) < AT_ONCE // 2:
+        if len(one) > AT_ONCE // 4:
+            waiting.append((one[AT_ONCE // 4 :], other[AT_ONCE // 4 :]))
+            one, other = one[: AT_ONCE // 4], other[: AT_ONCE // 4]
+        while waiting and len(one) + len(waiting[-1][0]) < AT_ONCE // 4:
             one, other = (np.concatenate(each) for each in zip((one, other), waiting.pop(), strict=True))
         pieces = halving.pieces
         apart = lengths(pieces.middle[one] - pieces.middle[other])
         seen = stands_out((pieces.radius[one] + pieces.radius[other]) / np.maximum(apart, 1e-9))
         known = np.maximum(pieces.spread[one], pieces.spread[other]) + seen < CLOSE
-        known |= np.maximum(pieces.radius[one], pieces.radius[other]) < SMALLEST * limits.shortest
+        small = [pieces.radius[each] < SMALLEST * limits.shortest for each in (one, other)]
+        known |= small[0] & small[1]
         if known.any():
             yield one[known], other[known]
             one, other, apart = one[~known], other[~known], apart[~known]
+            small = [each[~known] for each in small]
         if len(one) == 0:
             continue
         # The one of both over which more changes is halved.
         near = np.maximum(apart, limits.shortest)
-        own, there = (pieces.spread[each] + 2.0 * pieces.radius[each] / near for each in (one, other))
+        own, there = (
+            np.where(tiny, -np.inf, pieces.spread[each] + 2.0 * pieces.radius[each] / near)
+            for each, tiny in zip((one, other), small, strict=True)
+        )
         one, other = np.where(there > own, other, one), np.where(there > own, one, other)
         halves = halving.halves(one).reshape(-1), np.repeat(other, 2)
         left = _passing(halving.pieces.rows, halves, limits)
@@ -86,7 +94,7 @@ def _wholes(halving: Halving, tells: NDArray[np.bool_], limits: Limits) -> Pairs
     anywhere = Limits(0.0, limits.longest)
     while True:
         first = np.arange(0, count, width)
-        some = tells[order[first]]  # those that tell come first
+        some = np.logical_or.reduceat(tells[order], first)
         kept = some[one] | some[other]
         one, other = one[kept], other[kept]
         if width == 1:
@@ -111,7 +119,7 @@ def _ordered(pieces: Pieces, tells: NDArray[np.bool_]) -> NDArray[np.intp]:
     places[:, 0] *= 10.0  # no block has some that tell and some that do not but where it must
     order = np.arange(len(pieces))
     width = 1 << max(int(np.ceil(np.log2(max(len(order), 1)))), 0)
-    while width > FAN:
+    while width > 1:
         first = np.arange(0, len(order), width)
         there = places[order]
         spans = np.maximum.reduceat(there, first) - np.minimum.reduceat(there, first)

@@ -35,6 +35,8 @@ class Places(NamedTuple):
     """(place,) which of the pairs each is of."""
     weights: FloatArray
     """(place, 2, 3) barycentric coordinates on either face."""
+    miss: FloatArray
+    """(place,) by how much a ray does [rad]."""
     beyond: FloatArray
     """(place,) how far the worse of both lies beyond its face, in the coordinates of that; below 0 within."""
 
@@ -72,7 +74,7 @@ def places(
     placed = np.einsum("psc,pscv->psv", local, np.stack([each[lane] for each in weights], axis=1))
     beyond = -placed.min(axis=(1, 2), initial=np.inf)
     kept = np.flatnonzero(beyond < BESIDE)
-    return Places(lane[kept], placed[kept], beyond[kept])
+    return Places(lane[kept], placed[kept], misses[lane[kept]], beyond[kept])
 
 
 def _beyond(at: FloatArray) -> FloatArray:

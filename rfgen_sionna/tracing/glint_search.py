@@ -18,9 +18,9 @@ from rfgen_sionna.tracing.glint_places import places
 from rfgen_sionna.tracing.glints import Glints, unit_normals
 from rfgen_sionna.tracing.tubes.skin import Skin, tangential
 
-GAP, STEEP = 1e-4, 0.1
-"""Rays from surface to surface leave this far above it [m], and end as far above the other, to which they fall at this
-cosine at least."""
+GAP, STEEP = 1e-4, 0.3
+"""Rays from surface to surface leave this far above it [m], and what they meet as far above the other is that one, to
+which they fall at this cosine at least."""
 SHORTEST = 2.0
 """Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
 BEYOND = 2.0
@@ -74,19 +74,20 @@ class Search:
         skin, source = self._skin, self._source
         halving = Halving(skin, source, np.flatnonzero(self._wanted))
         size = lengths(skin.corners[:, [1, 2, 0]] - skin.corners).max(axis=1, initial=0.0)
-        faces, weights, beyond = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2, 3))], [np.zeros(0)]
+        faces, weights, rank = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2, 3))], [np.zeros((2, 0))]
         for one, other in possible(halving, self._tells, self._limits):
             pieces = halving.pieces
             pair = pieces.facet[one], pieces.facet[other]
             found = places(skin, source, pair, (pieces.weights[one], pieces.weights[other]))
             faces.append(np.stack(pair, axis=1)[found.pair])
             weights.append(found.weights)
-            beyond.append(found.beyond * size[faces[-1]].max(axis=1, initial=0.0))
-        return self._seen(np.concatenate(faces), np.concatenate(weights), np.concatenate(beyond))
+            width = size[faces[-1]].max(axis=1, initial=0.0)
+            rank.append(np.stack([np.maximum(found.beyond, 0.0) * width, found.miss]))
+        return self._seen(np.concatenate(faces), np.concatenate(weights), *np.concatenate(rank, axis=1))
 
-    def _seen(self, facet: NDArray[np.int64], weights: FloatArray, beyond: FloatArray) -> Glints:
-        """Of places (glint, 2, 3) on faces `facet` (glint, 2), which lie about `beyond` (glint,) [m] these, those that
-        the source sees, and that see each other."""
+    def _seen(self, facet: NDArray[np.int64], weights: FloatArray, beyond: FloatArray, miss: FloatArray) -> Glints:
+        """Of places (glint, 2, 3) on faces `facet` (glint, 2), which lie about `beyond` (glint,) [m] these and `miss`
+        (glint,) by so much [rad], those that the source sees, and that see each other, each once."""
         skin, source, count = self._skin, self._source, len(facet)
         turned = facet[:, 0] > facet[:, 1]
         facet[turned], weights[turned] = facet[turned][:, ::-1], weights[turned][:, ::-1]
@@ -99,15 +100,16 @@ class Search:
         total = way + lengths(point - source).sum(axis=1)
         counts = (way >= self._limits.shortest) & (total <= self._limits.longest) & (beyond < self._beyond)
         kept = np.flatnonzero(counts)
-        # Halves of the same faces have the same glint.
+        # Halves of the same faces have the same glint, and neighbours do: what is true of the best of them counts.
+        kept = kept[np.lexsort((miss[kept], beyond[kept]))]
         alike = np.round(point[kept].reshape(-1, 6) / ALIKE).astype(np.int64)
-        kept = kept[np.unique(alike, axis=0, return_index=True)[1]]
+        kept = kept[np.sort(np.unique(alike, axis=0, return_index=True)[1])]
+        kept = kept[_apart(point[kept], beyond[kept])]
         for side in range(2):
             outside = weights[kept, side].min(axis=1, initial=np.inf) < 0
             stands = flat[kept, side], normal[kept, side], facet[kept, side]
             kept = kept[self._seen_at(*stands, outside, beyond[kept])]
         kept = kept[self._sees(facet[kept], point[kept], normal[kept])]
-        kept = kept[_apart(point[kept], beyond[kept])]
         return self._bent(facet[kept], weights[kept], point[kept], normal[kept])
 
     def _seen_at(
@@ -153,6 +155,8 @@ class Search:
             fall = -np.einsum("gi,gi->g", span, normal[lane, there]) / reach
             hit = self._rays.first_hit(start, span / reach[:, None])
             near = reach - hit.distance < rise[lane, there] / np.maximum(fall, STEEP)
+            sheet = self._skin.sheet
+            near &= (hit.facet < 0) | (sheet[np.maximum(hit.facet, 0)] == sheet[facet[lane, there]])
             free[lane] = near | (hit.facet == facet[lane, there])
             self.sent += len(lane)
         return free
@@ -169,18 +173,16 @@ class Search:
 
 
 def _apart(points: FloatArray, beyond: FloatArray) -> NDArray[np.intp]:
-    """Which of the pairs of `points` (glint, 2, 3) [m] to keep, each once: neighbouring faces have the same ones, of
-    which what lies `beyond` (glint,) [m] one of them is a little elsewhere."""
+    """Which of the pairs of `points` (glint, 2, 3) [m], the best ones first, to keep, each once: neighbouring faces
+    have the same ones, of which what lies `beyond` (glint,) [m] one of them is a little elsewhere."""
     kept = np.ones(len(points), np.bool_)
     if len(points) > 1:
-        order, slack = np.argsort(beyond, kind="stable"), 2.0 * np.maximum(beyond, 0.0)
-        rank = np.empty_like(order)
-        rank[order] = np.arange(len(order))
-        one, other = cKDTree(points.reshape(-1, 6)).query_pairs(SAME + slack.max(), output_type="ndarray").T
-        gap = np.sqrt(((points[one] - points[other]) ** 2).sum(axis=(1, 2)))
-        near = gap < SAME + np.maximum(slack[one], slack[other])
-        better, worse = (np.where((rank[one] < rank[other]) == first, one, other)[near] for first in (True, False))
-        for k in np.argsort(rank[better], kind="stable").tolist():
+        slack = 2.0 * beyond
+        pairs = cKDTree(points.reshape(-1, 6)).query_pairs(SAME + slack.max(), output_type="ndarray")
+        better, worse = np.sort(pairs, axis=1).T
+        gap = np.sqrt(((points[better] - points[worse]) ** 2).sum(axis=(1, 2)))
+        near = np.flatnonzero(gap < SAME + np.maximum(slack[better], slack[worse]))
+        for k in near[np.argsort(better[near], kind="stable")].tolist():
             if kept[better[k]]:
                 kept[worse[k]] = False
     return np.flatnonzero(kept)

@@ -15,9 +15,9 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.mirrors import Folded, Mirror, Unfolding
 from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.reflected import Via
+from rfgen_sionna.tracing.reflected import Planes, Via
 
 
 @dataclass(frozen=True)
@@ -66,20 +66,18 @@ class ImageBand(BandTracer):
         self.tx, self.rx = tx, rx
         self._mirrors = tuple(mirrors)
         self._normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
-        self._offsets = np.array([mirror.height(self._origin) for mirror in mirrors])
+        self._offsets = np.array([float(mirror.height(self._origin)) for mirror in mirrors])
+        self._unfolded = Unfolding(mirrors, self._origin)
         if tx != rx:  # Tx and Rx changed over make another path
             self.expansions.powers = 1
 
     def lengths(self, centroids: FloatArray, shown: MirroredFacets) -> FloatArray:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets."""
         place = centroids - self._origin
-
-        def seen(mirror: IntArray) -> FloatArray:
-            height = np.einsum("fi,fi->f", place, self._normals[mirror]) + self._offsets[mirror]
-            return np.asarray(place - 2.0 * height[:, None] * self._normals[mirror])
-
-        to_tx = np.linalg.norm((seen(shown.first) if self.tx else place) - self._tx[:, None], axis=2)
-        to_rx = np.linalg.norm((seen(shown.last) if self.rx else place) - self._rx[:, None], axis=2)
+        by_tx = self._unfolded(place, shown.first) if self.tx else place
+        by_rx = self._unfolded(place, shown.last) if self.rx else place
+        to_tx = np.linalg.norm(by_tx - self._tx[:, None], axis=2)
+        to_rx = np.linalg.norm(by_rx - self._rx[:, None], axis=2)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
@@ -133,5 +131,12 @@ class ImageBand(BandTracer):
         return {"via": self._via(nodes, facets.first[index], facets.last[index])}
 
     def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> Via:
-        walls = Media.at([mirror.material for mirror in self._mirrors], nodes.frequency, self.half_band)
-        return Via(self._normals, -self._offsets, walls, first if self.tx else None, last if self.rx else None)
+        def planes(mirrors: Sequence[Mirror]) -> Planes:
+            normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
+            offsets = -np.array([float(mirror.height(self._origin)) for mirror in mirrors])
+            materials = [mirror.material for mirror in mirrors]
+            return Planes(normals, offsets, Media.at(materials, nodes.frequency, self.half_band))
+
+        before = [mirror.before for mirror in self._mirrors if isinstance(mirror, Folded)]
+        ways = first if self.tx else None, last if self.rx else None
+        return Via(planes(self._mirrors), planes(before) if before else None, *ways)

@@ -16,7 +16,7 @@ from rfgen_sionna.tracing.accuracy import Finer
 from rfgen_sionna.tracing.facets import facet_paths, over_time, sums
 from rfgen_sionna.tracing.gains import PROBES, Expansion
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
-from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.mirrors import Mirror, Unfolding
 from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.surfaces import Surface
 
@@ -167,7 +167,7 @@ class ImageReturns:
             band.half_band,
             self._names,
             arriving,
-            1 + sum(way),
+            1 + sum(way) * max((each.bounces for each in mirrors), default=1),
         )
         return paths, error
 
@@ -276,15 +276,10 @@ class ImageReturns:
     ) -> tuple[FloatArray, FloatArray]:
         """(facet, 3) unit vectors towards the first and the last interaction."""
         place = centroids - self._viewpoint
-        normals = np.array([each.normal for each in mirrors]).reshape(-1, 3)
-        heights = np.array([float(each.height(self._viewpoint)) for each in mirrors])
+        unfolded = Unfolding(mirrors, self._viewpoint)
 
         def towards(by: bool, mirror: NDArray[np.int32]) -> FloatArray:
-            seen = place
-            if by:
-                normal = normals[mirror]
-                height = np.einsum("fi,fi->f", place, normal) + heights[mirror]
-                seen = place - 2.0 * height[:, None] * normal
+            seen = unfolded(place, mirror) if by else place
             return np.asarray(seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-12))
 
         return towards(way[0], first), towards(way[1], last)

@@ -13,11 +13,11 @@ from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.ghost_levels import ON_MIRROR
-from rfgen_sionna.tracing.mirrors import Mirror
+from rfgen_sionna.tracing.mirrors import Folded, Mirror
 from rfgen_sionna.tracing.rims import Rims, cut_by_rims
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.surfaces import Surfaces
-from rfgen_sionna.tracing.visibility import MirrorView, Shown, mirrored_fraction, seen_by_both
+from rfgen_sionna.tracing.visibility import FoldedView, MirrorView, Shown, mirrored_fraction, seen_by_both
 
 
 class Parts(NamedTuple):
@@ -71,10 +71,13 @@ class MirrorSight:
         self._mirrors, self._viewpoint, self._max_range = tuple(mirrors), viewpoint, max_range
         self._closed = np.array([surface.closed for surface in surfaces.moving], dtype=np.bool_)
         self._images = np.array([mirror.image(viewpoint) for mirror in mirrors]).reshape(-1, 3)
-        # Which mirror each face of the ray scene belongs to, -1 for none.
+        # Which mirror each face of the ray scene belongs to, by the first of its faces, -1 for none.
         self._owner = np.full(sum(len(each.faces) for each in (*surfaces.static, *surfaces.moving)), -1, np.int32)
-        for number, mirror in enumerate(mirrors):
-            self._owner[mirror.faces] = number
+        before = [mirror.before for mirror in mirrors if isinstance(mirror, Folded)]
+        for mirror in (*mirrors, *before):
+            self._owner[mirror.faces] = mirror.faces[0]
+        own = self._planes(mirrors)
+        self._planes_of = [own, self._planes(before)] if before else [own]
 
     def __call__(
         self,
@@ -178,14 +181,16 @@ class MirrorSight:
             energy += (returns_at_most(shown, self._wavenumber)[0] * by_two) ** 2
         return np.sqrt(np.bincount(facets.surface, energy, len(self._closed)))
 
+    def _planes(self, mirrors: Sequence[Mirror]) -> MirrorView:
+        normals, offsets = np.array([each.normal for each in mirrors]), np.array([each.offset for each in mirrors])
+        return MirrorView(
+            normals.reshape(-1, 3), offsets, np.array([each.faces[0] for each in mirrors], np.int32), self._owner
+        )
+
     def _view(self, number: NDArray[np.intp]) -> MirrorView:
         """Of facets that are shown by the mirrors of that `number` (facet,)."""
-        return MirrorView(
-            np.stack([mirror.normal for mirror in self._mirrors])[number],
-            np.array([mirror.offset for mirror in self._mirrors])[number],
-            number.astype(np.int32),
-            self._owner,
-        )
+        own, *before = (each.take(number) for each in self._planes_of)
+        return FoldedView(own.normal, own.offset, own.mirror, own.owner, before[0]) if before else own
 
     def _cut(
         self,

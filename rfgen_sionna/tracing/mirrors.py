@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ class Mirror:
     """(2,) where it begins along the axes [m]."""
     high: FloatArray
     """(2,) where it ends."""
+    bounces: ClassVar[int] = 1
+    """Of what goes by way of it."""
 
     def height(self, points: FloatArray) -> FloatArray:
         """Distance (...) of `points` (..., 3) from the plane [m], positive on the radar's side."""
@@ -49,6 +52,10 @@ class Mirror:
     def image(self, points: FloatArray) -> FloatArray:
         """Mirror images (..., 3) [m]."""
         return np.asarray(points - 2.0 * self.height(points)[..., None] * self.normal)
+
+    def unfolded(self, points: FloatArray) -> FloatArray:
+        """Where `points` (..., 3) appear to the radar by way of it [m]."""
+        return self.image(points)
 
     def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
         """(point, 3) where the ways from the viewpoint to `points` meet the plane [m]; both lie on the same side."""
@@ -61,6 +68,51 @@ class Mirror:
         place = points @ self.axes.T
         margin = np.broadcast_to(np.asarray(margin), len(points))[:, None]
         return np.asarray(((place > self.low - margin) & (place < self.high + margin)).all(axis=1))
+
+
+@dataclass(frozen=True)
+class Folded(Mirror):
+    """A mirror that the radar sees by way of another one, which comes `before`."""
+
+    before: Mirror
+    bounces: ClassVar[int] = 2
+
+    @staticmethod
+    def of(before: Mirror, mirror: Mirror) -> Folded:
+        """The way by the one, then by the other."""
+        return Folded(**{each.name: getattr(mirror, each.name) for each in fields(Mirror)}, before=before)
+
+    def image(self, points: FloatArray) -> FloatArray:
+        """Images (..., 3) of the radar's elements [m], as the mirror shows them."""
+        return super().image(self.before.image(points))
+
+    def unfolded(self, points: FloatArray) -> FloatArray:
+        """Where `points` (..., 3) appear to the radar by way of both [m]."""
+        return self.before.image(super().image(points))
+
+    def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
+        """(point, 3) where the ways from the viewpoint to `points` meet the mirror [m]."""
+        return super().crossings(self.before.image(viewpoint), points)
+
+
+class Unfolding:
+    """Tells where mirrors show things; `mirrors` are all of one kind, places relative to an `origin` (3,) [m]."""
+
+    def __init__(self, mirrors: Sequence[Mirror], origin: FloatArray) -> None:
+        ways = [[mirror] + ([mirror.before] if isinstance(mirror, Folded) else []) for mirror in mirrors]
+        self._steps = [_planes(step, origin) for step in zip(*ways, strict=True)]
+
+    def __call__(self, places: FloatArray, mirror: NDArray[np.integer[Any]]) -> FloatArray:
+        """(facet, 3) [m] where the radar sees `places` (facet, 3) [m], each by way of one of the mirrors."""
+        for normals, heights in self._steps:
+            height = np.einsum("fi,fi->f", places, normals[mirror]) + heights[mirror]
+            places = places - 2.0 * height[:, None] * normals[mirror]
+        return places
+
+
+def _planes(mirrors: Sequence[Mirror], origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(mirror, 3) normals, and (mirror,) how far an origin is before them [m]."""
+    return np.stack([each.normal for each in mirrors]), np.array([float(each.height(origin)) for each in mirrors])
 
 
 def find_mirrors(

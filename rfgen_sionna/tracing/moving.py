@@ -18,10 +18,9 @@ from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP, Facets, facet_paths, over_time
 from rfgen_sionna.tracing.faint import LEAST_RTOL
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
-from rfgen_sionna.tracing.ghosts import Ghosts
+from rfgen_sionna.tracing.ghosts import Ghosts, GhostView
 from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Followed, Glances, fine_times, moved
 from rfgen_sionna.tracing.knots import Splined
-from rfgen_sionna.tracing.mirror_sight import MirroredView
 from rfgen_sionna.tracing.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.returns import FacetReturns
@@ -139,7 +138,7 @@ class MovingParts:
                     in_vain = seen
                     seen = self._see(instants.tolist(), positions, ray_scene)
             whole = [self._facets.from_all_sides(each.facets) if self.beside else each.facets for each in seen]
-            mirrored: list[MirroredView] = []
+            mirrored: list[GhostView] = []
             bounced: list[list[Bounced]] = [[] for _ in bounces]
             rounded: list[RoundSeen] = []
             veiled: list[Veiled] = []
@@ -173,7 +172,7 @@ class MovingParts:
         weight = seen[middle].weight[kept]
         chosen = self._glances.choose(facets, references, values, parallax, shares, weight, expansion, self._level)
         glanced, followed, between = None, kept[chosen.facets], max(chosen.error(), steady)
-        looked: list[Seen | MirroredView | Bounced | RoundSeen | Veiled | Followed] = [
+        looked: list[Seen | GhostView | Bounced | RoundSeen | Veiled | Followed] = [
             *seen,
             *in_vain,
             *mirrored,

@@ -24,9 +24,8 @@ from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed, screened
 
 
-@dataclass(frozen=True)
-class Via:
-    """By which mirrors facets are lit and looked at."""
+class Planes(NamedTuple):
+    """Mirrors."""
 
     normal: FloatArray
     """(mirror, 3) unit vectors."""
@@ -34,6 +33,16 @@ class Via:
     """(mirror,) normal . x of the mirror's points [m], in the frame of the facets' corners."""
     media: Media
     """What the mirrors are made of, one material to a mirror."""
+
+
+@dataclass(frozen=True)
+class Via:
+    """By which mirrors facets are lit and looked at."""
+
+    mirrors: Planes
+    """Those next to the facets."""
+    before: Planes | None
+    """Of each the one that comes before it, seen from the elements; None where there is none."""
     tx: IntArray | None
     """(facet,) index of the mirror by which the way from Tx goes; None is straight."""
     rx: IntArray | None
@@ -41,19 +50,32 @@ class Via:
 
 
 class Wall(NamedTuple):
-    """The mirror of each lane."""
+    """The mirror of each lane, and the one that comes before it, seen from the elements, if any does."""
 
     normal: Any
     offset: Any
     medium: Medium
+    before: Wall | None = None
 
     def image(self, dr: Any, point: Any) -> Any:
-        """The mirror image of a point."""
+        """The image of an element."""
+        if self.before is not None:
+            point = self.before.image(dr, point)
         return point - 2.0 * (dr.dot(point, self.normal) - self.offset) * self.normal
 
     def turned(self, dr: Any, field: Any) -> Any:
-        """The mirror image of a field's direction."""
+        """The image of the direction of an element's field."""
+        if self.before is not None:
+            field = self.before.turned(dr, field)
         return field - 2.0 * dr.dot(field, self.normal) * self.normal
+
+    def surfaces(self, dr: Any) -> list[tuple[Any, Medium]]:
+        """Normals, as the images are turned, and media of what a wave is reflected by, one after the other."""
+        own = [(self.normal, self.medium)]
+        if self.before is None:
+            return own
+        first = self.before.normal
+        return [(first - 2.0 * dr.dot(first, self.normal) * self.normal, self.before.medium), *own]
 
 
 class _Field(NamedTuple):
@@ -71,11 +93,17 @@ class _Field(NamedTuple):
 def wall_tables(dr: Any, types: Any, via: Via) -> dict[str, Any]:
     """`via` on the device, for :func:`walls_of_lanes`."""
     Float, UInt32 = types.Float64, types.UInt32
-    found = {
-        "normal": upload(Float, via.normal),
-        "offset": upload(Float, via.offset),
-        "media": media_tables(dr, types, via.media),
-    }
+
+    def table(planes: Planes) -> dict[str, Any]:
+        return {
+            "normal": upload(Float, planes.normal),
+            "offset": upload(Float, planes.offset),
+            "media": media_tables(dr, types, planes.media),
+        }
+
+    found = {"mirrors": table(via.mirrors)}
+    if via.before is not None:
+        found["before"] = table(via.before)
     ways = {"tx": via.tx, "rx": via.rx}
     return found | {name: upload(UInt32, np.asarray(way, np.uint32)) for name, way in ways.items() if way is not None}
 
@@ -89,10 +117,14 @@ def walls_of_lanes(
         if way not in via:
             return None
         mirror = dr.gather(types.UInt32, via[way], facet)
-        normal = (dr.gather(types.Float64, via["normal"], mirror * 3 + axis) for axis in range(3))
-        offset = dr.gather(types.Float64, via["offset"], mirror)
-        medium = media_of_lanes(dr, types, via["media"], node, mirror, wavenumber)
-        return Wall(types.Array3f64(*normal), offset, medium)
+
+        def of(planes: dict[str, Any], before: Wall | None) -> Wall:
+            normal = (dr.gather(types.Float64, planes["normal"], mirror * 3 + axis) for axis in range(3))
+            offset = dr.gather(types.Float64, planes["offset"], mirror)
+            medium = media_of_lanes(dr, types, planes["media"], node, mirror, wavenumber)
+            return Wall(types.Array3f64(*normal), offset, medium, before)
+
+        return of(via["mirrors"], of(via["before"], None) if "before" in via else None)
 
     return wall("tx"), wall("rx")
 
@@ -114,8 +146,12 @@ class Strength:
             return reflection(dr, complex_type, medium, dr.sqrt(1.0 - sin2), sin2)
 
         k_in, k_out, _ = self._ways(centre)
-        self._wall_in = None if first is None else (first, *coefficients(first.medium, k_in, first.normal))
-        self._wall_out = None if last is None else (last, *coefficients(last.medium, k_out, last.normal))
+
+        def by(wall: Wall | None, k: Any) -> list[tuple[Any, Any, Any]]:
+            surfaces = [] if wall is None else wall.surfaces(dr)
+            return [(across, *coefficients(medium, k, across)) for across, medium in surfaces]
+
+        self._walls_in, self._walls_out = by(first, k_in), by(last, k_out)
         self._there = coefficients(surface.medium, k_in, normal)
         self._back = coefficients(surface.medium, k_out, normal)
 
@@ -132,15 +168,15 @@ class Strength:
 
         weights = [1.0 / 3.0 + dr.dot(slope, point - surface.middle) for slope in surface.slopes]  # as slabs need
 
-        def field(of_element: Any, k: Any, by: tuple[Wall, Any, Any] | None, crossed: Crossed) -> _Field:
+        def field(of_element: Any, k: Any, by: list[tuple[Any, Any, Any]], crossed: Crossed) -> _Field:
             own = transverse(dr, of_element, k), self._vector(0, 0, 0)
             own = screened(dr, self._complex, crossed.before, weights, k, *own)
-            if by is not None:
-                own = _reflected(dr, _Field(*own), dr.cross(k, by[0].normal), *by[1:])
+            for across, r_s, r_p in by:
+                own = _reflected(dr, _Field(*own), dr.cross(k, across), r_s, r_p)
             return _Field(*screened(dr, self._complex, crossed.behind, weights, k, *own))
 
-        e_tx = field(surface.tx_field, k_in, self._wall_in, surface.crossed[0])
-        e_rx = field(surface.rx_field, k_out, self._wall_out, surface.crossed[1])
+        e_tx = field(surface.tx_field, k_in, self._walls_in, surface.crossed[0])
+        e_rx = field(surface.rx_field, k_out, self._walls_out, surface.crossed[1])
         there = _obliquity(dr, normal, k_in, e_tx, k_out, e_rx, self._there)
         back = _obliquity(dr, normal, -k_out, e_rx, -k_in, e_tx, self._back)
         total = (there + back).scaled(0.5 / spread)

@@ -26,6 +26,8 @@ FINE = lattice(4)
 _TIPS = inset(np.eye(3), RIM)
 _LEAST_HEIGHT = 1e-4
 """What lies nearer to a mirror than this [m] is on it."""
+_OFF = 1e-4
+"""Share of their way that rays start above a mirror."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,49 @@ class MirrorView:
         met = tried[on]
         found[met] = ~rays.occluded(place[on], targets[met], facet[met], hit[on])
         return found, len(tried) + len(met)
+
+
+@dataclass(frozen=True)
+class FoldedView(MirrorView):
+    """As :class:`MirrorView`, of mirrors that others show."""
+
+    first: MirrorView
+    """Of each facet the mirror that comes before its own."""
+
+    def take(self, index: NDArray[np.intp]) -> FoldedView:
+        """That of the facets that `index` counts out."""
+        own = super().take(index)
+        return FoldedView(own.normal, own.offset, own.mirror, own.owner, self.first.take(index))
+
+    def shows(
+        self, rays: RayScene, viewpoint: FloatArray, targets: FloatArray, facet: IntArray
+    ) -> tuple[NDArray[np.bool_], int]:
+        """As there, by way of both mirrors."""
+        first = self.first
+        image = viewpoint - 2.0 * (first.normal @ viewpoint - first.offset)[:, None] * first.normal
+        place = _crossing(self, image, targets)
+        turn = _crossing(first, np.broadcast_to(viewpoint, place.shape), place)
+        found, sent = np.asarray(~np.isnan(place + turn).any(axis=1)), 0
+        for start, end, by in ((np.broadcast_to(viewpoint, place.shape), turn, first), (turn, place, self)):
+            tried = np.flatnonzero(found)
+            span = end[tried] - start[tried]
+            # A ray that leaves a mirror starts a little above it.
+            hit = rays.first_facet(start[tried] + (_OFF if by is self else 0.0) * span, span)
+            found[tried] = (hit >= 0) & (by.owner[hit] == by.mirror[tried])
+            sent += len(tried)
+        met = np.flatnonzero(found)
+        found[met] = ~rays.occluded(place[met] + _OFF * (targets[met] - place[met]), targets[met], facet[met])
+        return found, sent + len(met)
+
+
+def _crossing(view: MirrorView, source: FloatArray, targets: FloatArray) -> FloatArray:
+    """(facet, 3) where ways from a `source` (facet, 3) to `targets` (facet, 3) meet each one's mirror [m]; NaN where
+    one of both is not before it."""
+    here, there = (np.einsum("ri,ri->r", each, view.normal) - view.offset for each in (source, targets))
+    share = here / np.where((here > _LEAST_HEIGHT) & (there > _LEAST_HEIGHT), here + there, np.nan)
+    feet = (each - height[:, None] * view.normal for each, height in ((source, here), (targets, there)))
+    foot, other = feet
+    return np.asarray(foot + share[:, None] * (other - foot))
 
 
 @dataclass(frozen=True)

@@ -87,9 +87,12 @@ class Wall:
         heights = dot(points - self.point, self.normal) / dot(image - self.point, self.normal)
         place = (points - heights * image) / (1 - heights)  # where the line from the image crosses the plane
         k = (place - element) / np.linalg.norm(place - element, axis=-1, keepdims=True)
-        k_after = (points - place) / np.linalg.norm(points - place, axis=-1, keepdims=True)
         e = field - dot(field, k) * k
-        e = e / np.linalg.norm(e, axis=-1, keepdims=True)
+        return self.turned(e / np.linalg.norm(e, axis=-1, keepdims=True), place - element, points - place, frequency)
+
+    def turned(self, e: ComplexArray, before: FloatArray, after: FloatArray, frequency: float) -> ComplexArray:
+        """What is left of a field `e` that comes along `before` and goes on along `after`."""
+        k, k_after = (each / np.linalg.norm(each, axis=-1, keepdims=True) for each in (before, after))
         s = np.cross(k, self.normal)
         s = s / np.linalg.norm(s, axis=-1, keepdims=True)
         cos = np.abs(dot(k, self.normal))
@@ -98,6 +101,35 @@ class Wall:
             turns = self.thickness * frequency / SPEED_OF_LIGHT
             r_s, r_p = (slab(r, self.permittivity, cos, turns) for r in (r_s, r_p))
         return r_s * dot(e, s) * s + r_p * dot(e, np.cross(s, k)) * np.cross(s, k_after)
+
+
+@dataclass(frozen=True)
+class WallAfter(Wall):
+    """A wall that waves come to by way of another one."""
+
+    before: Wall | None = None
+
+    def image(self, place: FloatArray) -> FloatArray:
+        return super().image(place if self.before is None else self.before.image(place))
+
+    def reflected(self, element: FloatArray, field: FloatArray, points: FloatArray, frequency: float) -> ComplexArray:
+        """As there, after both."""
+        if self.before is None:
+            return super().reflected(element, field, points, frequency)
+        image = self.before.image(element)
+        heights = dot(points - self.point, self.normal) / dot(image - self.point, self.normal)
+        mirror = points - 2 * dot(points - self.point, self.normal) * self.normal
+        share = dot(image - self.point, self.normal) / (
+            dot(image - self.point, self.normal) - dot(mirror - self.point, self.normal)
+        )
+        place = image + share * (mirror - image)
+        assert np.all(heights > 0)
+        return self.turned(
+            self.before.reflected(element, field, place, frequency),
+            place - image,
+            points - place,
+            frequency,
+        )
 
 
 def po_gain(

@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.placing import place_facets
 from rfgen_sionna.tracing.quadratic import Slopes
-from rfgen_sionna.tracing.reflected import Via
+from rfgen_sionna.tracing.reflected import Planes, Via
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
 from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.tessellate import Tessellation
@@ -60,7 +60,7 @@ def gains(count, nodes, kind, seed=0):
         found = by_curvature(rng.random(count) < 0.5, of)
     else:
         one, other = slabs(count, 1, rng), slabs(count, 2, rng)
-        by_wall = Via(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1), None, 0 * index)
+        by_wall = Via(Planes(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1)), None, None, 0 * index)
         through = Screens(None, one), Screens(other, one)
         options = {
             "plain": {},

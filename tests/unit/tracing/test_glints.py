@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import least_squares
 
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.tracing.glint_pairs import CLOSE, Limits, possible
+from rfgen_sionna.tracing.glint_pairs import CLOSE, Limits, _passing, _wholes, possible
 from rfgen_sionna.tracing.glint_pieces import Halving, Pieces, stands_out
 from rfgen_sionna.tracing.glint_places import places
 from rfgen_sionna.tracing.glints import Glints, matched, unit_normals
@@ -145,6 +145,32 @@ def test_no_pair_is_lost_that_shows_the_source_itself(two):
     assert kept > 30
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 64, 255, 257, 600])
+def test_blocks_of_pieces_lose_no_pair(two, count):
+    """Of all pairs of whole faces, one of each telling: by blocks as one by one."""
+    surfaces, vertices = two
+    skin, rng = Skin.of(surfaces, [vertices[0], vertices[1] + np.array([0.1, 0.5, 0.0])]), np.random.default_rng(count)
+    halving = Halving(skin, SOURCE, np.sort(rng.choice(len(skin.corners), count, replace=False)))
+    limits = Limits(0.01, 20.0)
+    for tells in (rng.random(count) < 0.3, np.ones(count, bool), np.arange(count) == count - 1):
+        one, other = np.triu_indices(count, 1)
+        some = tells[one] | tells[other]
+        wanted = _passing(halving.pieces.rows, (one[some].astype(np.intp), other[some].astype(np.intp)), limits)
+        found = np.sort(np.stack(_wholes(halving, tells, limits)), axis=0)
+        assert set(map(tuple, found.T.tolist())) == set(map(tuple, np.stack(wanted).T.tolist()))
+        assert found.shape[1] == len(wanted[0])
+
+
+def test_a_radar_on_a_bent_face_ends_the_search(two):
+    """Rays go anywhere from where it is: pieces are no smaller for that than they are to be."""
+    surfaces, vertices = two
+    skin = Skin.of(surfaces, vertices)
+    place = skin.places(np.array([5]), np.full((1, 3), 1 / 3))[1][0]
+    halving = Halving(skin, place, np.arange(0, len(skin.corners), 9))
+    list(possible(halving, np.ones(len(skin.corners), bool), Limits(0.01, 20.0)))
+    assert halving.pieces.radius.min() > 1e-6
+
+
 def test_pairs_that_are_left_are_closely_known(two):
     """All that :func:`possible` yields, and by one of each pair that tells."""
     surfaces, vertices = two
@@ -162,7 +188,7 @@ def test_pairs_that_are_left_are_closely_known(two):
 
 
 def test_places_on_two_balls_are_where_the_way_is_shortest():
-    """By the pieces that are next to it, and by no other pair."""
+    """By the pieces that are next to it, and by no other pair of those that face the source."""
     balls = [trimesh.creation.icosphere(3, 0.2) for _ in range(2)]
     middles = np.array([[0.0, 0.0, 0.0], [0.3, 0.5, 0.1]])
     actors = [Actor.from_mesh(ball, material="pec", name=name) for ball, name in zip(balls, "ab", strict=True)]
@@ -191,9 +217,14 @@ def test_places_on_two_balls_are_where_the_way_is_shortest():
     way = unit(middles[1] - middles[0])
     start = unit(SOURCE - middles) + np.array([way, -way])
     truth = middles + 0.2 * unit(least_squares(miss, start.reshape(-1), xtol=1e-14).x.reshape(2, 3))
-    outside = [each for each in found if np.einsum("ni,ni->", each - middles, SOURCE - middles) > 0]
-    near = [each for each in outside if np.abs(each - truth).max() < 2e-3]
-    assert near
+
+    def leaves(each):
+        normal, ray = each - middles, each[1] - each[0]
+        return ((normal * (SOURCE - each)).sum(axis=1) > 0).all() and normal[0] @ ray > 0 > normal[1] @ ray
+
+    outside = [each for each in found if leaves(each)]
+    assert outside
+    assert max(np.abs(each - truth).max() for each in outside) < 2e-3
 
 
 def test_matches_are_mutual_and_near():
