@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
@@ -89,6 +90,7 @@ def folded_levels(
     direct = float((near**2).max(initial=0.0))
     if direct <= 0 or len(mirrors) < 2:
         return found
+    apart = _spacing(points)
     normal, axes = np.stack([each.normal for each in mirrors]), np.stack([each.axes for each in mirrors])
     low, high = (np.stack([getattr(each, end) for each in mirrors])[:, None] for end in ("low", "high"))
     there = np.stack([each.height(points) for each in mirrors])  # (mirror, vertex)
@@ -103,8 +105,11 @@ def folded_levels(
         span = np.einsum("mvi,mai->mva", place, axes)
         rise = mirror.height(place)
         turn = mirror.crossings(view, np.nan_to_num(place).reshape(-1, 3)).reshape(place.shape)
-        within = ((span >= low) & (span <= high)).all(axis=2) & (rise > ON_MIRROR)
-        within &= mirror.spans(turn.reshape(-1, 3)).reshape(rise.shape)
+        # Between two vertices something may be shown that neither is: outlines count as wider by how far these are
+        # apart on the mirror.
+        within = (span >= low - apart) & (span <= high + apart)
+        within = within.all(axis=2) & (rise > ON_MIRROR)
+        within &= mirror.spans(turn.reshape(-1, 3), apart).reshape(rise.shape)
         length = np.linalg.norm(points - (image - 2.0 * here[:, None] * normal)[:, None], axis=2)
         other, vertex = np.nonzero(within & (0.5 * (length + distance) < radar.max_range))
         others = other != number
@@ -125,6 +130,12 @@ def folded_levels(
             way *= strongest_reflection(materials, which, np.minimum(slope, 1.0), frequencies)
         np.maximum.at(found[number], other, 2.0 * way * near[vertex] / direct)
     return found
+
+
+def _spacing(points: FloatArray) -> float:
+    """About how far `points` (vertex, 3) [m] of a body are from their neighbours."""
+    near = cKDTree(points).query(points, k=min(4, len(points)))[0].reshape(len(points), -1)[:, -1]
+    return float(near.max(initial=0.0))
 
 
 class _Shown(NamedTuple):

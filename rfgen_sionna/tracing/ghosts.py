@@ -101,7 +101,7 @@ class Ghosts:
     @property
     def active(self) -> bool:
         """Whether there are ghosts to be traced, after :meth:`consider`."""
-        return len(self._kept) > 0
+        return len(self._kept) > 0 or len(self._folded) > 0
 
     def forget(self) -> None:
         """Choose the expansions anew."""
@@ -141,8 +141,10 @@ class Ghosts:
             if way not in self._folds:
                 self._folds[way] = Folded.of(*(self.mirrors[each] for each in way))
         chosen = tuple(self._folds[way] for way in ways)
+        known_by = {id(each) for each in self._folded}
         if [id(each) for each in chosen] != [id(each) for each in self._folded]:
-            self._folded_returns.forget()
+            if not {id(each) for each in chosen} <= known_by:
+                self._folded_returns.forget()
             self._folded, self._sight_folded = chosen, self._sight_of(chosen) if chosen else None
         self._folded_level = np.array([folded[way] for way in ways])
 

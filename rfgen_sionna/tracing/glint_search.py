@@ -155,9 +155,9 @@ class Search:
             fall = -np.einsum("gi,gi->g", span, normal[lane, there]) / reach
             hit = self._rays.first_hit(start, span / reach[:, None])
             near = reach - hit.distance < rise[lane, there] / np.maximum(fall, STEEP)
-            sheet = self._skin.sheet
-            near &= (hit.facet < 0) | (sheet[np.maximum(hit.facet, 0)] == sheet[facet[lane, there]])
-            free[lane] = near | (hit.facet == facet[lane, there])
+            own = self._skin.sheet[np.maximum(hit.facet, 0)] == self._skin.sheet[facet[lane, there]]
+            # The mesh may leave a place of the smooth surface free, and the ray goes on to what is behind.
+            free[lane] = (hit.distance >= reach) | (near & own) | (hit.facet == facet[lane, there])
             self.sent += len(lane)
         return free
 

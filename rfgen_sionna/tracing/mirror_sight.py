@@ -102,7 +102,7 @@ class MirrorSight:
         normal = np.cross(edges[:, 0], edges[:, 1])
         distance = np.linalg.norm(centre - view, axis=1)
         closed = self._closed[facets.surface]
-        rows, columns = [], []
+        rows, columns = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
         for row, which in enumerate(kept):
             mirror = self._mirrors[which]
             image = self._images[which]

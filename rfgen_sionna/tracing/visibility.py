@@ -26,8 +26,8 @@ FINE = lattice(4)
 _TIPS = inset(np.eye(3), RIM)
 _LEAST_HEIGHT = 1e-4
 """What lies nearer to a mirror than this [m] is on it."""
-_OFF = 1e-4
-"""Share of their way that rays start above a mirror."""
+_ABOVE = 2e-4
+"""Rays from mirror to mirror start this far above the first [m], which may be off its plane by half of it."""
 
 
 @dataclass(frozen=True)
@@ -88,16 +88,17 @@ class FoldedView(MirrorView):
         place = _crossing(self, image, targets)
         turn = _crossing(first, np.broadcast_to(viewpoint, place.shape), place)
         found, sent = np.asarray(~np.isnan(place + turn).any(axis=1)), 0
-        for start, end, by in ((np.broadcast_to(viewpoint, place.shape), turn, first), (turn, place, self)):
+        met = np.full(len(targets), -1, np.int64)
+        # A ray that leaves the first mirror starts a little above it.
+        lifted = turn + _ABOVE * first.normal
+        for start, end, by in ((np.broadcast_to(viewpoint, place.shape), turn, first), (lifted, place, self)):
             tried = np.flatnonzero(found)
-            span = end[tried] - start[tried]
-            # A ray that leaves a mirror starts a little above it.
-            hit = rays.first_facet(start[tried] + (_OFF if by is self else 0.0) * span, span)
-            found[tried] = (hit >= 0) & (by.owner[hit] == by.mirror[tried])
+            met[tried] = rays.first_facet(start[tried], end[tried] - start[tried])
+            found[tried] = (met[tried] >= 0) & (by.owner[met[tried]] == by.mirror[tried])
             sent += len(tried)
-        met = np.flatnonzero(found)
-        found[met] = ~rays.occluded(place[met] + _OFF * (targets[met] - place[met]), targets[met], facet[met])
-        return found, sent + len(met)
+        tried = np.flatnonzero(found)
+        found[tried] = ~rays.occluded(place[tried], targets[tried], facet[tried], met[tried])
+        return found, sent + len(tried)
 
 
 def _crossing(view: MirrorView, source: FloatArray, targets: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, knot_weights
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.ghost_levels import folded_levels
 from tests.physics.test_ghosts import (
@@ -25,6 +25,7 @@ from tests.physics.test_ghosts import (
 )
 from tests.physics.test_ghosts_by_two_walls import FAR, OTHER, VIEW, corridor
 from tests.reference.physical_optics import Wall, WallAfter, po_gain
+from tests.sionna.rectangles import scene_of
 
 WALLS = {1: SIDE, -1: OTHER}
 NAMES = {1: "left", -1: "right"}
@@ -112,6 +113,86 @@ def test_they_are_the_dense_quadrature_with_the_fields_of_both_walls(seed):
             assert abs(channel(found[first, there])[tx, rx] - truth) < allowed
 
 
+def turned_wall(middle, towards, half=4.0):
+    """Corners of a square around `middle`, across the level direction `towards`, and its normal."""
+    normal = np.array([*towards, 0.0]) / np.hypot(*towards)
+    along, up = np.cross([0, 0, 1.0], normal), np.array([0, 0, 1.0])
+    corners = [middle + half * (a * along + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return [each.tolist() for each in corners], normal
+
+
+@pytest.mark.parametrize("first", ["one", "other"])
+def test_walls_at_any_angle_have_each_its_own(first):
+    """A wall of concrete and one of metal, 59 degrees apart and one leaning over, elements at 45 degrees: in either
+    order within what is stated of dense quadrature."""
+    radar = Radar.load("awr1843", overrides=ISOTROPIC, position=VIEW, orientation=(0.2, 0.1, 0.3))
+    radar = replace(radar, tx_polarization="+45", rx_polarization="V")
+    place, thickness = np.array([2.2, 0.1, 1.1]), 0.006
+    given = {"one": (np.array([1.0, 1.6, 1.0]), (0.25, -1.0)), "other": (np.array([4.4, 0.6, 1.0]), (-1.0, 0.3))}
+    materials = {"one": "concrete", "other": "metal"}
+    square = {name: turned_wall(*each) for name, each in given.items()}
+    lean = Rotation.from_rotvec([0.0, 0.06, 0.0]).as_matrix()
+    middle = given["other"][0]
+    corners = (np.array(square["other"][0]) - middle) @ lean.T + middle
+    square["other"] = corners.tolist(), lean @ square["other"][1]
+    scene = load_scene(
+        scene_of(77e9, **{name: (each[0], materials[name], thickness) for name, each in square.items()}).sionna
+    )
+    second = {"one": "other", "other": "one"}[first]
+    walls = {}
+    for name, (_, normal) in square.items():
+        material = next(each.properties for each in scene.objects if each.name == name)
+        eps = complex(material.relative_permittivity(radar.center_frequency))
+        walls[name] = given[name][0], normal, eps, material.thickness
+    both = WallAfter(*walls[second], before=Wall(*walls[first]))
+    seen = both.image(VIEW)
+    ends = seen, VIEW
+    towards = sum((each - place) / np.linalg.norm(each - place) for each in ends)
+    box = trimesh.creation.box(radar.wavelength * np.array([2, 6, 5]))
+    turn = Rotation.align_vectors([towards], [[-1, 0, 0]])[0]
+    actor = Actor.from_mesh(box, material="pec", position=place, orientation=turn.as_euler("ZYX"), name="ball")
+    simulator = Simulator(scene, radar, [actor], rtol=3e-3, max_bounces=3)
+    error = simulator.tracer.trace(0.0, 0.0).report.error
+    paths = of(simulator.paths())
+    found = paths.select(paths.bounces == 3)
+    # The radar sees the body along where the way begins: by the delay of the image of the image.
+    length = np.linalg.norm(seen - place) + np.linalg.norm(VIEW - place)
+    there = np.abs(SPEED_OF_LIGHT * found.tau[0, 0, :, 0] - length) < 0.02
+    straight = (place - VIEW) / np.linalg.norm(place - VIEW)
+    corners = actor.vertices(0.0)[actor.faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lit = np.all([np.einsum("fi,fi->f", cross, end - corners[:, 0]) > 0 for end in ends], axis=0)
+    allowed = error * np.abs(channel(paths)).max()
+    for tx, rx in ((0, 0), (2, 3)):
+        elements = radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
+        for back, by in ((found.arrival, {"tx_wall": both}), (found.direction, {"rx_wall": both})):
+            own = found.select(there & (back[:, 0] @ straight > 0.998))
+            truth = po_gain(corners[lit], *elements, complex(np.inf), n=100, **by)
+            assert own.num_paths
+            assert abs(truth) > 3 * allowed
+            assert abs(channel(own)[tx, rx] - truth) < allowed
+
+
+def test_a_periscope_shows_what_neither_of_its_mirrors_does(radar):
+    """Two metal plates at 45 degrees, one above the other: there is no ghost by one of them alone."""
+    place, plates = np.array([5.0, 0.0, 3.0]), {}
+    for name, middle, normal in (
+        ("low", (1.8, 0.0, 1.0), (-1.0, 0.0, 1.0)),
+        ("high", (1.8, 0.0, 3.0), (1.0, 0.0, -1.0)),
+    ):
+        across, up = np.array([0.0, 1.0, 0.0]), np.cross(normal, [0.0, 1.0, 0.0]) / np.sqrt(2)
+        corners = [np.array(middle) + 0.5 * (a * across + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        plates[name] = [each.tolist() for each in corners], "pec"
+    scene = load_scene(scene_of(77e9, **plates).sionna)
+    ball = Actor.from_mesh(sphere(), material="pec", position=place, name="ball")
+    paths = of(Simulator(scene, radar, [ball], rtol=2e-3, max_bounces=3).paths())
+    assert set(paths.bounces) == {1, 3}
+    there = paths.select((paths.bounces == 3) & (paths.direction[:, 0, 2] < 0.1))
+    seen = place - np.array([7.0, 0.0, 0.0])  # 1.8 m on, 2 m up and 3.2 m on again
+    level, _ = sphere_return(place, seen, VIEW, RADIUS, radar.wavelength)
+    assert abs(decibels(channel(there) / level)).max() < 0.5
+
+
 def test_changing_tx_and_rx_over_exchanges_them(radar):
     ball = Actor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
     tx, rx = radar.tx_positions, radar.rx_positions
@@ -147,6 +228,8 @@ def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
     )
     for there in (True, False):
         assert abs(channel(hidden[1, there])[0, 0]) < 1e-2 * abs(channel(free[1, there])[0, 0])
+        if leg == 1:  # the others are in the straight way, or in that by the right wall first
+            assert channel(hidden[-1, there])[0, 0] == pytest.approx(channel(free[-1, there])[0, 0], rel=0.1)
 
 
 def test_two_bounces_have_none(radar):

@@ -61,6 +61,8 @@ def gains(count, nodes, kind, seed=0):
     else:
         one, other = slabs(count, 1, rng), slabs(count, 2, rng)
         by_wall = Via(Planes(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1)), None, None, 0 * index)
+        aslant = Planes(np.array([[0.6, 0.8, 0]]), np.array([-1.5]), media(nodes, 2))
+        folded = replace(by_wall, before=aslant, tx=0 * index)
         through = Screens(None, one), Screens(other, one)
         options = {
             "plain": {},
@@ -76,6 +78,7 @@ def gains(count, nodes, kind, seed=0):
             "mirrors": {"via": replace(by_wall, tx=0 * index), "bend": Bend(rises, None)},
             "screen": {"screens": (through[0], through[0])},
             "screens": {"screens": (through[0], Screens(None, other))},
+            "a mirror that another shows": {"via": folded},
             "mirror behind screens": {"via": replace(by_wall, tx=0 * index), "screens": through},
         }
         of_slabs = media(nodes, 2, 0.01) if kind in ("plain", "slabs") else media(nodes, 2)
