@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +87,8 @@ class Ghosts:
         self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror there, the other back
         self._level = np.zeros(0)  # (mirror,) of the strongest ghost by way of it
         self._folds: dict[tuple[int, int], Folded] = {}  # all that ever mattered
-        self._folded: tuple[Folded, ...] = ()  # those in use
+        self._ways: list[tuple[int, int]] = []  # those in use
+        self._folded: tuple[Folded, ...] = ()
         self._folded_level = np.zeros(0)
         self._sight_folded: MirrorSight | None = None
         names = surfaces.object_names, surfaces.part_names
@@ -140,12 +142,11 @@ class Ghosts:
         for way in ways:
             if way not in self._folds:
                 self._folds[way] = Folded.of(*(self.mirrors[each] for each in way))
-        chosen = tuple(self._folds[way] for way in ways)
-        known_by = {id(each) for each in self._folded}
-        if [id(each) for each in chosen] != [id(each) for each in self._folded]:
-            if not {id(each) for each in chosen} <= known_by:
+        if ways != self._ways:
+            if not set(ways) <= set(self._ways):
                 self._folded_returns.forget()
-            self._folded, self._sight_folded = chosen, self._sight_of(chosen) if chosen else None
+            self._ways, self._folded = ways, tuple(self._folds[way] for way in ways)
+            self._sight_folded = self._sight_of(self._folded) if ways else None
         self._folded_level = np.array([folded[way] for way in ways])
 
     def images(self, vertices: Sequence[FloatArray]) -> list[list[tuple[FloatArray, float]]]:
@@ -202,17 +203,47 @@ class Ghosts:
 
         `facets` and `views` are those of each of the `instants` [s]; delays are for the `knots` [s].
         """
-        paths, error, seen = [], 0.0, [each.mirrors for each in views]
-        for way in WAYS:
-            tx, rx = way
-            shares, both = (
-                np.stack([each.twice if tx and rx else each.once for each in seen]),
-                np.stack((self._kept,) * 2),
-            )
-            if tx and rx and len(self._pairs):
+        paths, error = list[RadarPaths](), 0.0
+        single = _InUse(self._returns, self._kept, self._pairs, WAYS)
+        folded = _InUse(self._folded_returns, np.arange(len(self._folded)), self._pairs[:0], WAYS[:2])
+        by_one, by_two = [each.mirrors for each in views], [each.folded for each in views if each.folded is not None]
+        for some, seen in ((single, by_one), (folded, by_two)):
+            if seen:
+                more, missed = some.trace(knots, instants, facets, seen, centroids, usual)
+                paths, error = paths + more, error + missed
+        return paths, error
+
+
+class _InUse(NamedTuple):
+    """Mirrors of one kind that show something."""
+
+    returns: ImageReturns
+    number: NDArray[np.intp]
+    """(mirror,) which of those of `returns` each is."""
+    pairs: NDArray[np.intp]
+    """(pair, 2) those of them that count together, one there and the other back."""
+    ways: Sequence[tuple[bool, bool]]
+    """Some of `WAYS`."""
+
+    def trace(
+        self,
+        knots: FloatArray,
+        instants: FloatArray,
+        facets: Sequence[Facets],
+        seen: Sequence[MirroredView],
+        centroids: Centroids,
+        usual: FloatArray,
+    ) -> tuple[list[RadarPaths], float]:
+        """As :meth:`Ghosts.trace`, of what is `seen` by way of them at each of the instants."""
+        paths, error = [], 0.0
+        for way in self.ways:
+            twice = all(way)
+            shares = np.stack([each.twice if twice else each.once for each in seen])
+            both = np.stack((self.number,) * 2)
+            if twice and len(self.pairs):
                 across = np.stack([each.across for each in seen])
                 shares = np.concatenate([shares, across, across], axis=1)  # either first
-                both = np.concatenate([both, self._pairs.T, self._pairs.T[::-1]], axis=1)
+                both = np.concatenate([both, self.pairs.T, self.pairs.T[::-1]], axis=1)
             row, column = np.nonzero((shares > 0).any(axis=0))
             if len(row) == 0:
                 continue
@@ -220,58 +251,22 @@ class Ghosts:
             shown = [MirroredFacets.of(each, column, first, last) for each in facets]
             place = np.full(shares.shape[1:], -1, np.intp)
             place[row, column] = np.arange(len(row))
-            cut = [self._cut(each, tx and rx, place) for each in seen]
+            cut = [self._cut(each, twice, place) for each in seen]
             own = shares[:, row, column]
-            more, missed = self._returns(way, knots, instants, shown, own, column, centroids, usual, cut)
+            more, missed = self.returns(way, knots, instants, shown, own, column, centroids, usual, cut)
             paths.append(more)
             error += missed
-        self._returns.finish(error)
-        error += max(each.missed for each in seen)
-        by_two, missed = self._trace_folded(knots, instants, facets, views, centroids, usual)
-        return paths + by_two, error + missed
-
-    def _trace_folded(
-        self,
-        knots: FloatArray,
-        instants: FloatArray,
-        facets: Sequence[Facets],
-        views: Sequence[GhostView],
-        centroids: Centroids,
-        usual: FloatArray,
-    ) -> tuple[list[RadarPaths], float]:
-        """Paths by way of two mirrors one after the other, then straight back or the other way round, as of
-        :meth:`trace`."""
-        seen = [each.folded for each in views if each.folded is not None]
-        shares = np.stack([each.once for each in seen]) if seen else np.zeros((1, 0, 0))
-        row, column = np.nonzero((shares > 0).any(axis=0))
-        if len(row) == 0:
-            return [], max([each.missed for each in seen], default=0.0)
-        paths, error = [], 0.0
-        place = np.full(shares.shape[1:], -1, np.intp)
-        place[row, column] = np.arange(len(row))
-        number = row.astype(np.int32)
-        shown = [MirroredFacets.of(each, column, number, number) for each in facets]
-        cut = []
-        for each in seen:
-            parts = each.cut[0]
-            owner = place[parts.row, parts.column]
-            cut.append((owner[owner >= 0], parts.pieces[owner >= 0]))
-        for way in WAYS[:2]:
-            given = shown, shares[:, row, column], column, centroids, usual, cut
-            more, missed = self._folded_returns(way, knots, instants, *given)
-            paths.append(more)
-            error += missed
-        self._folded_returns.finish(error)
+        self.returns.finish(error)
         return paths, error + max(each.missed for each in seen)
 
     def _cut(self, seen: MirroredView, twice: bool, place: NDArray[np.intp]) -> Cut:
         """What is `seen` of facets of which a part is, once or `twice`; `place` (row, facet) tells which of all those
-        that are shown each is, of the mirrors in use one after the other and of the pairs of them, either first."""
+        that are shown each is, of the mirrors one after the other and of the pairs of them, either first."""
         own, across = seen.cut[1 if twice else 0], seen.cut[2]
         parts = [(own.row, own.column, own.pieces)]
-        if twice and len(self._pairs):
-            first = len(self._kept)
-            parts += [(row + across.row, across.column, across.pieces) for row in (first, first + len(self._pairs))]
+        if twice and len(self.pairs):
+            first = len(self.number)
+            parts += [(row + across.row, across.column, across.pieces) for row in (first, first + len(self.pairs))]
         rows, columns, pieces = (np.concatenate(each) for each in zip(*parts, strict=True))
         owner = place[rows, columns]
         shown = owner >= 0  # of some next to nothing is

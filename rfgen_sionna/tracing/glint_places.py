@@ -52,7 +52,7 @@ def places(
     count = len(facet[0])
     alive, at = np.arange(count), np.full((count, 4), 1 / 3)
     found, misses = at.copy(), np.full(count, np.inf)
-    # Places on faces in the order in which they are first used, so that kernels get what is needed and no more.
+    # Of the faces in use alone, so that kernels get what is needed and no more.
     used, number = np.unique(np.concatenate(facet), return_inverse=True)
     number = number.reshape(2, count)
     figures = np.concatenate(

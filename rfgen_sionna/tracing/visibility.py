@@ -106,8 +106,7 @@ def _crossing(view: MirrorView, source: FloatArray, targets: FloatArray) -> Floa
     one of both is not before it."""
     here, there = (np.einsum("ri,ri->r", each, view.normal) - view.offset for each in (source, targets))
     share = here / np.where((here > _LEAST_HEIGHT) & (there > _LEAST_HEIGHT), here + there, np.nan)
-    feet = (each - height[:, None] * view.normal for each, height in ((source, here), (targets, there)))
-    foot, other = feet
+    foot, other = (each - height[:, None] * view.normal for each, height in ((source, here), (targets, there)))
     return np.asarray(foot + share[:, None] * (other - foot))
 
 
