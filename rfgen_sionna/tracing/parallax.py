@@ -56,8 +56,8 @@ class Edges:
     """(edge, 3) unit vector, and the length (edge,) [m]."""
     length: FloatArray
     tangents: FloatArray
-    """(edge, 2, 3) of the surface, which may be bent, for a metre across and along; and (edge, 3) how it is bowed
-    across [1/m], twice the way off its tangent over the square of that along it."""
+    """(edge, 2, 3) of the surface, which may be bent, for a metre across and along; and (edge, 3, 3) its second
+    derivatives [1/m]: across, along and mixed."""
     bow: FloatArray
     inward: FloatArray
     """(edge, 3) unit vector on the facet, across the edge to the side that is lit."""
@@ -111,7 +111,7 @@ class Edges:
             along,
             length,
             np.stack([inward, along], axis=1),
-            np.zeros_like(inward),
+            np.zeros((len(edge), 3, 3)),
             inward,
             normal,
             hider[edge],
@@ -149,9 +149,11 @@ class Edges:
         if facets.bend is None or not len(self.owner):
             return self
         corners = np.take(facets.corners, self.owner, axis=0)
-        steps = barycentric(corners[:, :1] + self.tangents, corners) - [1.0, 0.0, 0.0]
+        ways = np.concatenate([self.tangents, self.tangents.sum(axis=1, keepdims=True)], axis=1)
+        steps = barycentric(corners[:, :1] + ways, corners) - [1.0, 0.0, 0.0]
         slope, more = facets.bend.take(self.owner).turned(self.tiny.mean(axis=1), steps)
-        return replace(self, tangents=self.tangents + slope, bow=2.0 * more[:, 0])
+        bow = np.concatenate([2.0 * more[:, :2], more[:, 2:] - more[:, :1] - more[:, 1:2]], axis=1)
+        return replace(self, tangents=self.tangents + slope[:, :2], bow=bow)
 
     def take(self, index: NDArray[np.intp] | slice) -> Edges:
         """Those that `index` counts out."""

@@ -1,7 +1,7 @@
 """What pairs see beside shadows' edges: integrals over strips, on Dr.Jit's float64 arrays (LLVM or CUDA).
 
 One lane for each edge and pair of elements; a strip is integrated across by Gauss' points, as many as its phase asks
-for, and along in closed form, as the phase is straight there.
+for, and along in closed form, in as many parts as have a straight phase.
 """
 
 from __future__ import annotations
@@ -25,7 +25,12 @@ _ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
 _RULES = [np.polynomial.legendre.leggauss(2**k) for k in range(len(_ACROSS) + 1)]
 _POINTS = np.concatenate([np.column_stack([0.5 + 0.5 * place, 0.5 * weight]) for place, weight in _RULES])
 """(point, 2) their places, 0 … 1, and weights; those of 2^k begin at number 2^k - 1."""
-_COLUMNS = ("middle", "inward", "normal", "across", "along", "bow", "reference")
+_ARCHED = 0.03
+"""Phase that the parts of a strip may be bowed by from their middle to their ends [rad]."""
+_MOST_PARTS = 64.0
+_MOST_SKEW = 3.0
+"""By how many metres along a strip's sides may go on a metre across."""
+_COLUMNS = ("middle", "inward", "normal", "across", "along", "bow", "arch", "twist", "reference")
 
 
 def beside(
@@ -64,7 +69,9 @@ def beside(
         "normal": edges.normal,
         "across": edges.tangents[:, 0],
         "along": edges.tangents[:, 1],
-        "bow": edges.bow,
+        "bow": edges.bow[:, 0],
+        "arch": edges.bow[:, 1],
+        "twist": edges.bow[:, 2],
         "reference": reference,
     }
     scalars = edges.length, edges.hider, edges.band, edges.beyond, -edges.weight / edges.area
@@ -104,7 +111,7 @@ def _beside(given: dict[str, Any], orders: int) -> None:
         return Array3(*(dr.gather(Float, given["vectors"], (first + axis) * edges + edge) for axis in range(3)))
 
     ends = element(pair // receivers), element(given["transmitters"] + pair % receivers)
-    middle, inward, normal, across, along, bow, reference = (vector(name) for name in _COLUMNS)
+    middle, inward, normal, across, along, bow, arch, twist, reference = (vector(name) for name in _COLUMNS)
     length, hider, band, beyond, share = (dr.gather(Float, given["scalars"], k * edges + edge) for k in range(5))
 
     def moved(middle: Any, inward: Any, hider: Any) -> Any:
@@ -128,37 +135,52 @@ def _beside(given: dict[str, Any], orders: int) -> None:
     left = far - width - moved(middle + far * inward, -inward, dr.select(ended, beyond, 1.0))
     width = width + dr.select(ended, 0.5 * dr.minimum(left, 0.0), 0.0)
 
-    turn, turned, bowed, way = Float(0.0), Float(0.0), Float(0.0), Float(0.0)
+    # Sides of a strip go across as the viewpoint sees it, so that those of neighbours meet.
+    seen = middle / dr.maximum(dr.norm(middle), 1e-9)
+    ahead = dr.dot(along, seen)
+    skew = dr.dot(across, seen) * ahead - dr.dot(across, along)
+    skew = dr.clip(skew / dr.maximum(dr.dot(along, along) - ahead * ahead, 1e-9), -_MOST_SKEW, _MOST_SKEW)
+    across, bow, twist = across + skew * along, bow + skew * (2.0 * twist + skew * arch), twist + skew * arch
+
+    turn, turned, bowed, arched, twisted, way = (Float(0.0) for _ in range(6))
     cycles = Float(0.0)
     for each in ends:
         offset = middle - each
         distance = dr.maximum(dr.norm(offset), 1e-9)
         towards = offset / distance
-        slope = dr.dot(towards, across)
-        turn, turned = turn + wavenumber * slope, turned + wavenumber * dr.dot(towards, along)
-        bowed = bowed + wavenumber * ((1.0 - slope * slope) / distance + dr.dot(towards, bow))
+        slope, sloped = dr.dot(towards, across), dr.dot(towards, along)
+        turn, turned = turn + wavenumber * slope, turned + wavenumber * sloped
+        bowed = bowed + wavenumber * ((dr.dot(across, across) - slope * slope) / distance + dr.dot(towards, bow))
+        arched = arched + wavenumber * ((dr.dot(along, along) - sloped * sloped) / distance + dr.dot(towards, arch))
+        twisted = twisted + wavenumber * ((dr.dot(across, along) - slope * sloped) / distance + dr.dot(towards, twist))
         # From the edge's middle to the point that delays go by.
         own = (dr.norm(offset) - dr.norm(reference - each)) / SPEED_OF_LIGHT
         way, cycles = way + own, cycles + (centre * own - dr.floor(centre * own))
+
     spread = abs(turn * width) + 0.5 * abs(bowed) * width * width
     kind = UInt32(0)
     for limit in _ACROSS:
         kind = kind + dr.select(spread > limit, UInt32(1), UInt32(0))
     many = UInt32(1) << kind
+    parts = dr.clip(dr.ceil(length * dr.sqrt(abs(arched) / (8.0 * _ARCHED))), 1.0, _MOST_PARTS)
+    half = 0.5 * length / parts
 
-    def step(point: Any, real: Any, imaginary: Any) -> tuple[Any, Any, Any]:
-        place, weight = (dr.gather(Float, given["points"], 2 * (many - 1 + point) + k) for k in range(2))
-        at = place * width
-        sin, cos = dr.sincos(-at * (turn + 0.5 * bowed * at))
-        return point + 1, real + weight * cos, imaginary + weight * sin
+    def step(number: Any, real: Any, imaginary: Any) -> tuple[Any, Any, Any]:
+        # Point by point across and, from there, part by part along.
+        place, weight = (
+            dr.gather(Float, given["points"], 2 * (many - 1 + (number & (many - 1))) + k) for k in range(2)
+        )
+        off, at = place * width, (2.0 * Float(number >> kind) + 1.0) * half - 0.5 * length
+        along = (turned + arched * at + twisted * off) * half
+        straight = dr.select(abs(along) > 1e-6, dr.sin(along) / dr.select(abs(along) > 1e-6, along, 1.0), 1.0)
+        sin, cos = dr.sincos(-off * (turn + 0.5 * bowed * off) - at * (turned + 0.5 * arched * at + twisted * off))
+        return number + 1, real + weight * straight * cos, imaginary + weight * straight * sin
 
+    total = many * UInt32(parts)
     start = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane)), dr.zeros(Float, dr.width(lane))
-    _, real, imaginary = dr.while_loop(start, lambda point, *_: point < many, step)
-    half = 0.5 * turned * length
-    straight = dr.select(abs(half) > 1e-6, dr.sin(half) / dr.select(abs(half) > 1e-6, half, 1.0), 1.0)
+    strip = types.Complex2f64(*dr.while_loop(start, lambda number, *_: number < total, step)[1:])
     sin, cos = dr.sincos(-2 * np.pi * (cycles - dr.floor(cycles)))
-    scale = share * width * length * straight
-    factor = types.Complex2f64(scale * (real * cos - imaginary * sin), scale * (real * sin + imaginary * cos))
+    factor = (share * width * length / parts) * strip * types.Complex2f64(cos, sin)
     own_gains = [
         types.Complex2f64(*(dr.gather(Float, given["gains"], 2 * (order * count + lane) + k) for k in range(2)))
         for order in range(orders)
