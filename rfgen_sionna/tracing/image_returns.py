@@ -200,20 +200,23 @@ class ImageReturns:
             values += (gather @ found.T).T
         gains[..., own] = band.combined(expansion, values)
 
+    def roughly(self, way: Way, t: float, shown: MirroredFacets, u: FloatArray) -> ComplexArray:
+        """(probe, facet) roughly what each returns at `t` [s] to one pair at places `u` (probe,) of the band."""
+        mirrors = self._mirrors(t)
+        departing, arriving = self._directions(shown.centroids, mirrors, shown.first, shown.last, way)
+        band = self._band(mirrors, way, LOOSEST)
+        found = band.at_probes(shown, self._materials, u, (0, 0), np.minimum(shown.parts, 2).astype(np.int32))
+        waves = found.a * phasors(band.frequency(u)[:, None] * found.tau)
+        return np.asarray(waves * np.sqrt(band.importance(departing) * band.importance(arriving)))
+
     def levels(
         self, way: Way, t: float, shown: MirroredFacets, group: NDArray[np.intp], count: int
     ) -> tuple[FloatArray, FloatArray]:
         """(group,) roughly what groups of facets return at `t` [s], coherently and one by one, for one pair in the
         middle of the band; `group` (facet,) below `count`."""
-        mirrors = self._mirrors(t)
-        departing, arriving = self._directions(shown.centroids, mirrors, shown.first, shown.last, way)
-        band = self._band(mirrors, way, LOOSEST)
-        parts = np.minimum(shown.parts, 2).astype(np.int32)
-        found = band.at_probes(shown, self._materials, np.zeros(1), (0, 0), parts)
-        a = found.a[0] * phasors(band.centre * found.tau[0])
-        a = a * np.sqrt(band.importance(departing) * band.importance(arriving))
-        total = np.abs(sums(a[None], group.astype(np.int32), count)[0])
-        return total, np.sqrt(np.bincount(group, np.abs(a) ** 2, count))
+        a = self.roughly(way, t, shown, np.zeros(1))
+        total = np.abs(sums(a, group.astype(np.int32), count)[0])
+        return total, np.sqrt(np.bincount(group, np.abs(a[0]) ** 2, count))
 
     def _band(self, mirrors: tuple[Mirror, ...], way: Way, tolerance: float) -> ImageBand:
         band: ImageBand = self._made(_ByIdentity(mirrors), tolerance, way)

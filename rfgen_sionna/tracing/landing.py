@@ -230,6 +230,10 @@ class Shower:
         self.sent = 0
         """Rays sent so far."""
 
+    def owner(self, index: NDArray[np.intp]) -> IntArray:
+        """(chosen,) number of the plate that facets lie on, -1 for none."""
+        return np.asarray(self._owner[self._facets.number[index]])
+
     def lengths(self, plate: int, index: NDArray[np.intp]) -> FloatArray:
         """(chosen,) one-way lengths from the viewpoint to facets' centroids by way of a plate [m]."""
         if plate == DIRECT:

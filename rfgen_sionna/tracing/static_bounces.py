@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +20,14 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.clip import areas
-from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.facets import Facets, sums
+from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.ghost_levels import GhostLevels, ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.obliquity import strongest_reflection
+from rfgen_sionna.tracing.plate_images import PlateImages
 from rfgen_sionna.tracing.plates import Plate, find_flats, meeting, wide_plates
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.static import StaticTrace
@@ -37,7 +37,9 @@ from rfgen_sionna.tracing.surfaces import Surfaces
 PLATE = 1.0
 """How many wavelengths a flat part that others show is wide at least; narrower ones count as bent."""
 SKIPPED = 0.5
-"""Share of the tolerance that all that is left out may make up."""
+"""Share of the tolerance that each of the pairs and triples of surfaces that are left out may make up."""
+FAINT = 0.2
+"""Share of the tolerance that all the facets may make up that are left out of the others."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,7 @@ def trace_shown(
     starts = np.searchsorted(own[order], np.arange(-1, len(flats) + 1))
     of_flat = [order[starts[f + 1] : starts[f + 2]] for f in range(len(flats))]
     bent = order[starts[0] : starts[1]]
-    levels = _Images(plates, possible, radar, band)
+    levels = PlateImages(plates, radar)
     mirrors = [plate for m in wide if (plate := plates[m]) is not None]
     round_ones = [
         _Round(number, showing.levels[number], ghost_levels(radar, band.importance, mirrors, points[number], most))
@@ -243,7 +245,8 @@ def _integrated(
     names = surfaces.object_names, surfaces.part_names
     returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, showing.band)
     usual, now = np.full(len(surfaces.static), static.level), np.zeros(1)
-    paths, error, used = [], 0.0, []
+    landings, error = _without_faint(showing, facets, returns, shower, landings, FAINT * rtol * static.level)
+    paths, error, used = [], error / max(static.level, 1e-300), []
     for way in WAYS:
         landing = landings[1] if all(way) else landings[0]
         if len(landing.facet) == 0:
@@ -262,89 +265,54 @@ def _integrated(
     return showing.made(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
 
 
-class _Images:
-    """Roughly how strong the radar sees itself by two or three flat parts."""
+def _without_faint(
+    showing: Showing,
+    facets: Facets,
+    returns: ImageReturns,
+    shower: Shower,
+    landings: tuple[Landing, Landing],
+    allowed: float,
+) -> tuple[tuple[Landing, Landing], float]:
+    """The `landings` by one plate and by two without those entries that all together return no more than is `allowed`,
+    and what they return: one by one, and those of one flat part by the same plates in phase, whichever is more, as the
+    faces of a fine mesh are faint only by themselves."""
+    waves, kinds, keys = [], [], []
+    for number, (landing, way) in enumerate(zip(landings, (WAYS[0], WAYS[2]), strict=True)):
+        if len(landing.facet):
+            # What goes by one plate does both ways round, and of a like length.
+            often = 1.0 if all(way) else 2.0
+            waves.append(often * returns.roughly(way, 0.0, showing.landed(facets, landing, False), PROBES))
+            kinds.append(np.full(len(landing.facet), number))
+            own = facets.surface[landing.facet], shower.owner(landing.facet)
+            keys.append(np.stack([kinds[-1], *own, landing.first, landing.last]))
+    if not waves:
+        return landings, 0.0
+    wave, kind = np.concatenate(waves, axis=1), np.concatenate(kinds)
+    group = _numbered(np.concatenate(keys, axis=1))
+    energy, size = (np.abs(wave) ** 2).mean(axis=0), int(group.max()) + 1
+    order, missed = np.argsort(energy), 0.0
+    while len(order):
+        left = order[: int(np.searchsorted(np.cumsum(energy[order]), allowed**2))]
+        single = np.bincount(group[left], energy[left], size)
+        in_phase = (np.abs(sums(wave[:, left], group[left], size)) ** 2).mean(axis=0)
+        missed = float(np.sqrt(np.maximum(single, in_phase).sum()))
+        if missed <= allowed:
+            break
+        # Of those that return in phase the strongest stay as a whole.
+        more = in_phase - single
+        order = order[(more < 0.5 * more.max())[group[order]]]
+        left = order[:0]
+    kept = np.ones(len(kind), np.bool_)
+    kept[left] = False
+    once, twice = (
+        landing.take(kept[kind == number]) if len(landing.facet) else landing for number, landing in enumerate(landings)
+    )
+    return (once, twice), missed if len(left) else 0.0
 
-    def __init__(self, plates: Sequence[Plate | None], wide: Sequence[int], radar: Radar, band: BandTracer) -> None:
-        self._plates, self._band = plates, band
-        self._view, self._wavelength, self._reach = np.asarray(radar.position), radar.wavelength, radar.max_range
-        blank = next(each for each in plates if each is not None)
-        filled = [each or blank for each in plates]
-        self._normal = np.stack([each.normal for each in filled])
-        self._height = np.array([float(each.height(self._view)) for each in filled])
-        self._axes = np.stack([each.axes for each in filled])
-        middle = [0.5 * (each.low + each.high) for each in filled]
-        self._middle = np.stack(middle) - np.einsum("fai,i->fa", self._axes, self._view)
-        self._half = np.stack([0.5 * (each.high - each.low) for each in filled])
-        self._size = 4.0 * self._half.prod(axis=1)
-        signs = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-        places = self._middle[:, None] + signs * self._half[:, None]
-        self._corners = places @ self._axes - (self._height[:, None] * self._normal)[:, None]
-        materials = [each.material for each in filled]
-        every = np.arange(len(filled), dtype=np.int32)
-        angles = np.array([1.0, 0.7, 0.4, 0.15])
-        self._reflection = np.max(
-            [
-                strongest_reflection(materials, every, np.full(len(filled), cos), np.array([radar.center_frequency]))
-                for cos in angles
-            ],
-            axis=0,
-        )
 
-    def _outside(self, plate: NDArray[np.intp] | int, points: FloatArray) -> FloatArray:
-        """(flat, 3) how far [m] the points of reflection are beside the outline's rectangle."""
-        axes = np.broadcast_to(self._axes[plate], (len(points), 2, 3))
-        beside = np.einsum("fai,fi->fa", axes, points) - self._middle[plate]
-        beside -= np.clip(beside, -self._half[plate], self._half[plate])
-        return np.asarray(np.einsum("fai,fa->fi", axes, beside))
-
-    def _left(self, plate: NDArray[np.intp] | int, outside: FloatArray, length: FloatArray) -> FloatArray:
-        """(flat,) share of the wave that is left so far `outside` (flat, 3) [m] the rectangle."""
-        axes = np.broadcast_to(self._axes[plate], (len(outside), 2, 3))
-        beside = np.abs(np.einsum("fai,fi->fa", axes, outside))
-        zone = 0.5 * np.sqrt(self._wavelength * length)
-        tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(beside, 1e-12))
-        return np.asarray(np.minimum(tail, 1.0).prod(axis=1))
-
-    def _face(self, flat: NDArray[np.intp], plate: int) -> NDArray[np.bool_]:
-        """(flat,) whether each has points in front of the `plate`, and that in front of it: two sides of a box have
-        not."""
-        least = 0.1 * self._wavelength
-        before = (self._corners[flat] @ self._normal[plate]).max(axis=1) + self._height[plate]
-        beyond = (self._corners[plate] @ self._normal[flat].T).max(axis=0) + self._height[flat]
-        return np.asarray((before > least) & (beyond > least))
-
-    def __call__(self, flat: NDArray[np.intp], first: int, last: int) -> FloatArray:
-        """(flat,) levels of radar, plate `first`, flat parts, plate `last` or straight, radar."""
-        tx = -2.0 * self._height[first] * self._normal[first]
-        rx = np.zeros(3) if last == DIRECT else -2.0 * self._height[last] * self._normal[last]
-        normal, height = self._normal[flat], self._height[flat]
-        to_tx, to_rx = normal @ tx + height, normal @ rx + height
-        # Both images in front of the flat part, on the same side: else the image does not light it.
-        sees = (to_tx > 0) & (to_rx > 0)
-        for plate in {first, last} - {DIRECT}:
-            sees &= self._face(flat, plate)
-        behind = rx - 2.0 * to_rx[:, None] * normal
-        length = np.maximum(np.linalg.norm(behind - tx, axis=1), self._wavelength)
-        q = tx + (to_tx / np.maximum(to_tx + to_rx, 1e-9))[:, None] * (behind - tx)
-        outside = self._outside(flat, q)
-        share = self._left(flat, outside, length)
-        for plate, image in ((first, tx), (last, rx)):
-            if plate == DIRECT:
-                continue
-            # Of a right angle the point of reflection is on its edge, give or take what coordinates are rounded by.
-            before = q @ self._normal[plate] + self._height[plate] + self._wavelength
-            part = self._height[plate] / np.maximum(before + self._height[plate], 1e-9)
-            crossing = image + part[:, None] * (q - image)
-            # Beyond the end of the edge that both share, the way leaves the one where it leaves the other: once.
-            edge = np.cross(normal, self._normal[plate])
-            edge /= np.maximum(np.linalg.norm(edge, axis=1), 1e-9)[:, None]
-            there = self._outside(plate, crossing)
-            along, own = (np.einsum("fi,fi->f", each, edge) for each in (outside, there))
-            same = np.where(along * own > 0, np.copysign(np.minimum(np.abs(along), np.abs(own)), own), 0.0)
-            left = self._left(plate, there - same[:, None] * edge, length)
-            share = share * np.where(before > 0, left, 0.0)
-            share = share * self._reflection[plate]
-        share = share * self._reflection[flat]
-        most = np.minimum(self._wavelength / length, 4.0 * self._size[flat] / length**2)
-        return np.where(sees & (length < 2 * self._reach), share * most / (4 * np.pi), 0.0)
+def _numbered(rows: NDArray[np.integer[Any]]) -> IntArray:
+    """(column,) number of each of the columns of `rows` (row, column), the same of those alike."""
+    found = np.zeros(rows.shape[1], np.int64)
+    for row in rows:
+        _, found = np.unique(found * (int(row.max()) + 2) + row + 1, return_inverse=True)
+    return found.astype(np.int32)
