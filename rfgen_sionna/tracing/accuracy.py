@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.fineness import beyond_rise
@@ -60,6 +60,31 @@ class Accuracy:
         return _ratio(self.amount**2, np.float64((self.amount**2).sum()))
 
 
+def together(found: Accuracy, lot: IntArray) -> Accuracy:
+    """The same with what several surfaces of a `lot` (surface,) return together in place of what each does: errors are
+    relative to that, and so much larger that the worst is that of all of them side by side."""
+    count = len(lot)
+    alone = np.bincount(lot, minlength=count)[lot] == 1
+
+    def norm(values: FloatArray) -> FloatArray:
+        return np.sqrt(np.bincount(lot, values**2, count))
+
+    def most(values: FloatArray) -> FloatArray:
+        largest = np.zeros(count)
+        np.maximum.at(largest, lot, values)
+        return largest
+
+    incoherent = norm(found.incoherent)
+    level = np.maximum(most(np.maximum(found.level, found.least)), incoherent)
+    amount = found.amount * _ratio(norm(found.amount), most(found.amount))[lot]
+    return Accuracy(
+        np.where(alone, found.amount, amount),
+        np.where(alone, found.level, level[lot]),
+        found.least,
+        np.where(alone, found.incoherent, incoherent[lot]),
+    )
+
+
 def _ratio(amount: Any, scale: Any) -> Any:
     return np.where(scale > 0, amount / np.where(scale > 0, scale, 1.0), 0.0)
 
@@ -91,6 +116,8 @@ class Finer:
     """(probe,) places in the band, -1 … 1."""
     reference: FloatArray | None
     """(facet, 3) points [m] that the coefficients' delays go by; None is the facets' centroids."""
+    lot: IntArray | None
+    """(surface,) what shares one tolerance (:func:`rfgen_sionna.tracing.surfaces.lots`); None is each by itself."""
     returned: ComplexArray
     """(probe, surface)"""
 
@@ -103,11 +130,12 @@ class Finer:
         pair: tuple[int, int] = (0, 0),
         probes: FloatArray = PROBES,
         reference: FloatArray | None = None,
+        lot: IntArray | None = None,
     ) -> Finer:
         """Integrate them; the arguments are the fields."""
         if not len(facets):
             nothing = np.zeros((len(probes), len(materials)), np.complex128)
-            return Finer(band, facets, materials, weight, pair, probes, reference, nothing)
+            return Finer(band, facets, materials, weight, pair, probes, reference, lot, nothing)
         finer_ones, index = facets.finer()
         counted = weight[index]
         if facets.pull is not None:
@@ -122,7 +150,7 @@ class Finer:
         fine = band.at_probes(finer_ones, materials, probes, pair, finer_ones.parts)
         waves = fine.a * phasors(band.frequency(probes)[:, None] * fine.tau)
         returned = sums(waves * counted, finer_ones.surface, len(materials))
-        return Finer(band, facets, materials, weight, pair, probes, reference, returned)
+        return Finer(band, facets, materials, weight, pair, probes, reference, lot, returned)
 
     def of_facets(self, usual: FloatArray | None = None, places: slice = slice(None)) -> tuple[Accuracy, ComplexArray]:
         """Of the facets themselves, integrated at those `places` of the probes: what an expansion cannot mend; `usual`
@@ -165,4 +193,5 @@ class Finer:
             tx, rx = (min(index, size - 1) for index, size in zip(self.pair, diffuse.shape[:2], strict=True))
             scattered = np.bincount(surface, np.abs(diffuse[tx, rx] * self.weight) ** 2, count)
             least, energy = np.maximum(least, np.sqrt(scattered)), energy + scattered
-        return Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
+        found = Accuracy(SAFETY * np.sqrt((np.abs(error) ** 2).mean(axis=0)), level, least, np.sqrt(energy))
+        return found if self.lot is None else together(found, self.lot)

@@ -153,11 +153,11 @@ class BandTracer:
         weight: FloatArray,
         coherent: bool = True,
         reference: FloatArray | None = None,
-        apart: bool = False,
+        apart: IntArray | None = None,
         strength: FloatArray | None = None,
     ) -> Expansion:
         """An expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs, than which the
-        next smaller one is not. Where surfaces stand `apart` that of each one is, and else that of all.
+        next smaller one is not. With numbers of lots that stand `apart` (surface,) that of each is, else that of all.
 
         A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
         that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
@@ -172,8 +172,9 @@ class BandTracer:
                 once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
                 strength = np.abs(once.a[0] * weight)
             judged = [np.arange(len(facets))]
-            if apart:
-                judged = [np.flatnonzero(facets.surface == number) for number in np.unique(facets.surface)]
+            if apart is not None:
+                lot = apart[facets.surface]
+                judged = [np.flatnonzero(lot == number) for number in np.unique(lot)]
             most = max(self.enough // len(judged), FEW)
             strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in judged]))
             facets, weight = facets.take(strongest), weight[strongest]
@@ -326,7 +327,7 @@ class BandTracer:
         pairs: IntArray,
         coherent: bool,
         reference: FloatArray | None = None,
-        apart: bool = False,
+        apart: IntArray | None = None,
     ) -> _Probes:
         nodes = self.expansions.nodes(u, pairs)
         if reference is None:
@@ -334,12 +335,19 @@ class BandTracer:
         else:
             exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
         waves = weight * phasors(self.frequency(u)[:, None] * exact.tau)
-        group, count = (facets.surface, len(materials)) if apart else (np.zeros(len(facets), np.int32), 1)
+        group, count = np.zeros(len(facets), np.int32), 1
+        if apart is not None:
+            group, count = apart[facets.surface], len(materials)
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
         scale = np.maximum(_rms(sums(exact.a * waves, group, count)), CANCELLED * strongest)
-        if not coherent:
-            scale = np.maximum(scale, np.sqrt(np.bincount(group, (single**2).mean(axis=0), count)))
+        # Of a lot of several surfaces, a room, the return is what they return side by side.
+        incoherent = np.full(count, not coherent)
+        if apart is not None:
+            incoherent |= np.bincount(apart, minlength=count) > 1
+        if incoherent.any():
+            alone = np.sqrt(np.bincount(group, (single**2).mean(axis=0), count))
+            scale = np.where(incoherent, np.maximum(scale, alone), scale)
         return _Probes(u, pairs, exact.a, waves, group, scale)
 
     def _error(

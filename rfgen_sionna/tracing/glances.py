@@ -196,17 +196,17 @@ def missed_of(
     return np.asarray(np.maximum(apart, rms(together) ** 2))
 
 
-def moved(first: Seen, last: Seen, viewpoint: FloatArray, wavenumber: float) -> FloatArray:
-    """(surface,) how much of what each surface returns without interfering may come or go from one instant to the next
-    for shadows' edges that move on: what facets may return when an edge cuts them, by the share that changes, side by
-    side. Where all edges go one way a line between both misses half of that at most; what comes back, or passes a facet
-    as a whole in between, is not told (`STRAIGHT` and `PAIR_TURN` of :mod:`rfgen_sionna.tracing.instants` keep it
-    small)."""
+def moved(first: Seen, last: Seen, viewpoint: FloatArray, wavenumber: float, lot: IntArray) -> FloatArray:
+    """(surface,) how much of what each `lot` (surface,) returns without interfering may come or go from one instant to
+    the next for shadows' edges that move on: what facets may return when an edge cuts them, by the share that changes,
+    side by side. Where all edges go one way a line between both misses half of that at most; what comes back, or passes
+    a facet as a whole in between, is not told (`STRAIGHT` and `PAIR_TURN` of :mod:`rfgen_sionna.tracing.instants` keep
+    it small)."""
     chosen = np.flatnonzero((first.fraction > 0) | (last.fraction > 0))
     facets = first.facets
     most, cut, _ = returns_at_most(np.take(facets.corners, chosen, axis=0) - viewpoint, wavenumber)
     before, after = first.fraction[chosen], last.fraction[chosen]
-    weight, surface, count = np.maximum(first.weight, last.weight)[chosen], facets.surface[chosen], len(first.level)
+    weight, surface, count = np.maximum(first.weight, last.weight)[chosen], lot[facets.surface[chosen]], len(lot)
     change = np.bincount(surface, weight * cut * np.abs(after - before), count)
     level = np.sqrt(np.bincount(surface, 0.5 * (before**2 + after**2) * (weight * most) ** 2, count))
     return np.where(level > 0, change / np.where(level > 0, level, 1.0), 0.0)
@@ -251,9 +251,11 @@ class Glances:
         viewpoint: FloatArray,
         max_range: float,
         rtol: float,
+        lot: IntArray,
     ) -> None:
         self._band, self._sight, self._returns = band, sight, returns
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
+        self._lot = lot  # (surface,) what shares one tolerance
 
     def choose(
         self,
@@ -275,7 +277,7 @@ class Glances:
             return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
         half = len(facets) // 2
         gains = expansion.weights[0, 0, 0] @ values[half] * weight * self._phasors(references[half])[:, 0]
-        surface = facets[half].surface
+        surface = self._lot[facets[half].surface]
         now = [np.bincount(surface, part, len(level)) for part in (gains.real, gains.imag)]
         own = Facets.taken(facets, some)
         ends = lengths(own[half].corners - self._viewpoint)
@@ -345,7 +347,8 @@ class Glances:
             of_time = [None] * len(order) if lit.parallax[0] is None else lit.parallax[0].split(count, len(order))
             beside = [of_time[k] for k in order]
             gains = self._single(first, by_time, beside, expansion)
-            missed = missed_of(gains, waves, shares, chosen.width, first.surface, len(chosen.level))
+            own_lot, lots = self._lot[first.surface], len(chosen.level)
+            missed = missed_of(gains, waves, shares, chosen.width, own_lot, lots)
             error = chosen.error(missed)
             if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > most_rounds(len(instants)):
                 break

@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.outlines import Passing
 from rfgen_sionna.tracing.returns import FacetReturns
 from rfgen_sionna.tracing.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.sight import Seen, Sight
-from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.surfaces import Surfaces, lots
 from rfgen_sionna.tracing.veils import Veiled, Veils
 
 MAX_ROUNDS = 5
@@ -94,9 +94,11 @@ class MovingParts:
         self._ghosts, self._bounces, self._veils, self._aimed = ghosts, tuple(bounces), veils, aimed
         self._rounds = rounds
         self._materials = tuple(surface.material for surface in surfaces.moving)
+        self._lot = lots(surfaces.moving)
+        self._alone = np.bincount(self._lot, minlength=len(self._lot))[self._lot] == 1
         self._sight = Sight(surfaces, band, viewpoint, max_range, rtol)
-        self._returns = FacetReturns(band, self._materials)
-        self._glances = Glances(band, self._sight, self._returns, viewpoint, max_range, rtol)
+        self._returns = FacetReturns(band, self._materials, self._lot)
+        self._glances = Glances(band, self._sight, self._returns, viewpoint, max_range, rtol, self._lot)
         kept = surfaces.moving, band, viewpoint, max_range, rtol, ghosts
         self._facets = MovingFacets(*kept, self._sight.look_for)
         self._expansion: Expansion | None = None
@@ -241,7 +243,7 @@ class MovingParts:
     def _changed(self, first: Seen, last: Seen) -> float:
         """Error between two instants for shadows that move on, at most, of the worst surface."""
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        change = moved(first, last, self._viewpoint, wavenumber)
+        change = moved(first, last, self._viewpoint, wavenumber, self._lot)
         return float((0.5 * np.maximum(self._interference, 1.0) * change).max(initial=0.0))
 
     def passing(self, t: float) -> Passing:
@@ -312,10 +314,8 @@ class MovingParts:
             if last or (len(whole) > 1 and whole[-1] > 0.7 * whole[-2]) or not self._facets.refine(error, positions(t)):
                 break
         worst = int(np.argmax(error))
-        _LOG.warning(
-            "the return of '%s' is right to %.2g of itself (rtol: %g)",
-            self._surfaces.moving[worst].name, error[worst], self._rtol,
-        )  # fmt: skip
+        whose = f"'{self._surfaces.moving[worst].name}'" if self._alone[worst] else "all that stays"
+        _LOG.warning("the return of %s is right to %.2g of itself (rtol: %g)", whose, error[worst], self._rtol)
         return expansion
 
     def _held(self, t: float, positions: Positions, rays: Callable[[float], RayScene], ray_scene: RayScene) -> Finer:
@@ -328,18 +328,20 @@ class MovingParts:
         kept = np.flatnonzero(share > 0)
         facets, fraction = seen.facets.pulled(self._band.pull(seen.facets, kept)).take(kept), share[kept]
         weight, reference = self._weight(facets, fraction), seen.facets.centroids[self._facets.patches.leader[kept]]
-        return Finer.of(self._band, facets, self._materials, weight, reference=reference)
+        return Finer.of(self._band, facets, self._materials, weight, reference=reference, lot=self._lot)
 
     def _expanded(self, held: Finer) -> tuple[Expansion, FloatArray]:
         """The expansion that the facets `held` ask for, and the error (surface,) of each surface with it."""
         known = self._band, held.facets, self._materials, held.weight
-        expansion = self._band.expansion_for(*known[1:], reference=held.reference, apart=True)
+        expansion = self._band.expansion_for(*known[1:], reference=held.reference, apart=self._lot)
         values = self._band.values(held.facets, self._materials, expansion, held.reference)
         gains = self._band.combined(expansion, values)
         telling = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {held.pair}
-        every = [held, *(Finer.of(*known, pair, reference=held.reference) for pair in sorted(telling))]
+        others = [Finer.of(*known, pair, reference=held.reference, lot=self._lot) for pair in sorted(telling)]
         self._expansion = expansion
-        return expansion, self._noted([each.of_expansion(gains[:, *each.pair], self._level) for each in every])
+        return expansion, self._noted(
+            [each.of_expansion(gains[:, *each.pair], self._level) for each in [held, *others]]
+        )
 
     def _noted(self, found: Sequence[Accuracy]) -> FloatArray:
         """The error (surface,) of each surface, the worst of those `found`; they are kept in mind."""
@@ -379,7 +381,7 @@ class MovingParts:
         at one place of it, the error there tells little."""
         turn = self._turn // MEASURED_EVERY
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
-        held = Finer.of(self._band, facets, self._materials, weight, pair, PROBES, reference)
+        held = Finer.of(self._band, facets, self._materials, weight, pair, PROBES, reference, self._lot)
         return float(held.of_expansion(gains[:, *pair], self._level).error.max(initial=0.0))
 
     def _paths(

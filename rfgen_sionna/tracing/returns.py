@@ -40,11 +40,11 @@ class FacetReturns:
     """Integrates facets of surfaces made of `materials`.
 
     An `expansion` says what is integrated, its values; `references` are the points (facet, 3) [m] that delays go by,
-    one array an instant.
+    one array an instant. Surfaces of one `lot` (surface,) share a tolerance.
     """
 
-    def __init__(self, band: BandTracer, materials: tuple[Material, ...]) -> None:
-        self._band, self._materials = band, materials
+    def __init__(self, band: BandTracer, materials: tuple[Material, ...], lot: IntArray) -> None:
+        self._band, self._materials, self._lot = band, materials, lot
 
     def values(
         self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
@@ -83,10 +83,10 @@ class FacetReturns:
             pieces, hider = (np.concatenate([getattr(seen[n], name) for n in cut]) for name in ("pieces", "hider"))
             surfaces = len(self._materials)
             of = np.repeat(np.arange(len(cut)), [len(seen[n].owner) for n in cut])
-            group = surfaces * of + parents.surface[place]
+            group = surfaces * of + self._lot[parents.surface[place]]
             level = np.sqrt(times) * np.concatenate([seen[n].level for n in cut])
             edges, of_cut = self._band.edges(parents, place, pieces, hider, group, level)
-            missed = of_cut.reshape(-1, surfaces).max(axis=0)
+            missed = of_cut.reshape(-1, surfaces).max(axis=0)[self._lot]
             parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
             own = np.concatenate(
                 [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]
@@ -152,13 +152,14 @@ class FacetReturns:
     def cancelling(
         self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
     ) -> FloatArray:
-        """(surface,) what paths by way of points, `by_way` (path, 3) [m] at each instant, with `gains` (path, instant)
-        of the first pair, return without interfering, over what they do, over all instants; 0 where nothing comes.
-        `surface` (path,) is that of each, one of so many `surfaces`."""
+        """(surface,) what paths of each lot by way of points, `by_way` (path, 3) [m] at each instant, with `gains`
+        (path, instant) of the first pair, return without interfering, over what they do, over all instants; 0 where
+        nothing comes. `surface` (path,) is that of each, one of so many `surfaces`."""
         alone, together = np.zeros((2, surfaces))
+        surface = self._lot[surface]
         for own, there in zip(gains.T, by_way, strict=True):
             waves = own * phasors(self._band.centre * self._band.delays(there, (0, 0)))
             real, imaginary = (np.bincount(surface, part, surfaces) for part in (waves.real, waves.imag))
             alone += np.bincount(surface, own.real**2 + own.imag**2, surfaces)
             together += real**2 + imaginary**2
-        return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))
+        return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))[self._lot]

@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, Facing, Loudness, faintes
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
-from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.surfaces import Surfaces, lots
 
 NEAREST_APART = 2.5e-4
 """Least angle between rays past one edge [rad]."""
@@ -49,10 +49,10 @@ class Seen:
     outline: FloatArray
     """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
     level: FloatArray
-    """(surface,) what its facets may return without interfering, in units of
-    :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
+    """(surface,) what the facets of its lot (:func:`rfgen_sionna.tracing.surfaces.lots`) may return without
+    interfering, in units of :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`."""
     missed: FloatArray
-    """(surface,) estimated error of what its facets return for what is not known of shadows' edges, and for those that
+    """(surface,) estimated error of what those return for what is not known of shadows' edges, and for those that
     are too faint to be looked at, relative to what they return without interfering."""
     looked_at: int
     rays: int
@@ -111,6 +111,7 @@ class Sight:
         self._loudness = Loudness(viewpoint, self._wavenumber, band.aperture)
         self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
         self._flat = any(surface.smooth is None for surface in surfaces.moving)  # facets in rows
+        self._lot = lots(surfaces.moving)
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
     def __call__(
@@ -212,7 +213,10 @@ class Sight:
         def every(name: str) -> IntArray:
             return np.concatenate([getattr(each, name)[some] for each, some in zip(facets, facing, strict=True)])
 
-        number, group = every("number") + np.int64(rays.num_facets) * time, every("surface") + surfaces * time
+        number, group = (
+            every("number") + np.int64(rays.num_facets) * time,
+            self._lot[every("surface")] + surfaces * time,
+        )
         place = np.concatenate([places[some] for some in facing]) + (int(places.max(initial=-1)) + 1) * time[:, None]
         weight = np.concatenate([each.weight for each in looked])
         # By all that falls on them at their time.
@@ -233,7 +237,7 @@ class Sight:
             fraction, weights, outlines = np.zeros((3, len(there)))
             fraction[some], weights[some], outlines[some] = found.fraction[own], weight[own], outline[own]
             sent = len(passing[k].hit) + (0 if k else guides + found.rays)  # those of all times with the first
-            mine = slice(surfaces * k, surfaces * (k + 1))
+            mine = surfaces * k + self._lot
             every_seen.append(
                 Seen(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut],
                      found.hider[cut], outlines, level[mine], missed[mine], len(some), sent)
@@ -273,7 +277,7 @@ class Sight:
         time = np.arange(times, dtype=np.int32)[:, None]
         own, local = np.unique(places, return_inverse=True)
         every = (local.ravel().astype(np.int32) + np.int32(len(own)) * time).reshape(-1, 3)
-        group = facets.surface + surfaces * np.repeat(time, len(outline))
+        group = self._lot[facets.surface] + surfaces * np.repeat(time, len(outline))
         number = looks.numbered(facets.number[: len(outline)], times)
         outlines = np.tile(outline, times)
         weight = self._importance(facets.directions(self._viewpoint, near))
@@ -283,7 +287,7 @@ class Sight:
         )  # fmt: skip
         fraction, weights = np.zeros((2, len(facets)))
         fraction[near], weights[near] = found.fraction, weight
-        error = (missed * least).reshape(times, surfaces).max(axis=0)
+        error = (missed * least).reshape(times, surfaces).max(axis=0)[self._lot]
         sent = guides + found.rays
         cut = near[found.owner], found.pieces, found.hider
         of_all = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)

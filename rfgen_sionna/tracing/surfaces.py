@@ -56,6 +56,13 @@ class Surfaces:
     part_names: tuple[str, ...]
 
 
+def lots(surfaces: Sequence[Surface]) -> IntArray:
+    """(surface,) what shares one tolerance: each actor by itself, and all that stays in the world, which is many
+    surfaces to a radar that moves; each lot has the number of its first."""
+    still = np.array([each.still for each in surfaces], np.bool_)
+    return np.where(still, still.argmax() if still.any() else 0, np.arange(len(still))).astype(np.int32)
+
+
 def is_closed(faces: IntArray) -> bool:
     """Whether every edge is used once in each direction."""
     start, end = faces.ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
