@@ -68,9 +68,17 @@ def conjugate_gains(
     scaled = np.conj(found.astype(number, copy=False)) * amplitude
     if paths.dispersion is None:
         return np.asarray(scaled)
-    orders = len(scaled)
-    # From powers of (f - frequency) / half_band to powers of u.
-    waveform = radar.waveform
+    orders, waveform = len(scaled), radar.waveform
+    # What arrives at t was sent at t - tau, when the chirp was at f_c + mu (t - tau): powers of (f - frequency) /
+    # half_band, so much lower at each path's own delay, become such of the frequency that is sent.
+    delay = paths.tau[tx, rx]
+    if delay.shape[-1] != scaled.shape[-1]:
+        delay = delay.mean(axis=-1, keepdims=True)
+    lower = (-waveform.slope / paths.half_band * delay).astype(amplitude.dtype)
+    for least in range(orders - 1):
+        for order in range(orders - 2, least - 1, -1):
+            scaled[order] += lower * scaled[order + 1]
+    # And those powers of u.
     shift = (waveform.start_frequency + waveform.slope * window.middle - paths.frequency) / paths.half_band
     scale = waveform.slope * window.half / paths.half_band
     powers = np.array(

@@ -16,10 +16,13 @@ def direct_sum(
     gain: ComplexArray,
     start: float = 0.0,
     course: Callable[[FloatArray], FloatArray] | None = None,
+    offset: tuple[float, float] | None = None,
 ) -> ComplexArray:
     """(chirp, tx, rx, sample) for `delay(times (n,), tx, rx) -> (path, n)` [s] and gains (tx, rx, path).
 
-    The gains are constant, or change by the factors `course(times) -> (path, n)`.
+    The gains are constant, or change by the factors `course(times) -> (path, n)`. With an `offset`, a frequency and
+    half a band [Hz], they go with how far from that the frequency is at which what arrives was sent, over the half
+    band.
 
     The element pattern and the Tx power are left out.
     """
@@ -35,6 +38,9 @@ def direct_sum(
                 tau = delay(start + waveform.chirp_times[chirp, tx] + t, tx, rx)
                 cycles = waveform.start_frequency * tau + waveform.slope * t * tau - 0.5 * waveform.slope * tau**2
                 phasor = np.exp(2j * np.pi * np.mod(cycles, 1.0))
+                if offset is not None:
+                    sent = waveform.start_frequency + waveform.slope * (t - tau)
+                    phasor = phasor * (sent - offset[0]) / offset[1]
                 if course is not None:
                     phasor = phasor * np.conj(course(start + waveform.chirp_times[chirp, tx] + t))
                 out[chirp, tx, rx] = (np.conj(gain[tx, rx])[:, None] * phasor).sum(axis=0)
