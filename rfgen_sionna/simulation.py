@@ -332,8 +332,7 @@ class Simulator:
     def _frames(self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str) -> Iterator[Frame]:
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
         found = stretches(self.tracer, self._fusion, times)
-        eps = max(0.3 * self.rtol, 1e-9)
-        made = echoes(self.radar, found, eps, gains, device, self._warn_silent)
+        made = echoes(self.radar, found, self.rtol, gains, device, self._warn_silent)
         for index, (samples, stretch) in enumerate(made):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale, shown = capture.full_scale, stretch.shown
