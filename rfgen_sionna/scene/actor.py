@@ -117,8 +117,10 @@ class Actor:
 
     @property
     def properties(self) -> Material:
-        """The material's properties."""
-        return self.material if isinstance(self.material, Material) else material(self.material, owner=self.name)
+        """The material's properties; of one that is named at frequencies that its source covers, and no others."""
+        if isinstance(self.material, Material):
+            return self.material
+        return material(self.material, outside="raise", owner=self.name)
 
     @property
     def faces(self) -> IntArray:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 SHIFT = 0.12
 """Instants are close enough where actors come no nearer to each other [m] from one to the next: less than two depths
 of a forearm or a head, so that none passes another unseen."""
+_ALIKE, _INSIDE = 0.5, 5
+"""Share of the vertices of the smaller of two that are near the other's where both may be in one place and neither's
+surface deep in the other, and how many points along each axis are looked at whether they are within both."""
 _BULGE = 0.25
 """Share of its way that a vertex may leave the box around the way's ends: limbs move on arcs."""
 
@@ -109,6 +112,33 @@ class _Instant:
                     continue
                 yield Encounter(each.actor, each.object, each.time, each.place, each.depth)
                 return
+        if (alike := self._alike()) is not None:
+            yield alike
+
+    def _alike(self) -> Encounter | None:
+        """The encounter of two that are in nearly the same place, surface by surface: no vertex of either is deep in
+        the other, and what is within is."""
+        from scipy.spatial import cKDTree
+
+        small, large = sorted((0, 1), key=lambda k: float(np.ptp(self.vertices[k], axis=0).prod()))
+        trees = [cKDTree(each) for each in self.vertices]
+        near = trees[large].query(self.vertices[small], distance_upper_bound=ALLOWED)[0]
+        if self._hollow(0) or self._hollow(1) or np.isfinite(near).mean() < _ALIKE:
+            return None
+        low, high = self.vertices[small].min(axis=0), self.vertices[small].max(axis=0)
+        points = (
+            low + (high - low) * (0.5 + np.arange(_INSIDE**3)[:, None] // _INSIDE ** np.arange(3) % _INSIDE) / _INSIDE
+        )
+        depth = np.min([tree.query(points)[0] for tree in trees], axis=0)
+        for point in np.flatnonzero(depth > ALLOWED)[np.argsort(-depth[depth > ALLOWED])]:
+            both = (
+                winding_number(points[point], v, a.faces)[0] for v, a in zip(self.vertices, self.actors, strict=True)
+            )
+            if all(abs(times) > 0.75 for times in both):
+                names = self.actors[small].name, self.actors[large].name
+                x, y, z = points[point].tolist()
+                return Encounter(*names, self.time, (x, y, z), float(depth[point]))
+        return None
 
     def _hollow(self, which: int) -> bool:
         """Whether an actor's surface is a sheet, such as clothes or a box of glass, with room for others in it."""

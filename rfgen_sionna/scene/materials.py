@@ -101,12 +101,15 @@ class Material:
         if self.outside == "raise":
             self.check(values)
         found = complex_permittivity(self.model, values, self.outside)
-        if (wrong := np.isnan(found) | (found.imag > 0)).any():
+        if (wrong := np.isnan(found) | np.isneginf(found.real) | (found.imag > 0)).any():
             raise MaterialError(
                 f"material {self.name!r}: permittivity {found[wrong][0]} at {values[wrong][0]:g} Hz, a number with an "
                 "imaginary part of at most 0 (loss) is needed"
             )
-        return found
+        # Products of what is as good as metal, and finite, must not overflow.
+        most = np.finfo(np.float64).max ** 0.1
+        large = np.isfinite(found) & (np.abs(found.real) + np.abs(found.imag) > most)
+        return np.where(large, np.clip(found.real, -most, most) + 1j * np.clip(found.imag, -most, 0.0), found)
 
     def relative_permeability(self, frequency: ArrayLike) -> ComplexArray:
         """Complex relative permeability, shaped as `frequency` [Hz]."""
@@ -124,7 +127,8 @@ class Material:
                 others = sorted(name for name, each in MATERIALS.items() if each.covers(float(value)))
                 raise MaterialError(
                     f"{_prefix(owner)}material {self.name!r} is not defined at {value / 1e9:g} GHz, its source covers "
-                    f'{self.describe_ranges()}; choose outside="extrapolate" or "clamp", or another material: '
+                    f'{self.describe_ranges()}; take material({self.name!r}, outside="extrapolate") or "clamp", of '
+                    "rfgen_sionna.scene, or another material: "
                     f"{', '.join(others)} are defined there"
                 )
 

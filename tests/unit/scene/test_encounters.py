@@ -41,6 +41,16 @@ def test_how_deep_a_ball_is_in_a_body(overlap: float, seen: bool) -> None:
             assert np.hypot(*found.place[:2]) < 0.21
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-6, 1e-3, 0.02, 0.05, 0.1, 0.3])
+def test_two_in_nearly_the_same_place(apart: float) -> None:
+    """Where surfaces all but coincide no vertex of either is deep in the other, and the bodies are."""
+    found = deepest_of(ball("anna", 0.2, position=(2, 0, 1)), ball("ben", 0.2, position=(2 + apart, 0, 1)))
+    assert found is not None
+    assert found.depth > 0.045
+    assert deepest_of(body("anna"), body("ben")) is not None
+    assert deepest_of(body("anna"), body("ben", position=(0.41, 0, 0))) is None
+
+
 @pytest.mark.parametrize("speed", [0.7, 3.0, 30.0])
 def test_nobody_walks_through_another_unseen(speed: float) -> None:
     """Whatever the time between the instants that are looked at; passing beside each other is nothing."""
