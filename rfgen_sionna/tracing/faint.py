@@ -23,6 +23,8 @@ from rfgen_sionna.tracing.obliquity import strongest_reflection
 FAINT_PER_RTOL = 0.2
 """What facets that are left out return, one by one and by :func:`rfgen_sionna.tracing.aslant.loudness`, over what the
 body does, per unit of the tolerance. They do return up to twice that."""
+SILENT = 1e-9
+"""Reflection coefficient below which a surface is taken for none."""
 LEAST_RTOL = 5e-3
 """Tolerance below which so few facets are that faint that to look for them takes longer."""
 ASIDE = 0.6
@@ -86,6 +88,15 @@ def plain(material: Material, frequencies: FloatArray) -> float:
         return 0.0
     number, straight = np.zeros(1, np.int32), np.ones(1)
     return min(float(strongest_reflection([material], number, straight, each)[0]) for each in frequencies[:, None])
+
+
+def silent(material: Material, frequencies: FloatArray) -> bool:
+    """Whether a surface returns nothing but what rounding leaves, at any angle and any of the `frequencies` [Hz]: one
+    of air, which no tolerance can be relative to."""
+    if material.scattering_coefficient != 0:
+        return False
+    angles = np.array([1.0, 0.5, 0.1, 0.02])
+    return float(strongest_reflection([material], np.zeros(4, np.int32), angles, frequencies).max()) < SILENT
 
 
 def faintest(

@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.gains import PROBES, Expansion
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.mirrors import Mirror, Unfolding
 from rfgen_sionna.tracing.phasors import phasors
-from rfgen_sionna.tracing.surfaces import Surface
+from rfgen_sionna.tracing.surfaces import Surface, lots
 
 SHARE = 0.3
 """Share of the tolerance that the integral over the returns of one way may use up."""
@@ -265,7 +265,11 @@ class ImageReturns:
             if reverse is not None:  # what was enough for one way round
                 expansion = band.expansions.through(reverse[1].basis)
             else:
-                expansion = band.expansion_for(facets, self._materials, weight)
+                # Each actor's images are judged by themselves, if they matter beside its direct return.
+                matter = (level > SHARE * self._rtol * usual)[facets.surface]
+                chosen = np.flatnonzero(matter) if matter.any() else np.arange(len(facets))
+                judged = facets.take(chosen), self._materials, weight[chosen]
+                expansion = band.expansion_for(*judged, apart=lots(self._surfaces))
             self._expansions[way] = tolerance, expansion
         return self._expansions[way]
 

@@ -14,7 +14,7 @@ from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, Facing, Loudness, faintest, plain
+from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
@@ -110,6 +110,7 @@ class Sight:
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._loudness = Loudness(viewpoint, self._wavenumber, band.aperture)
         self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
+        self._silent = np.array([silent(surface.material, band.frequency(PROBES)) for surface in surfaces.moving], bool)
         self._flat = any(surface.smooth is None for surface in surfaces.moving)  # facets in rows
         self._lot = lots(surfaces.moving)
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
@@ -160,6 +161,8 @@ class Sight:
 
     def _facing(self, facets: Facets) -> Facing:
         chosen = np.flatnonzero(facets.facing)
+        if self._silent.any():
+            chosen = chosen[~self._silent[facets.surface[chosen]]]
         offset = np.take(facets.centroids, chosen, axis=0) - self._viewpoint
         distance = lengths(offset)
         near = distance < self._max_range
