@@ -186,7 +186,11 @@ class Simulator:
         return RayScene(meshes, origin=self.radar.position) if meshes else None
 
     def paths(self, t: float = 0.0) -> RadarPaths:
-        """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot."""
+        """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot.
+
+        Gains are without the antennas' patterns, and the tolerance is of what these make of them: where the radar's
+        antennas hardly look, facets are as coarse as samples allow.
+        """
         self._check_places(_time("t", t), t)
         self._warn_silent()
         if self._fusion is not None:
