@@ -27,6 +27,7 @@ from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
 from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
+from rfgen_sionna.signal.checks import check_synthesis
 from rfgen_sionna.signal.phase import (
     Course,
     Window,
@@ -82,20 +83,20 @@ def synthesize(
 
     Raises
     ------
+    TypeError
+        If `radar` is no Radar, or `paths` are no RadarPaths.
     ValueError
-        If the paths are for another number of elements, their knots don't cover the frame, or there is no such device.
+        If the paths are for another number of elements or not finite, their knots don't cover the frame, there is no
+        such device, or another argument is out of range.
     BackendError
         If the CPU is to compute and Dr.Jit finds no LLVM; the message names the cure.
     """
+    check_synthesis(radar, paths, start, eps, tx_gains)
     waveform = radar.waveform
     elements = (len(radar.tx_positions), len(radar.rx_positions))
     if paths.a.shape[:2] != elements:
         raise ValueError(f"paths.a is for {paths.a.shape[:2]} (tx, rx) elements; radar '{radar.name}' has {elements}")
-    if not 1e-14 <= eps <= 0.1:
-        raise ValueError(f"eps is {eps!r}: a value in 1e-14 … 0.1 is needed")
     gains = np.ones(elements[0], dtype=np.complex128) if tx_gains is None else np.asarray(tx_gains)
-    if gains.shape != elements[:1]:
-        raise ValueError(f"tx_gains has shape {gains.shape}: one factor for each of {elements[0]} Tx is needed")
     if len(paths.times) > 1:
         slack = 1e-9 + 1e-3 * waveform.frame_length
         if paths.times[0] > start + slack or paths.times[-1] < start + waveform.frame_length - slack:
@@ -135,7 +136,7 @@ def chosen_device(device: str) -> str:
     ValueError
         If `device` is none of `DEVICES`, or "cuda" without a CUDA device.
     """
-    if device not in DEVICES:
+    if not isinstance(device, str) or device not in DEVICES:
         raise ValueError(f"device is {device!r}; allowed: {', '.join(DEVICES)}")
     cuda = device != "cpu" and has_cuda()
     if device == "cuda" and not cuda:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 
@@ -76,7 +77,7 @@ def resolve_scale(
             raise ValueError(
                 f"full_scale_dbm is {full_scale_dbm!r}: this format holds floating-point numbers, which have none"
             )
-        if not _is_number(full_scale_dbm) or not -200.0 <= full_scale_dbm <= 200.0:
+        if not is_number(full_scale_dbm) or not -200.0 <= full_scale_dbm <= 200.0:
             raise ValueError(f"full_scale_dbm is {full_scale_dbm!r}: a value in -200 … 200 dBm is needed")
         declared = _tone_amplitude(full_scale_dbm) / full_scale
         return declared, declared
@@ -90,7 +91,7 @@ def resolve_scale(
         level = cube.radar.adc.full_scale_dbm
         found = _power_of_two(peak(cube), full_scale) if level is None else _tone_amplitude(level) / full_scale
         return found, found
-    if not _is_number(scale) or not 1e-30 <= scale <= 1e30:
+    if not is_number(scale) or not 1e-30 <= scale <= 1e30:
         raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")
     return float(scale), float(scale)
 
@@ -164,7 +165,3 @@ def element_order(frame: NDArray[Any], radar: Radar, receivers: Sequence[int]) -
     if np.all(np.diff(tx) == 1) and np.all(np.diff(rx) == 1):
         return frame
     return frame[:, tx][:, :, rx]
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, RadarPaths
 from rfgen_sionna.signal import add_thermal_noise, noise_power, synthesize
+from rfgen_sionna.signal.checks import check_synthesis
 from tests.reference.direct_sum import direct_sum
 
 ISOTROPIC = ElementPattern(0.0)
@@ -222,6 +223,60 @@ def test_knots_must_cover_the_frame():
     paths = make_paths(radar, gain, lambda t, tx, rx: np.full((1, len(t)), 2e-8), np.array([0.0, 1e-4]))
     with pytest.raises(ValueError, match=r"paths\.times cover"):
         synthesize(radar, paths, 0.0)
+
+
+BAD_NUMBERS = ["x", None, np.nan, np.inf, 1j, True, np.array([0.1, 0.2])]
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "error"),
+    [
+        ("radar", "awr1843", TypeError),
+        ("radar", None, TypeError),
+        ("paths", None, TypeError),
+        ("paths", [1.0], TypeError),
+        *(("start", value, ValueError) for value in [*BAD_NUMBERS, 1e300, 2**70, -(10**400)]),
+        *(("eps", value, ValueError) for value in [*BAD_NUMBERS, 0.0, 0.2, 10**400]),
+        *(("tx_gains", value, ValueError) for value in [["a"] * 3, [1, np.nan, 1], [1, 1], "x", 1.0, [None] * 3]),
+        *(("device", value, ValueError) for value in ["gpu", None, np.array(["cpu", "cpu"])]),
+    ],
+)
+def test_what_nothing_can_be_synthesised_of_is_named(argument, value, error):
+    radar = small_radar()
+    gain = random_gains(np.random.default_rng(0), radar, 1)
+    paths = make_paths(radar, gain, lambda t, tx, rx: np.full((1, len(t)), 2e-8), np.array([0.0]))
+    with pytest.raises(error, match=rf"^{argument} (is|has)"):
+        synthesize(**{"radar": radar, "paths": paths, "start": 0.0, argument: value})
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("field", ["a", "tau", "tau_rate", "times", "direction", "arrival", "dispersion"])
+def test_paths_that_are_not_finite_are_named(field, value):
+    radar = small_radar()
+    gain = random_gains(np.random.default_rng(0), radar, 3)
+    curve = np.zeros((1, *gain.shape, 1), complex)
+    paths = make_paths(radar, gain, lambda t, tx, rx: np.full((3, len(t)), 2e-8), np.array([0.0]), curve)
+    wrong = np.array(getattr(paths, field))
+    wrong.flat[-1] = value
+    with pytest.raises(ValueError, match=rf"^paths\.{field} has 1 values that are NaN or infinite"):
+        synthesize(radar, replace(paths, **{field: wrong}), 0.0)
+
+
+def test_infinities_of_both_signs_are_found_and_large_values_are_none():
+    radar = small_radar()
+    gain = random_gains(np.random.default_rng(0), radar, 2)
+    paths = make_paths(radar, gain, lambda t, tx, rx: np.full((2, len(t)), 2e-8), np.array([0.0]))
+    with pytest.raises(ValueError, match=r"paths\.a has 24 values"):
+        synthesize(radar, replace(paths, a=paths.a + np.array([np.inf, -np.inf])[:, None]), 0.0)
+    check_synthesis(radar, replace(paths, a=np.full_like(paths.a, 1.7e308)), 0.0, 1e-6, None)
+
+
+@pytest.mark.parametrize("start", [1e9, np.float32(3), np.int64(-7), 10**9])
+def test_a_frame_may_start_at_any_time_of_a_clock(start):
+    radar = small_radar()
+    gain = random_gains(np.random.default_rng(0), radar, 1)
+    paths = make_paths(radar, gain, lambda t, tx, rx: np.full((1, len(t)), 2e-8), np.array([0.0]))
+    assert np.isfinite(synthesize(radar, paths, start)).all()
 
 
 def test_no_paths_no_signal():
