@@ -272,7 +272,11 @@ def overridden(table: dict[str, Any], overrides: Mapping[str, Any], where: str) 
     ------
     RadarConfigError
         If the key is none of the file format, or the value does not suit it.
+    TypeError
+        If `overrides` is no mapping.
     """
+    if not isinstance(overrides, Mapping):
+        raise TypeError(f"overrides is {overrides!r}: a table of keys and values is needed, {{'adc.bits': 12}}")
     changed = copy.deepcopy(table)
     for dotted, value in overrides.items():
         *sections, last = str(dotted).split(".")

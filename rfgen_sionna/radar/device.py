@@ -48,9 +48,9 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
     RadarConfigError, ValueError
         If the preset does not exist, or says what the device cannot do.
     """
-    preset = preset or config["default_preset"]
-    if preset not in config["preset"]:
-        raise RadarConfigError(f"{where}: preset is '{preset}'; presets: {', '.join(sorted(config['preset']))}")
+    preset = config["default_preset"] if preset is None else preset
+    if not isinstance(preset, str) or preset not in config["preset"]:
+        raise RadarConfigError(f"{where}: preset is {preset!r}; presets: {', '.join(sorted(config['preset']))}")
     array, chirp = config["array"], config["preset"][preset]
     waveform, fired = preset_waveform(chirp, config["transmitter"], array["tx_names"], f"{where}: preset.{preset}")
     tx_positions, rx_positions = (

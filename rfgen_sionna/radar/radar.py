@@ -123,10 +123,12 @@ class Radar:
         ------
         RadarConfigError, ValueError
             Naming the key, the value and what is allowed.
+        TypeError
+            If `overrides` is no mapping.
         """
         path = radar_file(radar)
         config = read_config(path)
-        if overrides:
+        if overrides is not None:
             config = overridden(config, overrides, str(path))
         try:
             made = cls(**radar_fields(config, preset, str(path)))

@@ -177,6 +177,19 @@ def test_presets_exist(radar_file: Any, refuses: Refuses) -> None:
     refuses("at least one [preset.NAME]")
 
 
+@pytest.mark.parametrize("preset", [[], {}, np.array(1), 3, False, ""])
+def test_a_preset_is_called_by_its_name(preset: Any) -> None:
+    with pytest.raises(RadarConfigError, match=r"preset is .*; presets: .*mmmesh"):
+        Radar.load("awr1843", preset)
+
+
+@pytest.mark.parametrize("overrides", ["x", 3, True, False, (1, 2), [], ["adc.bits"]])
+def test_overrides_are_a_table(overrides: Any) -> None:
+    with pytest.raises(TypeError, match=r"overrides is .*: a table of keys and values is needed"):
+        Radar.load("awr1843", overrides=overrides)
+    assert Radar.load("awr1843", overrides={}) == Radar.load("awr1843")
+
+
 def test_what_is_no_radar_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"'awr1483'.*did you mean 'awr1843'"):
         Radar.load("awr1483")
