@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.constants import epsilon_0
 
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.errors import MaterialError, MaterialRangeWarning
 from rfgen_sionna.scene.material_table import ALIASES, TABLE
@@ -30,7 +31,7 @@ def _prefix(owner: str) -> str:
 
 
 def _check_policy(outside: str) -> None:
-    if outside not in get_args(Outside):
+    if not isinstance(outside, str) or outside not in get_args(Outside):
         raise MaterialError(f"outside: {outside!r} given, allowed are {', '.join(map(repr, get_args(Outside)))}")
 
 
@@ -43,7 +44,11 @@ def _frequencies(frequency: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True)
 class Material:
-    """What a surface is made of."""
+    """What a surface is made of.
+
+    Raises:
+        MaterialError: naming the field, its value and what is allowed.
+    """
 
     name: str
     model: Permittivity
@@ -63,20 +68,31 @@ class Material:
     """What happens at a frequency that the source does not cover."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise MaterialError(f"material: name {self.name!r}, a text is needed")
+        what = f"material {self.name!r}"
         _check_policy(self.outside)
-        if self.thickness is not None and not self.thickness >= 0.0:
-            raise MaterialError(f"material {self.name!r}: thickness {self.thickness} m, it must not be negative")
-        if not 0.0 <= self.scattering_coefficient <= 1.0:
+        if not isinstance(self.model, Permittivity):
+            raise MaterialError(f"{what}: model {self.model!r}, one of rfgen_sionna.scene.permittivity is needed")
+        if self.thickness is not None and not (is_number(self.thickness) and self.thickness >= 0.0):
             raise MaterialError(
-                f"material {self.name!r}: scattering_coefficient {self.scattering_coefficient}, allowed are 0 … 1"
+                f"{what}: thickness {self.thickness!r} m, a finite one that is not negative is needed, or None"
             )
-        if not 0.0 <= self.xpd_coefficient <= 1.0:
-            raise MaterialError(f"material {self.name!r}: xpd_coefficient {self.xpd_coefficient}, allowed are 0 … 1")
-        mu = complex(self.permeability)
-        if not (np.isfinite(mu) and mu.real > 0 and mu.imag <= 0):
+        for field in ("scattering_coefficient", "xpd_coefficient"):
+            share = getattr(self, field)
+            if not (is_number(share) and 0.0 <= share <= 1.0):
+                raise MaterialError(f"{what}: {field} {share!r}, allowed are 0 … 1")
+        if not isinstance(self.scattering_pattern, ScatteringPattern):
             raise MaterialError(
-                f"material {self.name!r}: permeability {self.permeability}, a finite one with a real part above 0 and "
-                "an imaginary part of at most 0 (loss) is needed"
+                f"{what}: scattering_pattern {self.scattering_pattern!r}, a ScatteringPattern is needed, such as "
+                "ScatteringPattern('lambertian')"
+            )
+        mu = self.permeability
+        number = isinstance(mu, (int, float, complex, np.number)) and not isinstance(mu, bool)
+        if not (number and np.isfinite(mu) and mu.real > 0 and mu.imag <= 0):
+            raise MaterialError(
+                f"{what}: permeability {mu!r}, a finite number with a real part above 0 and an imaginary part of at "
+                "most 0 (loss) is needed"
             )
 
     @property

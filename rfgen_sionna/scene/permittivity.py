@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from scipy.constants import epsilon_0
@@ -18,6 +18,7 @@ Outside: TypeAlias = Literal["extrapolate", "clamp", "raise"]
 Range: TypeAlias = tuple[float, float]
 
 
+@runtime_checkable
 class Permittivity(Protocol):
     """Real part of the relative permittivity and conductivity over frequency."""
 

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scipy.special import binom
 
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.errors import MaterialError
 
@@ -31,13 +32,13 @@ class ScatteringPattern:
     """Share of the energy in the lobe about the specular direction, 0 … 1 ("backscattering")."""
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(Kind):
+        if not isinstance(self.kind, str) or self.kind not in get_args(Kind):
             raise MaterialError(f"kind: {self.kind!r} given, allowed are {', '.join(map(repr, get_args(Kind)))}")
         for name in ("alpha_r", "alpha_i"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 200:
                 raise MaterialError(f"{name}: {value!r} given, a whole number of 1 … 200 is needed")
-        if not 0.0 <= self.lambda_ <= 1.0:
+        if not (is_number(self.lambda_) and 0.0 <= self.lambda_ <= 1.0):
             raise MaterialError(f"lambda_: {self.lambda_!r} given, allowed are 0 … 1")
 
     def __call__(self, k_in: FloatArray, k_out: FloatArray, normal: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ import pytest
 from scipy.constants import epsilon_0
 
 from rfgen_sionna.scene import MATERIALS, MaterialError, MaterialRangeWarning, canonical_name, material
+from rfgen_sionna.scene.scattering import ScatteringPattern
 
 GHZ = 1e9
 
@@ -152,6 +153,45 @@ def test_arrays_keep_their_shape_and_losses_match_the_conductivity():
 def test_permeabilities_that_nothing_has_are_refused(mu):
     with pytest.raises(MaterialError, match=r"'skin': permeability .* is needed"):
         replace(material("skin"), permeability=mu)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("thickness", "a"),
+        ("thickness", -0.1),
+        ("thickness", np.nan),
+        ("thickness", np.array([0.1, 0.2])),
+        ("scattering_coefficient", "x"),
+        ("scattering_coefficient", None),
+        ("scattering_coefficient", 1.5),
+        ("xpd_coefficient", "x"),
+        ("permeability", "a"),
+        ("permeability", "1"),
+        ("permeability", None),
+        ("permeability", np.array([1.0, 2.0])),
+        ("name", 3),
+        ("name", None),
+        ("scattering_pattern", "lambertian"),
+        ("scattering_pattern", None),
+        ("model", "concrete"),
+        ("outside", np.array(["clamp", "raise"])),
+    ],
+)
+def test_fields_of_materials_that_cannot_be_are_named(field, value):
+    with pytest.raises(MaterialError, match=rf"{field}:? .*(needed|allowed)"):
+        replace(material("skin"), **{field: value})
+
+
+@pytest.mark.parametrize("thickness", [None, 0, 0.013, np.float32(0.1)])
+def test_slabs_have_a_thickness_or_are_none(thickness):
+    assert replace(material("skin"), thickness=thickness).thickness == thickness
+
+
+@pytest.mark.parametrize("change", [{"kind": np.array(["a", "b"])}, {"lambda_": "x"}, {"lambda_": np.nan}])
+def test_so_are_those_of_scattering_patterns(change):
+    with pytest.raises(MaterialError, match=next(iter(change))):
+        ScatteringPattern(**change)
 
 
 @pytest.mark.parametrize("found", [(np.nan, 0.0), (2.0, np.nan), (2.0, -1.0)])
