@@ -238,7 +238,11 @@ def open_run(path: str | os.PathLike[str]) -> Run:
         There is no such file, or it is a folder.
     RunFormatError
         The file is not HDF5, not a run, of a newer format, or lacks something: the message names it.
+    TypeError
+        `path` is no path.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path is {path!r}: the path of a run file is needed")
     target = Path(path)
     if target.is_dir():
         raise IsADirectoryError(f"run file '{target}' is a folder: the name of a file in it is needed")

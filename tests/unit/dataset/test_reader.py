@@ -20,6 +20,12 @@ def test_missing_foreign_and_other_files(tmp_path):
         open_run(tmp_path / "other.h5")
 
 
+@pytest.mark.parametrize("path", [None, 3, b"run.h5", ["run.h5"]])
+def test_what_is_no_path(path):
+    with pytest.raises(TypeError, match=r"path is .*: the path of a run file is needed"):
+        open_run(path)
+
+
 @pytest.mark.parametrize("lacking", ["adc", "labels"])
 def test_a_run_that_lacks_something_says_what(tmp_path, write, lacking):
     path = write(tmp_path / "run.h5")
