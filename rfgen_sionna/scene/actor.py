@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,10 +59,12 @@ class Actor:
             raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
         for field in ("position", "orientation", "velocity"):
             object.__setattr__(self, field, _vector(getattr(self, field), f"{self.name}: {field}"))
-        if np.linalg.norm(self.velocity) > FASTEST:
+        speed = math.hypot(*self.velocity)
+        if speed > FASTEST:
+            # All digits: a limit that is rounded may be above what it refuses.
             raise ValueError(
-                f"{self.name}: velocity {self.velocity} m/s given, at most {FASTEST:.3g} m/s is allowed, "
-                "a hundredth of the speed of light"
+                f"{self.name}: velocity {self.velocity} m/s given, {speed} m/s in all, at most {FASTEST} m/s is "
+                "allowed, a hundredth of the speed of light"
             )
         if self.trajectory is not None:
             if not callable(self.trajectory):
