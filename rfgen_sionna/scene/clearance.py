@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.load import RadarScene
+from rfgen_sionna.scene.mesh import used_vertices
 
 CLEARANCE = 0.02
 """Free space [m] that a radar needs around its centre: its antenna array is a few centimetres wide."""
@@ -39,6 +41,19 @@ class Body(Protocol):
     def vertices(self) -> Callable[[float], FloatArray]:
         """Time [s] to (vertex, 3) positions [m]."""
         ...
+
+
+@dataclass(frozen=True)
+class _Surface:
+    name: str
+    faces: IntArray
+    vertices: Callable[[float], FloatArray]
+
+
+def surface_of(body: Body) -> Body:
+    """A body without the vertices that none of its faces uses, wherever they are."""
+    used, faces = used_vertices(body.faces)
+    return _Surface(body.name, faces, lambda t: body.vertices(t)[used])
 
 
 def winding_number(points: ArrayLike, vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -110,7 +125,7 @@ def check_radar_clear(
             object.
     """
     place = np.asarray(position, np.float64)
-    bodies = [(actor.name, actor.vertices(t), actor.faces) for actor in actors]
+    bodies = [(body.name, body.vertices(t), body.faces) for body in map(surface_of, actors)]
     for name, vertices, faces in bodies:
         _check_gap(place, f"actor {name!r} at t = {t:g} s", vertices, faces, clearance)
         if _surrounds(place, vertices, faces) != 0.0:

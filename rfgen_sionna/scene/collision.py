@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.clearance import distance, winding_number
+from rfgen_sionna.scene.clearance import distance, surface_of, winding_number
 from rfgen_sionna.scene.rays import Hits, RayScene
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class CollisionFinder:
     def __init__(self, scene: Surroundings, rays: RayScene, actor: Body) -> None:
         self._items = scene.objects
         self._rays = rays
-        self._actor = actor
+        self._actor = actor = surface_of(actor)
         self._edges = _unique_edges(actor.faces)
         # The facet through which each vertex has gone over to the other side, -1 for none.
         self._beyond = np.full(int(actor.faces.max()) + 1, -1)

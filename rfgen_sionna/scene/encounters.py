@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.clearance import winding_number
+from rfgen_sionna.scene.clearance import surface_of, winding_number
 from rfgen_sionna.scene.collision import ALLOWED, FINEST_STEP, STEP, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.rays import RayScene
@@ -94,7 +94,8 @@ class _Instant:
 
     def __init__(self, one: Actor, other: Actor, t: float) -> None:
         self.actors, self.time = (one, other), t
-        self.vertices = one.vertices(t), other.vertices(t)
+        self.bodies = surface_of(one), surface_of(other)
+        self.vertices = tuple(body.vertices(t) for body in self.bodies)
 
     def meet(self, eye: ArrayLike) -> Iterator[Encounter]:
         """What of the one is in the other, or all of either."""
@@ -104,9 +105,9 @@ class _Instant:
         for here, there in ((0, 1), (1, 0)):
             if self._hollow(here) or self._holds(here, np.asarray(eye, np.float64)):
                 continue
-            still = _Still(self.actors[there].name, self.vertices[there], self.actors[there].faces)
+            still = _Still(self.bodies[there].name, self.vertices[there], self.bodies[there].faces)
             rays = RayScene([(still.vertices, still.faces)], origin=eye)
-            finder = CollisionFinder(_Surroundings((still,)), rays, self.actors[here])
+            finder = CollisionFinder(_Surroundings((still,)), rays, self.bodies[here])
             for each in finder.find(self.time, self.time):
                 if np.isinf(each.depth) and self._hollow(there):
                     continue
@@ -132,7 +133,7 @@ class _Instant:
         depth = np.min([tree.query(points)[0] for tree in trees], axis=0)
         for point in np.flatnonzero(depth > ALLOWED)[np.argsort(-depth[depth > ALLOWED])]:
             both = (
-                winding_number(points[point], v, a.faces)[0] for v, a in zip(self.vertices, self.actors, strict=True)
+                winding_number(points[point], v, a.faces)[0] for v, a in zip(self.vertices, self.bodies, strict=True)
             )
             if all(abs(times) > 0.75 for times in both):
                 names = self.actors[small].name, self.actors[large].name
@@ -149,7 +150,7 @@ class _Instant:
         vertices = self.vertices[which]
         if (eye < vertices.min(axis=0)).any() or (eye > vertices.max(axis=0)).any():
             return False
-        return bool(abs(winding_number(eye, vertices, self.actors[which].faces)[0]) > 0.75)
+        return bool(abs(winding_number(eye, vertices, self.bodies[which].faces)[0]) > 0.75)
 
 
 @dataclass(frozen=True)
@@ -192,16 +193,16 @@ def _reach(instant: _Instant, boxes: Sequence[FloatArray]) -> float:
 
     near = []
     slack = 0.0
-    for k, (vertices, actor) in enumerate(zip(instant.vertices, instant.actors, strict=True)):
+    for k, (vertices, body) in enumerate(zip(instant.vertices, instant.bodies, strict=True)):
         low, high = boxes[2 - 2 * k], boxes[3 - 2 * k]
-        corners = vertices[actor.faces]
+        corners = vertices[body.faces]
         touching = ((corners.min(axis=1) < high) & (corners.max(axis=1) > low)).all(axis=1)
         if not touching.any():
             return np.inf
         edges = corners[touching] - np.roll(corners[touching], 1, axis=1)
         # no point of a triangle is further from its nearest corner than this
         slack += float(np.linalg.norm(edges, axis=2).max()) / np.sqrt(3.0)
-        near.append(vertices[np.unique(actor.faces[touching])])
+        near.append(vertices[np.unique(body.faces[touching])])
     gap, _ = cKDTree(near[0]).query(near[1])
     return float(gap.min()) - slack
 

@@ -19,7 +19,7 @@ from rfgen_sionna.resources import available, resolve
 from rfgen_sionna.scene.enclosure import Interior, read_interior
 from rfgen_sionna.scene.errors import MaterialError, SceneError
 from rfgen_sionna.scene.materials import Material, warn_uncovered
-from rfgen_sionna.scene.mesh import face_normals
+from rfgen_sionna.scene.mesh import face_normals, used_vertices
 from rfgen_sionna.scene.permittivity import Outside
 
 
@@ -31,7 +31,7 @@ class StaticObject:
     properties: Material
     """The material, with the thickness and the scattering coefficient that it has in this scene."""
     vertices: FloatArray
-    """(vertex, 3) world positions [m]."""
+    """(vertex, 3) world positions [m], of vertices that faces use."""
     faces: IntArray
     """(face, 3) vertex indices; faces without area are left out."""
 
@@ -309,4 +309,5 @@ def _arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
     vertices = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
     faces = np.array(mesh.faces_buffer(), np.int32).reshape(-1, 3)
     area = np.linalg.norm(face_normals(vertices, faces), axis=1)
-    return vertices, np.ascontiguousarray(faces[area > 0.0])
+    used, faces = used_vertices(np.ascontiguousarray(faces[area > 0.0]))
+    return vertices[used], faces

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
 
+LARGEST = 1e10
+"""Coordinates, at most [m]: beyond it they are known to less than a few micrometres."""
 _THIRDS = np.tile(np.eye(3) / 3.0, (3, 1))
 
 
@@ -58,24 +60,27 @@ def middles(corners: FloatArray) -> FloatArray:
 def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tuple[FloatArray, IntArray]:
     """Check that an array pair is a usable surface of triangles and return it as float64 and int32.
 
-    Open surfaces such as a plate are allowed. Faces without area are dropped with a warning that counts them; a
-    closed surface whose faces all look inwards is turned inside out, with a warning too.
+    Open surfaces such as a plate are allowed. Faces without area are dropped with a warning that counts them, vertices
+    that no face uses without one; a closed surface whose faces all look inwards is turned inside out, with a warning
+    too.
 
     Args:
-        vertices: (vertex, 3) positions [m].
+        vertices: (vertex, 3) positions [m]; an array, or a tensor of torch, whose gradients are not followed.
         faces: (face, 3) vertex indices, counter-clockwise seen from outside.
         name: what the messages call the mesh.
 
     Raises:
-        MeshError: empty, not (…, 3) or not triangles, NaN or infinite vertices, an index outside the vertices, an
-            edge shared by more than two faces, or neighbouring faces of opposite orientation.
+        MeshError: empty, not (…, 3) or not triangles, vertices that are NaN, infinite or beyond `LARGEST`, masked
+            values, an index outside the vertices, an edge shared by more than two faces, or neighbouring faces of
+            opposite orientation.
     """
     points = _vertex_array(vertices, name)
     triangles = _face_array(faces, len(points), name)
+    _check_places(points, triangles, name)
     area = 0.5 * np.linalg.norm(face_normals(points, triangles), axis=1)
     extent = float(np.ptp(points[triangles.ravel()], axis=0).max())
     # Below this a triangle's normal is rounding noise: coordinates are known to 1e-16 of their size.
-    reach = float(np.abs(points).max())
+    reach = float(np.abs(points[triangles.ravel()]).max())
     keep = area > max(1e-14 * extent * extent, 1e-15 * reach * extent)
     if not keep.all():
         dropped = int(np.count_nonzero(~keep))
@@ -84,7 +89,8 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
         warnings.warn(f"{name}: dropped {dropped} of {len(triangles)} faces, their area is zero", stacklevel=3)
         triangles = triangles[keep]
     triangles = _check_edges(points, triangles, name)
-    return points, triangles
+    used, triangles = used_vertices(triangles)
+    return points[used], triangles
 
 
 def _vertex_array(vertices: ArrayLike, name: str) -> FloatArray:
@@ -93,14 +99,36 @@ def _vertex_array(vertices: ArrayLike, name: str) -> FloatArray:
         raise MeshError(f"{name}: vertices have shape {points.shape}, (vertex, 3) is needed")
     if len(points) == 0:
         raise MeshError(f"{name}: the mesh is empty, it has no vertices")
-    points = points.astype(np.float64)
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad):
-        raise MeshError(
-            f"{name}: {len(bad)} of {len(points)} vertices are NaN or infinite, the first is vertex {bad[0]} "
-            f"= {tuple(points[bad[0]].tolist())}"
-        )
-    return points
+    return points.astype(np.float64)
+
+
+def _check_places(points: FloatArray, triangles: IntArray, name: str) -> None:
+    """Vertices that faces use are somewhere; where others are does not matter."""
+    used = np.arange(len(points))[used_vertices(triangles)[0]]
+    places = points[used]
+    for wrong, what, needed in (
+        (~np.isfinite(places).all(axis=1), "NaN or infinite", ""),
+        ((np.abs(places) > LARGEST).any(axis=1), "too far off", f"; coordinates of at most {LARGEST:g} m are allowed"),
+    ):
+        bad = used[wrong]
+        if len(bad):
+            raise MeshError(
+                f"{name}: {len(bad)} of {len(points)} vertices are {what}, the first is vertex {bad[0]} "
+                f"= {tuple(points[bad[0]].tolist())}{needed}"
+            )
+
+
+def used_vertices(faces: IntArray) -> tuple[NDArray[np.intp] | slice, IntArray]:
+    """Which vertices faces (face, 3) use, in their order, and the same faces as indices among those.
+
+    The others are no part of the surface: nothing may depend on where they are.
+    """
+    used = np.zeros(int(faces.max(initial=-1)) + 1, np.bool_)
+    used[faces] = True
+    if used.all():
+        return slice(len(used)), faces
+    numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return np.flatnonzero(used), numbers[faces]
 
 
 def _face_array(faces: ArrayLike, num_vertices: int, name: str) -> IntArray:
@@ -122,7 +150,11 @@ def _face_array(faces: ArrayLike, num_vertices: int, name: str) -> IntArray:
     return np.ascontiguousarray(raw, dtype=np.int32)
 
 
-def _numeric(values: ArrayLike, what: str) -> np.ndarray[Any, Any]:
+def _numeric(values: Any, what: str) -> np.ndarray[Any, Any]:
+    if np.ma.is_masked(values):
+        raise MeshError(f"{what}: {np.ma.count_masked(values)} values are masked, fill them or leave them out")
+    if hasattr(values, "detach") and hasattr(values, "cpu"):
+        values = values.detach().cpu()  # torch makes an array of nothing else
     try:
         array = np.asarray(values)
     except ValueError:
@@ -174,15 +206,18 @@ class RigidMesh:
 
     Raises:
         MeshError: see :func:`check_mesh`.
+        ValueError: `name` is no text, or empty.
     """
 
     points: FloatArray
-    """(vertex, 3) positions in the mesh's own frame [m]."""
+    """(vertex, 3) positions in the mesh's own frame [m], of vertices that faces use."""
     faces: IntArray
     """(face, 3) vertex indices, counter-clockwise seen from outside."""
     name: str = "mesh"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
         points, faces = check_mesh(self.points, self.faces, self.name)
         points.flags.writeable = False
         faces.flags.writeable = False
@@ -195,16 +230,18 @@ class RigidMesh:
 
         Raises:
             MeshError: the mesh is not usable, or the file holds none.
+            ValueError: `name` is no text, or empty.
             FileNotFoundError: there is no such file.
             TypeError: something else was given.
         """
         if isinstance(mesh, (str, os.PathLike)):
             path = Path(mesh)
-            return cls(*_read(path), name=name or path.stem)
+            return cls(*_read(path), name=path.stem if name is None else name)
+        name = "mesh" if name is None else name
         if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
-            return cls(mesh[0], mesh[1], name=name or "mesh")
+            return cls(mesh[0], mesh[1], name=name)
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-            return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), name=name or "mesh")
+            return cls(mesh.vertices, mesh.faces, name=name)
         raise TypeError(
             f"mesh: {type(mesh).__name__} given, allowed are a trimesh.Trimesh, the path of a mesh file, or a pair "
             "(vertices, faces)"

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
-from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear
+from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear, surface_of
 from rfgen_sionna.scene.collision import ALLOWED, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.rays import RayScene
 
 if TYPE_CHECKING:
@@ -46,11 +47,12 @@ def check_places(radar: Radar, actors: Sequence[Body], start: float, stop: float
     """
     for actor in actors:
         steps = max(1, math.ceil((stop - start) / CHECK_STEP))
-        earlier = (start, _within_window(radar, actor, start))
+        used = used_vertices(actor.faces)[0]
+        earlier = (start, _within_window(radar, actor, used, start))
         check_radar_clear(radar.position, None, [actor], start)
         for t in np.linspace(start, stop, steps + 1)[1:] if stop > start else ():
-            later = (float(t), _within_window(radar, actor, float(t)))
-            _check_passage(radar, actor, earlier, later)
+            later = (float(t), _within_window(radar, actor, used, float(t)))
+            _check_passage(radar, surface_of(actor), earlier, later)
             earlier = later
 
 
@@ -146,17 +148,19 @@ def _instants(start: float, stop: float) -> list[float]:
 
 def _share_hidden(radar: Radar, hiding: Hiding, actor: Body, t: float) -> float:
     """How much of an actor is hidden from the radar at `t` [s], 0 … 1."""
-    vertices = actor.vertices(t)
+    vertices = surface_of(actor).vertices(t)
     points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
     return float(hiding.occluded(np.asarray(radar.pose(t)[0]), points).mean())
 
 
-def _within_window(radar: Radar, actor: Body, t: float) -> FloatArray:
-    """(vertex, 3) world positions [m], all of them within the range window."""
+def _within_window(radar: Radar, actor: Body, used: NDArray[np.intp] | slice, t: float) -> FloatArray:
+    """(vertex, 3) world positions [m] of the `used` vertices, all of them within the range window."""
     points = actor.vertices(t)
-    reach = float(np.linalg.norm(points - np.asarray(radar.position), axis=1).max())
-    if not np.isfinite(reach):
+    if not np.isfinite(points).all():  # neither rays nor files take such a vertex, used or not
         raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
+    points = points[used]
+    with np.errstate(over="ignore"):
+        reach = float(np.linalg.norm(points - np.asarray(radar.position), axis=1).max())
     if reach > radar.max_range:
         raise ValueError(
             f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "

@@ -43,6 +43,14 @@ def test_an_open_plate_is_allowed():
             "3 of 4 vertices are NaN or infinite, the first is vertex 1",
         ),
         (np.where(TETRAHEDRON == 1, np.inf, TETRAHEDRON), FACES, "NaN or infinite"),
+        (
+            TETRAHEDRON * 1e160,
+            FACES,
+            r"3 of 4 vertices are too far off, the first is vertex 1 = \(1e\+160, .* 1e\+10 m",
+        ),
+        (TETRAHEDRON * 1e200, FACES, "too far off"),
+        (TETRAHEDRON + 1.1e10, FACES, "4 of 4 vertices are too far off"),
+        (np.ma.masked_equal(TETRAHEDRON, 1.0), FACES, "vertices: 3 values are masked"),
         (TETRAHEDRON, [[0, 1, 1]], "all 1 faces have zero area"),
         (TETRAHEDRON, [*FACES, [1, 0, 3]], "not manifold, 3 edges are shared by more than two faces"),
         (
@@ -73,6 +81,40 @@ def test_area_is_judged_by_the_size_of_the_mesh():
         assert len(faces) == len(ball.faces)
     _, faces = check_mesh(ball.vertices * 0.05 + 1e4, ball.faces)
     assert len(faces) == len(ball.faces)
+
+
+def test_a_billion_metres_off_is_not_too_far():
+    vertices, faces = check_mesh(TETRAHEDRON + 1e9, FACES)
+    np.testing.assert_array_equal(vertices, TETRAHEDRON + 1e9)
+    assert len(faces) == len(FACES)
+
+
+def test_an_array_with_nothing_masked_is_an_array():
+    np.testing.assert_array_equal(check_mesh(np.ma.masked_array(TETRAHEDRON), FACES)[0], TETRAHEDRON)
+
+
+@pytest.mark.parametrize("place", [(1e6, 0.0, 0.0), (np.nan, 0.0, 0.0), (np.inf, 1e200, 0.0)])
+@pytest.mark.parametrize("at", [0, 2, 4])
+def test_vertices_that_no_face_uses_are_left_out(place, at):
+    ball = TETRAHEDRON * 1e-6
+    vertices, faces = check_mesh(np.insert(ball, at, place, axis=0), np.where(at > FACES, FACES, FACES + 1))
+    np.testing.assert_array_equal(vertices, ball)
+    np.testing.assert_array_equal(faces, FACES)
+    assert faces.dtype == np.int32
+
+
+def test_errors_number_vertices_as_they_were_given():
+    broken = np.insert(TETRAHEDRON, 0, 7.0, axis=0)
+    broken[3] = np.nan
+    with pytest.raises(MeshError, match="1 of 5 vertices are NaN or infinite, the first is vertex 3"):
+        check_mesh(broken, FACES + 1)
+
+
+def test_tensors_are_taken_without_their_gradients():
+    torch = pytest.importorskip("torch")
+    vertices, faces = check_mesh(torch.tensor(TETRAHEDRON, requires_grad=True), torch.tensor(FACES))
+    np.testing.assert_array_equal(vertices, TETRAHEDRON)
+    np.testing.assert_array_equal(faces, FACES)
 
 
 def test_a_mesh_inside_out_is_turned():
