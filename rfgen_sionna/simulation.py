@@ -16,9 +16,10 @@ from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.fused import Fusion, Refiner
 from rfgen_sionna.pir.fusion import image, together
 from rfgen_sionna.pir.projection import check_projection
-from rfgen_sionna.pir.render import check_view
+from rfgen_sionna.pir.render import check_bounces, check_view
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.clearance import check_radar_clear, check_way_clear, nearest_surface
@@ -133,20 +134,18 @@ class Simulator:
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
         if isinstance(actors, Actor):
             actors = (actors,)
-        if not isinstance(actors, Iterable):
+        if not isinstance(actors, Iterable) or getattr(actors, "ndim", 1) == 0:  # an array of one number looks iterable
             raise TypeError(f"actors is {actors!r}: a list of actors is needed, () for none")
         actors = tuple(actors)
         for actor in actors:
             if not isinstance(actor, Actor):
                 raise TypeError(f"actors holds a {type(actor).__name__}: Actor.from_mesh and from_prompt make actors")
-        if not (isinstance(rtol, (int, float, np.number)) and 1e-8 <= rtol <= 0.1):
+        if not (is_number(rtol) and 1e-8 <= rtol <= 0.1):
             raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
-        if collisions not in POLICIES:
+        if not isinstance(collisions, str) or collisions not in POLICIES:
             raise ValueError(f"collisions is {collisions!r}: allowed are {', '.join(map(repr, POLICIES))}")
-        if not isinstance(transmission, (bool, np.bool_)):
-            raise TypeError(f"transmission is {transmission!r}: True or False is needed")
         self.max_bounces = check_max_bounces(max_bounces)
-        self.transmission = bool(transmission)
+        self.transmission = _switch("transmission", transmission)
         self.scene = load_scene(scene)
         self.radar = tabulated(radar)
         self.actors = with_unique_names(actors)
@@ -235,6 +234,7 @@ class Simulator:
         """
         shape = check_projection(projection)
         rows, columns, angles = check_view(resolution, fov_deg, shape)
+        check_bounces(bounces)
         instant = _time("t", t)
         view = self.radar.placed(position=position, orientation=orientation)
         if self._fusion is not None:
@@ -291,7 +291,14 @@ class Simulator:
             within the tolerance, and each gives the same bits again.
         progress
             Called after each frame.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Before any frame is traced, naming the argument, its value and what is allowed.
         """
+        if progress is not None and not callable(progress):
+            raise TypeError(f"progress is {progress!r}: a function of the frames done and in all, or None, is needed")
         times = self.frame_times(duration, start)
         data = np.empty((len(times), *self.radar.frame_shape), dtype=np.complex64)
         for frame in self.frames(duration, start=start, noise=noise, seed=seed, receiver=receiver, device=device):
@@ -312,7 +319,7 @@ class Simulator:
     ) -> Iterator[Frame]:
         """The frames of :meth:`adc` one by one, each when the next one is traced; memory does not grow with their
         number."""
-        seed = _checked_seed(seed)
+        seed, noise = _checked_seed(seed), _switch("noise", noise)
         if receiver is not None and not isinstance(receiver, Receiver):
             raise TypeError(f"receiver is a {type(receiver).__name__}: a Receiver or None is needed")
         if receiver is None:
@@ -351,7 +358,7 @@ class Simulator:
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""
         waveform = self.radar.waveform
-        if not (_is_number(duration) and duration > 0):
+        if not (is_number(duration) and duration > 0):
             raise ValueError(f"duration is {duration!r} s: a positive, finite time is needed")
         if duration < waveform.frame_length * (1 - 1e-9):
             raise ValueError(
@@ -396,11 +403,13 @@ def _checked_seed(seed: Any) -> int:
     return int(seed)
 
 
+def _switch(name: str, value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} is {value!r}: True or False is needed")
+    return bool(value)
+
+
 def _time(name: str, value: Any) -> float:
-    if not _is_number(value):
+    if not is_number(value):
         raise ValueError(f"{name} is {value!r}: a finite time [s] is needed")
     return float(value)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))

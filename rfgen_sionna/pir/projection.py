@@ -86,7 +86,7 @@ def check_projection(projection: str) -> Projection:
         ValueError: there is none.
     """
     for known in PROJECTIONS:
-        if projection == known:
+        if isinstance(projection, str) and projection == known:
             return known
     raise ValueError(f"projection is {projection!r}: {' or '.join(map(repr, PROJECTIONS))} is needed")
 
@@ -102,10 +102,10 @@ def check_fov(
     """
     wide, high = _MOST[projection]
     try:
-        angles = np.asarray(fov_deg, dtype=np.float64)
-    except (TypeError, ValueError):
+        angles = np.asarray(fov_deg)
+    except ValueError:  # of ragged lists
         angles = np.array([])
-    right = not isinstance(fov_deg, bool) and angles.shape in ((), (2,)) and bool((angles > 0).all())
+    right = angles.dtype.kind in "iuf" and angles.shape in ((), (2,)) and bool((angles > 0).all())
     if right and angles.shape == ():
         rows, columns = resolution
         across = float(angles)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.pir.projection import check_fov, check_projection
 from rfgen_sionna.pir.raster import Indices, Raster
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
 from rfgen_sionna.tracing.footprints import Shades, Stage, shade, trace_footprints
 from rfgen_sionna.tracing.gloss import reflections
@@ -91,10 +92,9 @@ def render_pir(
     """
     shape = check_projection(projection)
     rows, columns, fov = check_view(resolution, fov_deg, shape)
-    if not 0.25 <= patch_wavelengths <= 100.0:
+    if not (is_number(patch_wavelengths) and 0.25 <= patch_wavelengths <= 100.0):
         raise ValueError(f"patch_wavelengths is {patch_wavelengths!r}: a number of 0.25 … 100 is needed")
-    if isinstance(bounces, bool) or bounces not in range(1, MOST_BOUNCES + 1):
-        raise ValueError(f"bounces is {bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
+    check_bounces(bounces)
     position = tracer.radar.position if position is None else position
     orientation = tracer.radar.orientation if orientation is None else orientation
     view = Raster(rows, columns, fov, rotation_matrix(orientation), shape)
@@ -245,6 +245,13 @@ def _blend(a: ComplexArray, row: FloatArray, column: FloatArray, own: Indices, v
             out += np.bincount(target, weights=share.real, minlength=out.size)
             out += 1j * np.bincount(target, weights=share.imag, minlength=out.size)
     return out
+
+
+def check_bounces(bounces: int) -> None:
+    """Raise a ValueError that says what is allowed unless `bounces` may be most surfaces on a path."""
+    whole = isinstance(bounces, (int, np.integer)) and not isinstance(bounces, bool)
+    if not (whole and 1 <= bounces <= MOST_BOUNCES):
+        raise ValueError(f"bounces is {bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
 
 
 def check_view(

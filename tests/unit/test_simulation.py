@@ -58,8 +58,9 @@ def test_what_is_no_radar_actor_or_scene_is_refused(radar: Any) -> None:
         rfgen.Simulator(None, "awr1843")  # type: ignore[arg-type]
     with refused(TypeError, "Trimesh", "Actor.from_mesh"):
         rfgen.Simulator(None, radar, [BALL])
-    with refused(TypeError, "actors is 3"):
-        rfgen.Simulator(None, radar, 3)  # type: ignore[arg-type]
+    for actors in (3, np.array(0.01), None):
+        with refused(TypeError, f"actors is {actors!r}"):
+            rfgen.Simulator(None, radar, actors)  # type: ignore[arg-type]
     with refused(TypeError, "scene", "list", "sionna.rt.Scene"):
         rfgen.Simulator([1, 2], radar)
     with refused(ValueError, "living_rom", "living_room"):
@@ -204,6 +205,60 @@ def test_vertices_that_stop_being_numbers(radar: Any) -> None:
         sim.adc(1.0)
 
 
+class Stray:
+    """A ball that swells, with vertices that no face uses: before those of the ball, among them and after."""
+
+    part_names, duration, joint_names = ("all",), 1.0, ()
+
+    def __init__(self, place: tuple[float, float, float], radius: float = 0.1) -> None:
+        self.place, self.radius = place, radius
+        half = len(BALL.vertices) // 2
+        self.faces = (BALL.faces + 1 + (BALL.faces >= half)).astype(np.int32)
+        self.face_parts = np.zeros(len(self.faces), np.int32)
+
+    def vertices(self, t: float) -> Any:
+        half = len(BALL.vertices) // 2
+        points = np.asarray(BALL.vertices) * (self.radius / 0.1) * (1.0 + 0.01 * t)
+        return np.concatenate([[self.place], points[:half], [self.place], points[half:], [self.place]])
+
+    def joints(self, t: float) -> Any:
+        return np.zeros((0, 3))
+
+
+@pytest.mark.parametrize("place", [(1e6, 0.0, 0.0), (0.0, 0.0, 0.0), (-2.0, 0.0, 0.0)])
+def test_vertices_that_no_face_uses_are_nowhere(radar: Any, place: tuple[float, float, float]) -> None:
+    def run(where: tuple[float, float, float]) -> Any:
+        actors = [
+            rfgen.Actor(Stray(where), "skin", name="stray", position=(2, 0, 1)),
+            rfgen.Actor(Stray(where, 0.05), "skin", name="other", position=(3, 0, 1), velocity=(-0.1, 0, 0)),
+        ]
+        return rfgen.Simulator(None, radar, actors).adc(0.05, noise=False).data
+
+    np.testing.assert_array_equal(run(place), run((0.0, 0.0, 0.1)))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-6, 0.01, 0.12])
+def test_vertices_that_no_face_uses_hide_no_actors_in_one_place(radar: Any, gap: float) -> None:
+    actors = [
+        rfgen.Actor(Stray((1.0, 0.0, 5.0), 0.2), "skin", name=name, position=(2.0 + offset, 0, 1))
+        for name, offset in (("one", 0.0), ("two", gap))
+    ]
+    with refused(ValueError, "actor '", "cm deep in"):
+        rfgen.Simulator(None, radar, actors).frames(0.05)
+
+
+def test_vertices_of_actors_that_deform_are_numbers_even_where_no_face_uses_them(radar: Any) -> None:
+    stray = rfgen.Actor(Stray((np.nan, 0.0, 0.0)), "skin", name="stray", position=(2, 0, 1))
+    with refused(ValueError, "'stray'", "not finite", "t = 0.0"):
+        rfgen.Simulator(None, radar, [stray]).adc(0.1)
+
+
+def test_a_stray_vertex_goes_through_no_wall(living_room: Any, radar: Any) -> None:
+    for place in ((1e6, 0.0, 0.0), (0.0, 0.0, -3.0)):
+        stray = rfgen.Actor(Stray(place), "skin", name="stray", position=(2, 0, 1), velocity=(0.5, 0, 0))
+        rfgen.Simulator(living_room, radar, [stray]).frames(0.2)
+
+
 def test_a_motion_that_ends_before_the_run(radar: Any) -> None:
     class Short:
         """A ball that recedes for 0.3 s and then stops dead."""
@@ -243,6 +298,30 @@ def test_a_duration_shorter_than_a_frame(radar: Any) -> None:
 def test_seeds_that_are_none(radar: Any, seed: Any) -> None:
     with refused(ValueError, f"seed is {seed!r}", "at least 0"):
         rfgen.Simulator(None, radar).adc(0.1, seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [
+        *(("noise", value) for value in ("x", float("nan"), object(), None, 1, np.array([True, False]))),
+        *(("progress", value) for value in ("x", 3, True, False, ())),
+    ],
+)
+def test_switches_and_functions_that_are_none(radar: Any, argument: str, value: Any) -> None:
+    sim = rfgen.Simulator(None, radar, [ball()])
+    with refused(TypeError, f"{argument} is {value!r}"):
+        sim.adc(0.1, **{argument: value})
+    if argument == "noise":
+        with refused(TypeError, f"noise is {value!r}"):
+            sim.frames(0.1, noise=value)
+
+
+@pytest.mark.parametrize("value", [np.array(["error", "warn"]), None, True, ["error"]])
+def test_policies_that_are_none(radar: Any, value: Any) -> None:
+    with refused(ValueError, f"collisions is {value!r}"):
+        rfgen.Simulator(None, radar, collisions=value)
+    with refused(ValueError, f"device is {value!r}"):
+        rfgen.Simulator(None, radar).adc(0.1, device=value)
 
 
 @pytest.mark.parametrize("t", [float("nan"), float("-inf"), "now", None])

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar.pose import Vector
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.relative import to_world
@@ -77,9 +78,9 @@ def check_options(max_bounces: Any, rtol: Any, sampling: Any, level: Any) -> Non
 
     if not whole(max_bounces, MOST_BOUNCES):
         raise ValueError(f"max_bounces is {max_bounces!r}: a whole number of 1 … {MOST_BOUNCES} is needed")
-    if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-4 <= rtol <= LOOSEST:
+    if not (is_number(rtol) and 1e-4 <= rtol <= LOOSEST):
         raise ValueError(f"rtol is {rtol!r}: a value in 1e-4 … {LOOSEST} is needed")
-    if sampling not in get_args(Sampling):
+    if not isinstance(sampling, str) or sampling not in get_args(Sampling):
         raise ValueError(f"sampling is {sampling!r}: allowed are {', '.join(map(repr, get_args(Sampling)))}")
     if level is not None and sampling != "uniform":
         raise ValueError(f"level is {level!r} with {sampling!r} sampling: only uniform tubes have one, None is needed")

@@ -105,6 +105,16 @@ def test_nothing_there(radar):
         ({"resolution": None}, "resolution is None"),
         ({"resolution": (True, 8)}, "resolution is"),
         ({"resolution": (8.5, 8)}, "resolution is"),
+        ({"fov_deg": "1e-3"}, "fov_deg is '1e-3'"),
+        ({"fov_deg": ("60", "40")}, "fov_deg is"),
+        ({"fov_deg": (True, True)}, "fov_deg is"),
+        ({"fov_deg": 60j}, "fov_deg is"),
+        ({"fov_deg": [60, [40]]}, "fov_deg is"),
+        ({"bounces": np.array([1, 2])}, "bounces is"),
+        ({"bounces": 1.0}, "bounces is"),
+        ({"bounces": True}, "bounces is"),
+        ({"projection": np.array(["perspective", "perspective"])}, "projection is"),
+        ({"projection": None}, "projection is"),
     ],
 )
 def test_bad_view(radar, options, message):
