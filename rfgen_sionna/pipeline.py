@@ -22,13 +22,14 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, Imagining, check_kind, set_up
+from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, Imagining, check_kind, check_name, set_up
 from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.clearance import surface_of
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.places import Policy
 from rfgen_sionna.signal import Receiver, read_receiver, receiver_record
@@ -162,9 +163,26 @@ def generate(
     ValueError, TypeError
         Before any long work, naming the argument, its value and what is allowed.
     """
-    for name, value in (("overwrite", overwrite), ("noise", noise)):
-        if not isinstance(value, bool):
-            raise TypeError(f"{name} is {value!r}: True or False is needed")
+    radar, impairments, count = check_options(
+        radar=radar,
+        preset=preset,
+        radar_position=radar_position,
+        look_at=look_at,
+        duration=duration,
+        output=output,
+        overwrite=overwrite,
+        noise=noise,
+        receiver=receiver,
+        rtol=rtol,
+        pir_resolution=pir_resolution,
+        fov_deg=fov_deg,
+        projection=projection,
+        max_bounces=max_bounces,
+        transmission=transmission,
+        surroundings=surroundings,
+        collisions=collisions,
+        device=device,
+    )
     imagining = Imagining(
         negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
     )
@@ -176,10 +194,7 @@ def generate(
         _LOG.warning(sentence)
     resolution, fov = _view(pir_resolution, fov_deg, projection, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
-    radar = _placed(radar, preset, radar_position, look_at)
-    radar.to_dict()  # what no file can hold is refused now
     imagining.check(moves=radar.trajectory is not None)
-    impairments = _receiver(receiver, radar, noise)
     place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
     if place > radar.max_range:
         raise ValueError(
@@ -188,8 +203,6 @@ def generate(
         )
     spot, _ = before_radar(radar, place, said.bearing_deg or 0.0)
     _check_size(duration, radar, resolution, target)
-    # What they refuse is refused before a scene is read, and before a body is built.
-    count = len(Simulator(None, radar, rtol=rtol).frame_times(duration))
     setting = set_up(
         asked, kind, radar, seed=seed, imagining=imagining, fov_deg=fov, resolution=resolution, projection=projection
     )
@@ -267,6 +280,54 @@ def generate(
             if progress is not None:
                 progress(frame.index + 1, count)
     return open_run(target)
+
+
+def check_options(
+    *,
+    radar: str | PathLike[str] | Radar,
+    preset: str | None,
+    radar_position: tuple[float, float, float] | None,
+    look_at: tuple[float, float, float] | None,
+    duration: float,
+    output: str | PathLike[str] | None,
+    overwrite: bool,
+    noise: bool,
+    receiver: Receiver | Mapping[str, Any] | str | PathLike[str] | None,
+    rtol: float,
+    pir_resolution: tuple[int, int] | None,
+    fov_deg: float | tuple[float, float] | None,
+    projection: str,
+    max_bounces: int | None,
+    transmission: bool,
+    surroundings: str,
+    collisions: Policy,
+    device: str,
+) -> tuple[Radar, Receiver, int]:
+    """What can be told of arguments of :func:`generate` whatever the prompt says: before the models are imported that
+    read prompts, a scene is read, or a body is built.
+
+    Returns
+    -------
+    The placed radar, its receiver, and the number of frames.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Naming the argument, its value and what is allowed.
+    """
+    for name, value in (("overwrite", overwrite), ("noise", noise)):
+        if not isinstance(value, bool):
+            raise TypeError(f"{name} is {value!r}: True or False is needed")
+    chosen_device(device)
+    target = Path("run.h5") if output is None else check_output(output, overwrite)
+    check_name(surroundings)
+    _view(pir_resolution, fov_deg, projection, surroundings)
+    radar = _placed(radar, preset, radar_position, look_at)
+    radar.to_dict()  # what no file can hold is refused now
+    empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
+    # By default images may be larger than imagined ones, which is known when the prompt is.
+    _check_size(duration, radar, IMAGE_PIXELS if pir_resolution is None else pir_resolution, target)
+    return radar, _receiver(receiver, radar, noise), len(empty.frame_times(duration))
 
 
 def _view(
@@ -368,8 +429,9 @@ def _bytes(count: float) -> str:
 
 
 def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:
-    """Where the centre of an actor's vertices is at `t` [s], and how it moves; one row per actor."""
-    before, centre, after = (actor.vertices(t + step).mean(axis=0) for step in (-LABEL_STEP, 0.0, LABEL_STEP))
+    """Where the centre of the vertices of an actor's surface is at `t` [s], and how it moves; one row per actor."""
+    surface = surface_of(actor)
+    before, centre, after = (surface.vertices(t + step).mean(axis=0) for step in (-LABEL_STEP, 0.0, LABEL_STEP))
     velocity = (after - before) / (2 * LABEL_STEP)
     offset = centre - np.asarray(radar.position)
     distance = float(np.linalg.norm(offset))

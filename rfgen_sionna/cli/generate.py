@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from rfgen_sionna.cli.console import check_pictures, draw, out, progress, wrote
-
-if TYPE_CHECKING:
-    from rfgen_sionna.scene.places import Policy
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -143,6 +140,8 @@ def generate(
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.sentences import read_prompt
+    from rfgen_sionna.pipeline import check_options
+    from rfgen_sionna.pipeline import generate as run
 
     if no_environment:
         if surroundings not in ("auto", "none"):
@@ -152,6 +151,27 @@ def generate(
         raise ValueError(f"--strength is {strength:g}, but --no-refine wants no path diffusion: leave one out")
     resolution = None if pir_resolution is None else _resolution(pir_resolution)
     place, target_point = _point("--radar-position", radar_position), _point("--look-at", look_at)
+    options: dict[str, Any] = {
+        "radar": radar,
+        "preset": preset,
+        "radar_position": place,
+        "look_at": target_point,
+        "duration": duration,
+        "output": output,
+        "overwrite": overwrite,
+        "noise": noise,
+        "receiver": receiver,
+        "rtol": rtol,
+        "pir_resolution": resolution,
+        "fov_deg": fov_deg,
+        "projection": projection,
+        "max_bounces": max_bounces,
+        "transmission": transmission,
+        "surroundings": surroundings,
+        "collisions": collisions,
+        "device": device,
+    }
+    check_options(**options)  # to read the prompt takes seconds, which nobody should wait for a word that is mistyped
     read = read_prompt(prompt, negative, seed=seed, source=motion)
     target = output if output is not None else Path(f"{read.action}.h5")
     out.print(escape(read.words()), soft_wrap=True)
@@ -159,38 +179,19 @@ def generate(
     if pictures:
         check_pictures(target, overwrite)
 
-    from rfgen_sionna.pipeline import generate as run
-
     with progress("frames") as step:
         run(
             prompt,
             negative=negative,
             environment=environment,
-            surroundings=surroundings,
             negative_environment=negative_environment,
             refine=refine if strength is None else strength,
             environment_model=environment_model,
             environment_lora=environment_lora,
-            radar=radar,
-            preset=preset,
-            duration=duration,
             seed=seed,
-            output=target,
-            overwrite=overwrite,
-            noise=noise,
-            receiver=receiver,
-            rtol=rtol,
             distance=distance,
-            radar_position=place,
-            look_at=target_point,
-            pir_resolution=resolution,
-            fov_deg=fov_deg,
-            projection=projection,
-            max_bounces=max_bounces,
-            transmission=transmission,
             motion=motion,
-            collisions=cast("Policy", collisions),  # checked there
-            device=device,
+            **options | {"output": target},
             progress=step,
             report=_decided,
         ).close()

@@ -103,6 +103,12 @@ class Imagining:
             )
 
 
+def check_name(kind: str) -> None:
+    """Raise a ValueError unless `kind` is one of :data:`KINDS`."""
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ValueError(f"surroundings is {kind!r}; allowed are {', '.join(map(repr, KINDS))}")
+
+
 def check_kind(kind: str, asked: EnvironmentPrompt | None, imagining: Imagining) -> str:
     """Where surroundings come from: "scene", "furnished", "diffusion", or "none" where there are none.
 
@@ -117,8 +123,7 @@ def check_kind(kind: str, asked: EnvironmentPrompt | None, imagining: Imagining)
     ImportError
         Surroundings are to be imagined, and packages are missing.
     """
-    if kind not in KINDS:
-        raise ValueError(f"surroundings is {kind!r}; allowed are {', '.join(map(repr, KINDS))}")
+    check_name(kind)
     wishes = {
         "negative_environment": imagining.negative,
         "refine": imagining.refine,

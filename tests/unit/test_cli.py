@@ -70,7 +70,8 @@ def rfgen(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], t
     return Rfgen(monkeypatch, capsys)
 
 
-def test_generate_passes_every_option_on(rfgen: Rfgen) -> None:
+def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path) -> None:
+    (tmp_path / "rx.toml").touch()
     code, out, err = rfgen(
         *("generate", "a person raises an arm", "--negative", "left arm", "--environment", "a living room"),
         *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
@@ -220,6 +221,16 @@ def test_show_after_generate_as_the_readme_has_it(rfgen: Rfgen) -> None:
         (["a person walking", "--pir-resolution", "many"], "--pir-resolution"),
         (["a person walking", "--radar-position", "1,2"], "--radar-position: '1,2' is not X,Y,Z"),
         (["a person walking", "--look-at", "ahead"], "--look-at: 'ahead' is not X,Y,Z"),
+        (["a person walking", "--radar", "awr"], "awr1843"),
+        (["a person walking", "--preset", "fast"], "preset is 'fast'"),
+        (["a person walking", "--rtol", "5"], "rtol is 5.0"),
+        (["a person walking", "--duration", "0.001"], "duration is 0.001 s"),
+        (["a person walking", "--receiver", "nowhere.toml"], "nowhere.toml"),
+        (["a person walking", "--collisions", "no"], "collisions is 'no'"),
+        (["a person walking", "--fov-deg", "180"], "fov_deg is 180.0"),
+        (["a person walking", "--projection", "flat"], "projection is 'flat'"),
+        (["a person walking", "--surroundings", "outside"], "surroundings is 'outside'"),
+        (["a person walking", "--device", "gpu"], "device is 'gpu'"),
     ],
 )
 def test_mistakes_are_one_line_before_any_work(
@@ -227,8 +238,9 @@ def test_mistakes_are_one_line_before_any_work(
 ) -> None:
     (tmp_path / "there.h5").touch()
     (tmp_path / "free.png").touch()
-    code, _, err = rfgen("generate", *arguments)
+    code, out, err = rfgen("generate", *arguments)
     assert code == 2
+    assert "frames" not in out
     assert err.startswith("error: ")
     assert message in err
     assert err.count("\n") == 1
