@@ -41,6 +41,7 @@ from rfgen_sionna.scene.places import (
 )
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.signal import Receiver, receive
+from rfgen_sionna.signal.checks import LATEST
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.tracer import Tracer, TraceReport, check_max_bounces
@@ -410,6 +411,6 @@ def _switch(name: str, value: Any) -> bool:
 
 
 def _time(name: str, value: Any) -> float:
-    if not is_number(value):
-        raise ValueError(f"{name} is {value!r}: a finite time [s] is needed")
+    if not (is_number(value) and abs(value) <= LATEST):
+        raise ValueError(f"{name} is {value!r}: a finite time of -{LATEST:g} … {LATEST:g} s is needed")
     return float(value)

@@ -324,7 +324,7 @@ def test_policies_that_are_none(radar: Any, value: Any) -> None:
         rfgen.Simulator(None, radar).adc(0.1, device=value)
 
 
-@pytest.mark.parametrize("t", [float("nan"), float("-inf"), "now", None])
+@pytest.mark.parametrize("t", [float("nan"), float("-inf"), "now", None, 1j, 1e300, -(2**70), 10**400])
 def test_instants_that_are_none(radar: Any, t: Any) -> None:
     sim = rfgen.Simulator(None, radar, [ball()])
     for call in (sim.paths, sim.pir):
