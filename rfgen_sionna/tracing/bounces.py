@@ -3,7 +3,8 @@
 Of two surfaces on a path one is the mirror (geometrical optics: the image of the radar, cut to the shadow of the
 mirror's outline), the other is integrated (physical optics): radar, mirror, facet, radar and the same backwards. Of
 three the middle one is integrated, for the images of Tx and Rx behind the two others. So Tx and Rx may be changed over
-without changing anything. Of two flat parts the larger is the mirror.
+without changing anything. Of two flat parts each is the mirror once, or the much larger one alone
+(:mod:`rfgen_sionna.tracing.roles`).
 
 A radar that moves sees the scene move (:mod:`rfgen_sionna.tracing.relative`): walls are plates then, and ghosts in
 them, furniture and corners of the room are traced here as well.
@@ -27,6 +28,7 @@ from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats, least_widths, meeting, wide_plates
+from rfgen_sionna.tracing.roles import BOUNDLESS, role_shares
 from rfgen_sionna.tracing.surfaces import Surfaces
 
 SKIPPED = 0.5
@@ -167,21 +169,26 @@ class Bounces:
         return owner
 
     @cached_property
-    def _roles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.intp]]:
-        """(plate,) whether it is a wall that ghosts are traced by, whether it stays in the world, and its rank: of two
-        flat parts the one of the higher rank is the mirror."""
+    def _wall(self) -> NDArray[np.bool_]:
+        """(plate,) whether it is a wall that ghosts are traced by."""
         of_walls = {int(number) for wall in self._walls() for number in wall.faces}
-        wall = np.array([int(flat.faces[0]) in of_walls for flat in self.flats], np.bool_)
+        return np.array([int(flat.faces[0]) in of_walls for flat in self.flats], np.bool_)
+
+    @cached_property
+    def _stays(self) -> NDArray[np.bool_]:
+        """(plate,) whether it stays in the world."""
         every = (*self._surfaces.static, *self._surfaces.moving)
-        still = np.array([every[flat.surface].still for flat in self.flats], np.bool_)
-        area = np.array([flat.area for flat in self.flats])
-        rank = np.empty(len(area), np.intp)
-        rank[np.lexsort((-np.arange(len(area)), np.round(np.log10(area), 6), wall))] = np.arange(len(area))
-        return wall, still, rank
+        return np.array([every[flat.surface].still for flat in self.flats], np.bool_)
+
+    @cached_property
+    def _area(self) -> FloatArray:
+        """(plate,) [m^2], those of which no facets are there to be integrated being `BOUNDLESS`."""
+        fixed = len(self._surfaces.static)
+        return np.array([BOUNDLESS if flat.surface < fixed else flat.area for flat in self.flats])
 
     def see(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> Bounced:
         """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
-        wall, still, rank = self._roles
+        wall, still = self._wall, self._stays
         shower, seen = self._shower(t, rays, facets), self._straight(facets, fraction)
         own = self.owner[facets.number]
         lit, once = {}, []
@@ -193,8 +200,7 @@ class Bounces:
                 continue
             lit[number] = reached
             if not wall[number]:
-                of = own[reached]
-                chosen = reached[seen[reached] & ((of < 0) | (rank[of] < rank[number]))]
+                chosen = reached[seen[reached] & (role_shares(self._area, own[reached], number, DIRECT) > 0)]
                 once.append(shower.land(self._strong(chosen, facets, number, DIRECT), number, DIRECT))
         twice = []
         if self._max_bounces > 2:
@@ -292,7 +298,7 @@ class Bounces:
             keys = keys[[tuple(group) not in weak[all(way)] for group in groups.tolist()]]
             if len(keys) == 0:
                 continue
-            shown = self._shown(facets, keys, landings, way == (False, True))
+            shown = self._counted(facets, keys, landings, way == (False, True))
             used.update(keys[:, 1:3].ravel().tolist())
             ones = np.ones((len(instants), len(keys)))
             column = keys[:, 0].astype(np.intp)
@@ -310,6 +316,13 @@ class Bounces:
         self._skipped.clear()
         return paths, error
 
+    def _counted(
+        self, facets: Sequence[Facets], keys: NDArray[np.int64], landings: Sequence[Landing], swapped: bool
+    ) -> list[LandedFacets]:
+        """As :meth:`_shown`, each by how much it counts."""
+        shares = role_shares(self._area, self.owner[facets[0].number[keys[:, 0]]], keys[:, 1], keys[:, 2])
+        return [shown.times(shares) for shown in self._shown(facets, keys, landings, swapped)]
+
     def _shared(self, usual: FloatArray) -> FloatArray:
         """(surface,) levels that errors are relative to: for what stays in the world the strongest one's."""
         return np.where(self._still, usual[self._still].max(initial=0.0), usual)
@@ -325,7 +338,7 @@ class Bounces:
             groups, index = np.unique(_groups(landing.keys, facets), axis=0, return_inverse=True)
             if len(groups) == 0:
                 continue
-            (shown,) = self._shown([facets], landing.keys, [landing], False)
+            (shown,) = self._counted([facets], landing.keys, [landing], False)
             coherent, single = self._returns.levels(way, t, shown, index.reshape(-1), len(groups))
             np.maximum.at(usual, groups[:, 0], coherent)
             times = 1 if all(way) else 2  # both ways round

@@ -115,6 +115,10 @@ class LandedFacets(MirroredFacets):
         """The same in twice as many parts."""
         return replace(self, parts=2 * self.parts), np.arange(len(self))
 
+    def times(self, factor: FloatArray) -> LandedFacets:
+        """The same, of which each counts `factor` (facet,) times as much."""
+        return replace(self, share=self.share * factor[self.owner])
+
     def take(self, index: NDArray[np.intp]) -> LandedFacets:
         """The facets that `index`, no number of them twice, counts out."""
         place = np.full(len(self), -1, dtype=np.intp)

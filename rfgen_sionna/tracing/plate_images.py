@@ -97,5 +97,7 @@ class PlateImages:
             share = share * np.where(before > 0, left, 0.0)
             share = share * self._reflection[plate]
         share = share * self._reflection[flat]
-        most = np.minimum(self._wavelength / length, 4.0 * self._size[flat] / length**2)
+        # Of two, a mirror that is smaller shows no more than it could return.
+        size = np.minimum(self._size[flat], self._size[first]) if last == DIRECT else self._size[flat]
+        most = np.minimum(self._wavelength / length, 4.0 * size / length**2)
         return np.where(sees & (length < 2 * self._reach), share * most / (4 * np.pi), 0.0)

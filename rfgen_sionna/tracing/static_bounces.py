@@ -9,7 +9,7 @@ plate as much as it does directly, at the image's distance.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -29,6 +29,7 @@ from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingB
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.plate_images import PlateImages
 from rfgen_sionna.tracing.plates import Plate, find_flats, meeting, wide_plates
+from rfgen_sionna.tracing.roles import role_shares
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.static_facets import static_facets
@@ -177,8 +178,8 @@ def trace_shown(
     area = np.array([flat.area for flat in flats])
     present = np.array([f for f in possible if len(of_flat[f])], dtype=np.intp)
     for m in possible:
-        smaller = present[(area[present] < area[m]) | ((area[present] == area[m]) & (present > m))]
-        for f, level in _above(allowed, smaller, levels(smaller, m, DIRECT)):
+        others = present[(present != m) & (role_shares(area, present, m, DIRECT) > 0)]
+        for f, level in _above(allowed, others, levels(others, m, DIRECT)):
             once.append(land(of_flat[f], level, m, DIRECT))
     if most > 2:
         # By way of two narrow plates these matter in corner reflectors, where they meet.
@@ -201,7 +202,14 @@ def trace_shown(
             found = land(index, each.by_two[one, other], wide[one], wide[other])
             twice += [found] if one == other else [found, found.swapped()]
     landings = showing.joined(once), showing.joined(twice)
-    return _integrated(showing, facets, surfaces, radar, static, rtol, shower, plates, landings)
+
+    def counted(facets: Facets, landing: Landing, swapped: bool) -> LandedFacets:
+        shares = role_shares(area, shower.owner(landing.facet), landing.first, landing.last)
+        return showing.landed(facets, landing, swapped).times(shares)
+
+    return _integrated(
+        replace(showing, landed=counted), facets, surfaces, radar, static, rtol, shower, plates, landings
+    )
 
 
 class _Round(NamedTuple):
