@@ -225,7 +225,7 @@ def test_who_stands_before_what_is_shown_through_a_board_hides_it(radar, place, 
     front = np.array([[-0.01, y, z] for y, z in ((-0.03, -0.15), (0.03, -0.15), (0.03, 0.15), (-0.03, 0.15))]) + place
     whole, actor = of_corner(radar, panes, 2), of_corner(radar, panes, 2, box)
     static = of_corner(radar, {**panes, "box": (front, "metal", 0.01)}, 2)
-    assert abs(actor - static).max() < 1e-3 * abs(whole).max()
+    assert abs(actor - static).max() < 2e-3 * abs(whole).max()  # what all are traced to
     share = abs(actor).max() / abs(whole).max()
     assert left[0] <= share <= left[1]
     assert left != (1, 1) or np.array_equal(actor, whole)
