@@ -168,11 +168,13 @@ class _Shown(NamedTuple):
         direct = float((near**2).max(initial=0.0))
         way, lengths, rows = np.zeros((len(mirrors), len(points))), np.zeros((len(mirrors), len(points))), []
         for number, mirror in enumerate(mirrors):
-            before = np.flatnonzero(mirror.height(points) > ON_MIRROR)
+            height = mirror.height(points)
+            before = np.flatnonzero(height > ON_MIRROR)
             if not len(before):
                 continue
-            crossing = mirror.crossings(view, points[before])
-            place = crossing @ mirror.axes.T
+            # Of large faces vertices on the mirror or behind it tell how far what it shows reaches.
+            reaching = mirror.crossings(view, points - np.minimum(height, 0.0)[:, None] * mirror.normal)
+            crossing, place = reaching[before], reaching @ mirror.axes.T
             if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
                 continue
             length = np.linalg.norm(points[before] - mirror.image(view), axis=1)

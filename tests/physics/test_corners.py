@@ -413,3 +413,26 @@ def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
     run, instant = map(channel, box_alone)
     # what splines in time may err by, three times the tolerance, and the facets of either by that itself
     assert abs(run - instant).max() < (GAIN_PER_RTOL + 2) * 1e-2 * abs(instant).max()
+
+
+@pytest.mark.parametrize("size", [0.15, 0.18, 0.3])
+def test_a_large_plate_of_an_actor_before_one_that_stays(size):
+    """Its corners lie on the mirror or beyond what that shows: what is in between was taken for not shown at all. Of
+    the two it is the one that stays that is the mirror, where physical optics would have the mean of both choices."""
+    radar, (left, right) = radar_of(77), np.sqrt(0.5) * np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
+
+    def plate(along, width):
+        low = np.array([3.0, 0.0, -0.5 * width])
+        up = np.array([0.0, 0.0, width])
+        return np.array([low, low + width * along, low + width * along + up, low + up])
+
+    large, small = (
+        Actor.from_mesh((plate(along, width), [[0, 1, 2], [0, 2, 3]]), material="pec", name=name)
+        for name, along, width in (("large", left, 0.3), ("small", right, size))
+    )
+    scene = load_scene(scene_of(77e9, small=(plate(right, size).tolist(), "pec", 0.01)).sionna)
+    one, other = (
+        channel(bounced(radar, actors, 2, where, rtol=1e-2))
+        for where, actors in ((scene, [large]), (None, [large, small]))
+    )
+    assert abs(one / other - 1).max() < 0.15
