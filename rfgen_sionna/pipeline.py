@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import logging
-import math
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +15,12 @@ from rfgen_sionna.dataset.schema import STANDARD_LABELS
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
 from rfgen_sionna.generative.motion import MotionSource
-from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, Imagining, check_kind, check_name, set_up
+from rfgen_sionna.generative.setting import Imagining, check_kind, set_up
 from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
+from rfgen_sionna.options import check_options, check_size, chosen_view
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
@@ -32,17 +29,13 @@ from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.clearance import surface_of
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.places import Policy
-from rfgen_sionna.signal import Receiver, read_receiver, receiver_record
+from rfgen_sionna.signal import Receiver, receiver_record
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
 
-RADAR_POSITION = (0.0, 0.0, 1.0)
-"""Where the radar stands unless one that is placed is given [m]; our rooms are laid out around it."""
-RADAR_TARGET = (3.0, 0.0, 1.0)
-"""Where it looks [m]."""
 LABEL_STEP = 1e-3
 """Half the stretch over which label velocities are differenced [s]."""
 
@@ -192,7 +185,7 @@ def generate(
     kind = check_kind(surroundings, asked, imagining)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
-    resolution, fov = _view(pir_resolution, fov_deg, projection, kind)
+    resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
     imagining.check(moves=radar.trajectory is not None)
     place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
@@ -202,7 +195,7 @@ def generate(
             f"{radar.max_range:.2f} m: come closer, or take a preset with a lower slope or a higher sample rate"
         )
     spot, _ = before_radar(radar, place, said.bearing_deg or 0.0)
-    _check_size(duration, radar, resolution, target)
+    check_size(duration, radar, resolution, target)
     setting = set_up(
         asked, kind, radar, seed=seed, imagining=imagining, fov_deg=fov, resolution=resolution, projection=projection
     )
@@ -282,72 +275,6 @@ def generate(
     return open_run(target)
 
 
-def check_options(
-    *,
-    radar: str | PathLike[str] | Radar,
-    preset: str | None,
-    radar_position: tuple[float, float, float] | None,
-    look_at: tuple[float, float, float] | None,
-    duration: float,
-    output: str | PathLike[str] | None,
-    overwrite: bool,
-    noise: bool,
-    receiver: Receiver | Mapping[str, Any] | str | PathLike[str] | None,
-    rtol: float,
-    pir_resolution: tuple[int, int] | None,
-    fov_deg: float | tuple[float, float] | None,
-    projection: str,
-    max_bounces: int | None,
-    transmission: bool,
-    surroundings: str,
-    collisions: Policy,
-    device: str,
-) -> tuple[Radar, Receiver, int]:
-    """What can be told of arguments of :func:`generate` whatever the prompt says: before the models are imported that
-    read prompts, a scene is read, or a body is built.
-
-    Returns
-    -------
-    The placed radar, its receiver, and the number of frames.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Naming the argument, its value and what is allowed.
-    """
-    for name, value in (("overwrite", overwrite), ("noise", noise)):
-        if not isinstance(value, bool):
-            raise TypeError(f"{name} is {value!r}: True or False is needed")
-    chosen_device(device)
-    target = Path("run.h5") if output is None else check_output(output, overwrite)
-    check_name(surroundings)
-    _view(pir_resolution, fov_deg, projection, surroundings)
-    radar = _placed(radar, preset, radar_position, look_at)
-    radar.to_dict()  # what no file can hold is refused now
-    empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
-    # By default images may be larger than imagined ones, which is known when the prompt is.
-    _check_size(duration, radar, IMAGE_PIXELS if pir_resolution is None else pir_resolution, target)
-    return radar, _receiver(receiver, radar, noise), len(empty.frame_times(duration))
-
-
-def _view(
-    resolution: tuple[int, int] | None, fov_deg: float | tuple[float, float] | None, projection: str, kind: str
-) -> tuple[tuple[int, int], float | tuple[float, float]]:
-    """Resolution and field of view [degrees] of the images in the file, checked."""
-    usual = (IMAGE_PIXELS, IMAGE_FOV) if kind == "diffusion" else ((128, 128), 60.0)
-    resolution, fov = usual[0] if resolution is None else resolution, usual[1] if fov_deg is None else fov_deg
-    check_view(resolution, fov, projection)
-    return resolution, fov
-
-
-def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
-    """What the arguments make of the receiver."""
-    if receiver is None:
-        return Receiver() if noise else Receiver.ideal()
-    known = read_receiver(receiver, radar)
-    return known if noise else known.without_noise()
-
-
 def _read(
     prompt: str,
     negative: str,
@@ -376,56 +303,6 @@ def _read(
     for sentence in said.warnings:
         _LOG.warning(sentence)
     return said, surroundings
-
-
-def _placed(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
-    """The radar where the arguments want it."""
-    if isinstance(radar, Radar):
-        if preset is not None:
-            raise ValueError(f"preset is {preset!r} but a Radar is given, which has its own ('{radar.preset}')")
-        for name, value in (("radar_position", position), ("look_at", look_at)):
-            if value is not None:
-                raise ValueError(f"{name} is {value!r} but a Radar is given, which is placed: radar.placed(…) moves it")
-        return radar
-    place = RADAR_POSITION if position is None else _vector("radar_position", position)
-    if look_at is not None:
-        target = _vector("look_at", look_at)
-    else:
-        target = RADAR_TARGET if position is None else (place[0] + 1.0, place[1], place[2])
-    if target == place:
-        raise ValueError(f"look_at is {look_at!r}, which is where the radar stands: a point away from it is needed")
-    return Radar.load(radar, preset, position=place, look_at=target)
-
-
-def _vector(name: str, value: Any) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(component) for component in value)
-    except (TypeError, ValueError):
-        x = y = z = math.nan
-    if not all(map(math.isfinite, (x, y, z))):
-        raise ValueError(f"{name} is {value!r}: three finite coordinates x, y, z [m] are needed")
-    return x, y, z
-
-
-def _check_size(duration: Any, radar: Radar, pir_resolution: tuple[int, int], target: Path) -> None:
-    """Whether the samples and images of so long a run have room on the disk; other mistakes are told elsewhere."""
-    if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)) or not duration > 0:
-        return
-    # A PIR image has three float32 channels, samples are complex64; meshes come on top.
-    frame = 8 * math.prod(radar.frame_shape) + 12 * math.prod(pir_resolution)
-    needed = frame * max(1.0, duration / radar.waveform.frame_period)
-    free = shutil.disk_usage(target.parent).free
-    fits = min(MAX_DURATION, free / frame * radar.waveform.frame_period)
-    if duration > MAX_DURATION or needed > free:
-        raise ValueError(
-            f"duration is {duration:g} s: samples and images take {_bytes(needed)}, and '{target.parent}' has "
-            f"{_bytes(free)} free; allowed are at most {math.floor(fits):g} s"
-        )
-
-
-def _bytes(count: float) -> str:
-    power = min(int(math.log10(max(count, 1.0)) // 3), 5)
-    return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB', 'PB')[power]}"
 
 
 def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:

@@ -140,7 +140,7 @@ def generate(
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.sentences import read_prompt
-    from rfgen_sionna.pipeline import check_options
+    from rfgen_sionna.options import check_options
     from rfgen_sionna.pipeline import generate as run
 
     if no_environment:

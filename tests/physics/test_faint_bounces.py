@@ -7,6 +7,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import load_scene, tabulated
 from rfgen_sionna.tracing import static_bounces
 from rfgen_sionna.tracing.tracer import Tracer
+from tests.physics.test_ghosts import channel
 
 SCENE = """<scene version="2.1.0">
     <bsdf type="itu-radio-material" id="mat-metal">
@@ -52,11 +53,6 @@ def traced(scene, radar, rtol):
     return tracer.static.level, tracer.beyond[0].paths
 
 
-def channels(paths):
-    phase = 2 * np.pi * np.mod(paths.frequency * paths.tau[..., 0], 1.0)
-    return (paths.a[..., 0] * np.exp(-1j * phase)).sum(axis=2)
-
-
 def test_a_fine_mesh_s_faces_are_faint_only_by_themselves(tmp_path, monkeypatch):
     """Of a dihedral in 20,000 faces none returns as much as may be left out, and all of them in phase six times what
     everything returns directly. Of their edges, and of what the wall shows of them, something is left out."""
@@ -66,7 +62,7 @@ def test_a_fine_mesh_s_faces_are_faint_only_by_themselves(tmp_path, monkeypatch)
     assert np.abs(found.a[0, 0, :, 0]).max() < allowed * level
     monkeypatch.setattr(static_bounces, "FAINT", 0.0)
     _, whole = traced(scene, radar, 1e-2)
-    one, other = channels(found), channels(whole)
+    one, other = channel(found), channel(whole)
     assert np.abs(other).min() > level
     assert np.abs(one - other).max() < allowed * level
 
@@ -82,6 +78,6 @@ def test_what_is_left_out_is_less_than_allowed(monkeypatch):
     monkeypatch.setattr(static_bounces, "FAINT", 0.0)
     _, whole = traced(scene, radar, 3e-2)
     assert found.num_paths < 0.4 * whole.num_paths
-    missed = np.abs(channels(found) - channels(whole))
+    missed = np.abs(channel(found) - channel(whole))
     assert np.sqrt((missed**2).mean()) < allowed * level
     assert missed.max() < 2 * allowed * level

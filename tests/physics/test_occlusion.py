@@ -13,6 +13,7 @@ from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing import parallax, sampling
 from rfgen_sionna.tracing.static import StaticTrace
 from rfgen_sionna.tracing.tracer import Tracer
+from tests.physics.test_ghosts import channel as channels
 
 BACKDROP = """<scene version="2.1.0">
     <bsdf type="itu-radio-material" id="mat-metal-sheet">
@@ -35,11 +36,6 @@ def radar():
 def channel(paths, knot=0):
     phase = 2 * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, knot], 1.0)
     return complex((paths.a[0, 0, :, knot] * np.exp(-1j * phase)).sum())
-
-
-def channels(paths):
-    phase = 2 * np.pi * np.mod(paths.frequency * paths.tau[..., 0], 1.0)
-    return (paths.a[..., 0] * np.exp(-1j * phase)).sum(axis=2)
 
 
 def of(paths, name):
