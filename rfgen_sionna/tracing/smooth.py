@@ -3,7 +3,8 @@
 A mesh of a ball, of a body or of a car door stands for something round. Between vertices with normals n_i, n_k an edge
 p_k - p_i rises in its middle by a circle's sagitta, about (n_k - n_i) . (p_k - p_i) / 8, and a facet by the quadratic
 that its three edges fix. Neighbours share edges and normals, so that the surface stays closed. Where faces meet at an
-angle, as those of a box do, each side has normals of its own and stays as it is.
+angle, as those of a box do, each side has normals of its own and stays as it is, and what is flat between bent edges
+stays flat (`rfgen_sionna.scene.flats`).
 
 That surface alone is what returns: its slope is its own, which where neighbours turn by tens of degrees is not quite
 that of the vertices' normals it was made from.
@@ -23,11 +24,10 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.faceting import SMOOTH
+from rfgen_sionna.scene.flats import FLAT, Planes, planes
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths
 from rfgen_sionna.scene.transfer import joined, upload
 
-_FLAT = 1e-3
-"""Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
 _TIP, _STRAIGHT = 0.02, 10.0
 """A vertex is a tip where edges are more aslant to its normal, in the mean, and so many times what they are beyond."""
 QUARTERS = 0.5 * np.array(
@@ -48,7 +48,7 @@ class Smoothing:
     group: IntArray
     """(face, 3) number of the normal of each corner."""
     gather: csr_array
-    """(normal, 3 face) sums what the corners add to each normal."""
+    """(normal, 3 face) sums what the corners add to each normal; of some that share it there is nothing to add."""
 
     def normals(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
         """(face, 3, 3) unit normals at the corners of each face, for vertices (vertex, 3) [m].
@@ -182,29 +182,45 @@ def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> 
     normals /= np.maximum(lengths(normals), 1e-300)[:, None]
     one, two = normals[edge // 3], normals[other // 3]
     turn = np.arctan2(lengths(np.cross(one, two)), np.einsum("ei,ei->e", one, two))
-    if not ((turn > _FLAT) & (turn < crease)).any():
+    little = turn < crease
+    edge, other, turn = edge[little], other[little], turn[little]
+    flats = planes(vertices, faces, edge, other, turn)
+    if not ((turn > FLAT) & flats.smooth).any():
         return None
-    smooth = turn < crease
-    edge, other = edge[smooth], other[smooth]
+    edge, other, flat = edge[flats.smooth], other[flats.smooth], flats.flat[flats.smooth]
     # Corner k of a face begins its edge k; the neighbour's edge begins where this one ends.
     ends = [(edge, _next(other)), (_next(edge), other)]
     row, column = (np.concatenate([pair[i] for pair in ends]) for i in (0, 1))
     corners = 3 * len(faces)
     links = coo_array((np.ones(len(row), np.int8), (row, column)), shape=(corners, corners))
     count, group = connected_components(links, directed=False)
-    found = _grouped(group, count)
     around = np.bincount(group[row], minlength=count) == 2 * np.bincount(group, minlength=count)
+    found = _grouped(group, _heard(group, flats, edge[flat], other[flat]))
     tip = _tips(found, vertices, faces) & around[group]  # an open fan of faces is part of something else
     if not tip.any():
         return found
     group[tip] = count + np.arange(np.count_nonzero(tip))
     _, group = np.unique(group, return_inverse=True)
-    return _grouped(group, int(group.max()) + 1)
+    return _grouped(group, _heard(group, flats, edge[flat], other[flat]))
 
 
-def _grouped(group: NDArray[np.integer[Any]], count: int) -> Smoothing:
-    """Of corners in so many groups (face corner,)."""
-    gather = csr_array((np.ones(len(group)), (group, np.arange(len(group)))), shape=(count, len(group)))
+def _heard(
+    group: NDArray[np.integer[Any]], flats: Planes, edge: NDArray[np.int64], other: NDArray[np.int64]
+) -> NDArray[np.intp]:
+    """The corners that have a say in the normal of their group (face corner,): of what is flat at one of the edges
+    given alone, as what is bent goes on from it; all of groups in which nothing is."""
+    count = int(flats.part.max()) + 1
+    member = group.astype(np.int64) * count + np.repeat(flats.part, 3)  # of a plane part in a group
+    flat = np.setdiff1d(*(member[np.concatenate([each, _next(each)])] for each in (edge, other)))
+    has_flat = np.zeros(int(group.max()) + 1, np.bool_)
+    has_flat[flat // count] = True
+    return np.flatnonzero(~has_flat[group] | np.isin(member, flat))
+
+
+def _grouped(group: NDArray[np.integer[Any]], heard: NDArray[np.intp]) -> Smoothing:
+    """Of corners in groups (face corner,), whose normals are those of the ones that are `heard`."""
+    shape = (int(group.max()) + 1, len(group))
+    gather = csr_array((np.ones(len(heard)), (group[heard], heard)), shape=shape)
     return Smoothing(group.reshape(-1, 3).astype(np.int32), gather)
 
 
@@ -220,9 +236,10 @@ def _tips(smooth: Smoothing, vertices: FloatArray, faces: IntArray) -> NDArray[n
         edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), 1e-300)
         leaving += 0.5 * np.einsum("fci,fci->fc", normals, edge)
         arriving += 0.5 * np.abs(np.einsum("fci,fci->fc", normals[:, other], edge))
-    count = smooth.gather @ np.ones(faces.size)
-    here, there = (smooth.gather @ each.ravel() / count for each in (leaving, arriving))
-    return np.asarray(((count > 2) & (np.abs(here) > np.maximum(_TIP, _STRAIGHT * there)))[smooth.group].ravel())
+    group = smooth.group.ravel()
+    count = np.bincount(group)
+    here, there = (np.bincount(group, weights=each.ravel()) / count for each in (leaving, arriving))
+    return np.asarray(((count > 2) & (np.abs(here) > np.maximum(_TIP, _STRAIGHT * there)))[group])
 
 
 def _next(corner: NDArray[np.int64]) -> NDArray[np.int64]:
