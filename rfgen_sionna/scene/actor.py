@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,6 +16,7 @@ from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
+from rfgen_sionna.scene.seams import sewn
 
 FASTEST = 0.01 * SPEED_OF_LIGHT
 """Constant velocities, at most [m/s]: an echo comes from where a thing is, not from where it was."""
@@ -125,10 +127,15 @@ class Actor:
             return self.material
         return material(self.material, outside="raise", owner=self.name)
 
-    @property
+    @cached_property
     def faces(self) -> IntArray:
-        """(face, 3) vertex indices, counter-clockwise seen from outside."""
-        return self.sequence.faces
+        """(face, 3) vertex indices, counter-clockwise seen from outside; seams of the sequence's are sewn
+        (:func:`rfgen_sionna.scene.seams.sewn`)."""
+        faces, duration = self.sequence.faces, self.sequence.duration
+        if isinstance(self.sequence, RigidMesh):
+            return faces  # that is done
+        times = (0.0, 0.5 * duration, duration) if math.isfinite(duration) else (0.0,)
+        return sewn(faces, [self.sequence.vertices(t) for t in times])
 
     @property
     def part_names(self) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
+from rfgen_sionna.scene.seams import sewn
 
 LARGEST = 1e10
 """Coordinates, at most [m]: beyond it they are known to less than a few micrometres."""
@@ -60,7 +61,8 @@ def middles(corners: FloatArray) -> FloatArray:
 def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tuple[FloatArray, IntArray]:
     """Check that an array pair is a usable surface of triangles and return it as float64 and int32.
 
-    Open surfaces such as a plate are allowed. Faces without area are dropped with a warning that counts them, vertices
+    Open surfaces such as a plate are allowed. Seams, along which vertices are given twice, are sewn
+    (:func:`rfgen_sionna.scene.seams.sewn`). Faces without area are dropped with a warning that counts them, vertices
     that no face uses without one; a closed surface whose faces all look inwards is turned inside out, with a warning
     too.
 
@@ -88,7 +90,7 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
             raise MeshError(f"{name}: all {dropped} faces have zero area")
         warnings.warn(f"{name}: dropped {dropped} of {len(triangles)} faces, their area is zero", stacklevel=3)
         triangles = triangles[keep]
-    triangles = _check_edges(points, triangles, name)
+    triangles = _check_edges(points, sewn(triangles, [points]), name)
     used, triangles = used_vertices(triangles)
     return points[used], triangles
 
@@ -284,6 +286,4 @@ def _read(path: Path) -> tuple[FloatArray, IntArray]:
         raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise MeshError(f"mesh file {str(path)!r} holds no triangles")
-    if path.suffix.lower() == ".stl" and np.isfinite(mesh.vertices).all():
-        mesh.merge_vertices()  # STL repeats the corners of every face
     return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)

@@ -1,0 +1,106 @@
+"""Seams are sewn where that makes a surface, and nothing else is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.scene import Actor, RigidMesh
+from rfgen_sionna.scene.seams import sewn
+from tests.physics.stressing import one_element, traced
+
+BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
+
+
+def soup(mesh):
+    """Each face with corners of its own."""
+    return mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3)
+
+
+def seamed(mesh):
+    """The mesh with the vertices of its half at y > 0 given once more where it meets the other half."""
+    half = mesh.triangles_center[:, 1] > 0
+    faces = np.array(mesh.faces)
+    faces[half] += len(mesh.vertices)
+    return np.concatenate([mesh.vertices, mesh.vertices]), faces
+
+
+@dataclass(frozen=True, eq=False)
+class Breathing:
+    """A mesh that grows and shrinks; vertices of its second half may drift away."""
+
+    points: np.ndarray
+    faces: np.ndarray
+    drift: float
+    part_names = ("all",)
+    joint_names = ()
+    duration = 1.0
+
+    @property
+    def face_parts(self):
+        return np.zeros(len(self.faces), np.int32)
+
+    def vertices(self, t):
+        found = self.points * (1 + 0.01 * np.sin(t))
+        found[len(found) // 2 :] += self.drift * t
+        return found
+
+    def joints(self, t):
+        return np.empty((0, 3))
+
+
+@pytest.mark.parametrize("split", [soup, seamed])
+def test_a_ball_with_seams_is_a_ball(split):
+    """All corners that were one are one again, and its return is the same to the last digits."""
+    mesh = RigidMesh(*split(BALL))
+    assert len(mesh.points) == len(BALL.vertices)
+    radar = one_element()
+    whole, sewed = (
+        traced(radar, Actor(each, "metal", position=(2.0, 0.0, 0.0)))[0] for each in (RigidMesh.load(BALL), mesh)
+    )
+    assert abs(sewed / whole - 1) < 1e-9
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
+def test_files_with_seams_are_read_as_one_surface(tmp_path, suffix):
+    path = tmp_path / f"ball{suffix}"
+    trimesh.Trimesh(*seamed(BALL), process=False).export(path)
+    assert len(RigidMesh.load(path).points) == len(BALL.vertices)
+
+
+def test_a_soup_that_looks_inwards_is_turned():
+    vertices, faces = soup(BALL)
+    with pytest.warns(UserWarning, match="look inwards"):
+        mesh = RigidMesh(vertices, faces[:, ::-1])
+    assert trimesh.Trimesh(mesh.points, mesh.faces, process=False).volume > 0
+
+
+def test_seams_of_what_moves_are_sewn_where_they_stay_together():
+    vertices, faces = seamed(BALL)
+    together = Actor(Breathing(vertices, faces, 0.0), "skin").faces
+    assert len(np.unique(together)) == len(BALL.vertices)
+    apart = Actor(Breathing(vertices, faces, 0.1), "skin").faces
+    np.testing.assert_array_equal(apart, faces)
+
+
+def test_what_would_be_no_surface_is_left_apart():
+    """Two boxes on one another, two sheets back to back, sheets in one place, neighbours that look opposite ways, and
+    a sheet that would lose its area."""
+    box = trimesh.creation.box((1, 1, 1))
+    upper = box.copy()
+    upper.apply_translation((0, 0, 1))
+    boxes = trimesh.util.concatenate([box, upper])
+    np.testing.assert_array_equal(sewn(np.asarray(boxes.faces), [np.asarray(boxes.vertices)]), boxes.faces)
+    ball = trimesh.creation.icosphere(2)
+    sheet = ball.submesh([np.flatnonzero(ball.triangles_center[:, 2] > 0)], append=True)
+    vertices, faces = np.asarray(sheet.vertices), np.asarray(sheet.faces)
+    twice = np.concatenate([vertices, vertices])
+    for other in (faces, faces[:, ::-1]):
+        both = RigidMesh(twice, np.concatenate([faces, other + len(vertices)]))  # no edge of more than two faces
+        assert len(both.points) > 1.5 * len(vertices)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
+    opposed = np.array([[0, 1, 2], [4, 5, 3]])
+    np.testing.assert_array_equal(sewn(opposed, [corners[[0, 1, 2, 3, 1, 2]]]), opposed)
+    lost = np.array([[0, 1, 2], [1, 3, 2]])
+    np.testing.assert_array_equal(sewn(lost, [corners[[0, 1, 2, 2]]]), lost)
