@@ -33,7 +33,14 @@ class Lit(NamedTuple):
     parallax: list[Parallax | None]
     """What pairs see more or less of the facets kept; None where no shadow's edge falls on them."""
     missed: FloatArray
-    """(surface,) estimated error of that, relative to what each returns without interfering."""
+    """(surface,) estimated error of that, relative to what each returns without interfering when it returns most."""
+
+
+def most(every: Sequence[FloatArray], level: FloatArray, missed: FloatArray) -> FloatArray:
+    """(surface,) the largest of errors `missed` (instant, surface) that are relative to a `level` (instant, surface),
+    relative to the largest of `every` level: what is hidden for a while is not told to the last digit meanwhile."""
+    largest = np.max(every, axis=0)
+    return np.asarray((missed * level).max(axis=0) / np.where(largest > 0, largest, np.inf))
 
 
 class FacetReturns:
@@ -84,9 +91,9 @@ class FacetReturns:
             surfaces = len(self._materials)
             of = np.repeat(np.arange(len(cut)), [len(seen[n].owner) for n in cut])
             group = surfaces * of + self._lot[parents.surface[place]]
-            level = np.sqrt(times) * np.concatenate([seen[n].level for n in cut])
-            edges, of_cut = self._band.edges(parents, place, pieces, hider, group, level)
-            missed = of_cut.reshape(-1, surfaces).max(axis=0)[self._lot]
+            level = np.stack([seen[n].level for n in cut])
+            edges, of_cut = self._band.edges(parents, place, pieces, hider, group, np.sqrt(times) * level.ravel())
+            missed = most([each.level for each in seen], level, of_cut.reshape(level.shape)[:, self._lot])
             parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
             own = np.concatenate(
                 [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]

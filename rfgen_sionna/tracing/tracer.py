@@ -67,7 +67,8 @@ class TraceReport:
     """Knots of the delays; facets that are looked at between instants have more."""
     error: float
     """Estimated error of an actor's return, relative to itself, or of the static scene's, relative to its strongest
-    surface's or to what all of it returns without interfering; whichever is larger.
+    surface's or to what all of it returns without interfering; whichever is larger. Of an actor that goes behind
+    another in the frame it is relative to when it is seen best.
 
     It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`), of what is not known of shadows' edges
     (:mod:`rfgen_sionna.tracing.sampling`) and of where pairs see them (:mod:`rfgen_sionna.tracing.parallax`), those of
