@@ -12,6 +12,7 @@ is the gain's.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -26,6 +27,9 @@ from rfgen_sionna.tracing.obliquity import MAX_FRINGE
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 
 NO_SLAB = -1
+LATE = 0.02
+"""Echo of a slab's back face over its front's, above which it is told that it is left out."""
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,35 @@ def transmission(
         r = (face * cos - root) / (face * cos + root)
         found.append((1.0 - r * r) * once / (1.0 - echoes * r * r * once * once))
     return found[0], found[1]
+
+
+def late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> FloatArray:
+    """(material,) the echo of each slab's back face at normal incidence, over what its front returns, where the band
+    tells both apart and the echo is left out; 0 of others. What is seen through it lacks |r|^2 of that in turn."""
+    late = np.flatnonzero(SlabTable.of(materials, centre, half_band).echoes == 0)
+    found = np.zeros(len(materials))
+    for number in late.tolist():
+        material = materials[number]
+        eps, mu = complex(material.relative_permittivity(centre)), complex(material.permeability)
+        root = np.sqrt(eps * mu)
+        r = (mu - root) / (mu + root)
+        decay = abs(root.imag) * 4 * np.pi * centre / SPEED_OF_LIGHT * (material.thickness or 0.0)
+        found[number] = abs(1.0 - r * r) * np.exp(-decay) if abs(r) > 1e-6 else 0.0  # of air neither is there
+    return found
+
+
+def warn_of_late_echoes(names: Sequence[str], materials: Sequence[Material], centre: float, half_band: float) -> None:
+    """Tell of slabs whose back face's echo is more than `LATE` and left out, each material once."""
+    told = set()
+    for name, material, share in zip(names, materials, late_echoes(materials, centre, half_band), strict=True):
+        key = material.name, material.thickness
+        if share > LATE and key not in told:
+            told.add(key)
+            _LOG.warning(
+                "'%s': the back face of its %g mm of %s returns an echo of its own, up to %.0f %% of the front's, "
+                "which is left out, as is what it adds to what is seen through it",
+                name, 1e3 * (material.thickness or 0.0), material.name, 100 * share,
+            )  # fmt: skip
 
 
 @dataclass(frozen=True)

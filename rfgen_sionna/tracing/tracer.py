@@ -25,6 +25,7 @@ from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.round_bounces import RoundBounces
 from rfgen_sionna.tracing.shadows import Shadow
+from rfgen_sionna.tracing.slabs import warn_of_late_echoes
 from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
 from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.static_glances import follow_hidden, missed_between
@@ -187,6 +188,9 @@ class Tracer:
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol, seed)
+        every = (*self.surfaces.static, *self.surfaces.moving)
+        names, materials = [each.name for each in every], [each.material for each in every]
+        warn_of_late_echoes(names, materials, self._band.centre, self._band.half_band)
         self.max_bounces = max_bounces
         self.transmission = transmission
         self._positions: dict[float, list[FloatArray]] = {}

@@ -316,3 +316,14 @@ def test_a_slab_without_loss_keeps_the_energy():
             np.testing.assert_allclose(np.abs(t) ** 2 + np.abs(slab(r, eps, cos, turns)) ** 2, 1.0, rtol=1e-9)
     half = 0.5 * SPEED_OF_LIGHT / 77e9 / np.sqrt(4.0)
     assert abs(transmission(4.0, 1.0, half, np.ones(1), 77e9)[0][0]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("thickness", "told"), [(0.02, False), (0.05, True), (1.0, False)])
+def test_the_echo_of_a_back_face_that_is_left_out_is_told(radar, caplog, thickness, told):
+    """Of foam: at 2 cm it is part of what the slab returns, at 5 cm it is 65 % of the front's, and at 1 m it is lost
+    in the slab. One material is told of once."""
+    foam = replace(MATERIALS["foam"], thickness=thickness)
+    plates = [Actor.from_mesh((pane(y=y), [[0, 2, 1], [0, 3, 2]]), material=foam, name=f"pane {y}") for y in (0.0, 1.0)]
+    with caplog.at_level("WARNING"):
+        _ = Simulator(None, radar, plates).tracer
+    assert ["back face" in each.message for each in caplog.records] == [True] * told
