@@ -285,11 +285,13 @@ def _without_faint(
     and what they return: one by one, and those of one flat part by the same plates in phase, whichever is more, as the
     faces of a fine mesh are faint only by themselves."""
     waves, kinds, keys = [], [], []
-    for number, (landing, way) in enumerate(zip(landings, (WAYS[0], WAYS[2]), strict=True)):
+    for number, (landing, ways) in enumerate(zip(landings, (WAYS[:2], WAYS[2:]), strict=True)):
         if len(landing.facet):
-            # What goes by one plate does both ways round, and of a like length.
-            often = 1.0 if all(way) else 2.0
-            waves.append(often * returns.roughly(way, 0.0, showing.landed(facets, landing, False), PROBES))
+            # What goes by one plate does both ways round, either of which counts: Tx and Rx may be changed over.
+            each = [
+                returns.roughly(way, 0.0, showing.landed(facets, landing, way == (False, True)), PROBES) for way in ways
+            ]
+            waves.append(np.sum(each, axis=0))
             kinds.append(np.full(len(landing.facet), number))
             own = facets.surface[landing.facet], shower.owner(landing.facet)
             keys.append(np.stack([kinds[-1], *own, landing.first, landing.last]))
