@@ -44,6 +44,8 @@ from rfgen_sionna.signal.formats.studio_chirps import MEANT, RX_PER_DEVICE
 NAME = "dca1000"
 STANDARD = "adc_data.bin"
 FULL_SCALE = 1 << 15
+BANDS = ((57e9, 64e9), (76e9, 81e9))
+"""What the devices transmit in [Hz]."""
 
 
 def write(
@@ -59,10 +61,12 @@ def write(
     Raises
     ------
     CaptureFormatError
-        More than 3 Tx or 4 Rx, or an odd number of samples: one device cannot take such frames.
+        More than 3 Tx or 4 Rx, an odd number of samples, or a band that no device has: one device cannot take such
+        frames.
     """
     check_cube(cube)
     radar = cube.radar
+    _device_band(radar)
     receivers = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     _even_samples(radar)
     config = studio_config(radar, cube.data.shape[0])
@@ -157,6 +161,17 @@ def _configured(data: Path, hardware: Radar) -> Description:
     found = read_studio(config, hardware)
     times = None if found.frames is None else even_times(found.frames, found.radar)
     return Description(found.radar, None, times, None, found.iq_swap)
+
+
+def _device_band(radar: Radar) -> None:
+    """Refuse what no device behind a DCA1000 has sent, such as the frames of a Position2Go."""
+    centre = radar.center_frequency
+    if not any(low <= centre <= high for low, high in BANDS):
+        bands = " and ".join(f"{low / 1e9:g} … {high / 1e9:g} GHz" for low, high in BANDS)
+        raise CaptureFormatError(
+            f"radar '{radar.name}', preset '{radar.preset}', is at {centre / 1e9:.4g} GHz; a DCA1000 records devices "
+            f"of {bands}: 'position2go' is the format of that board, 'matlab' and 'rfgenesis' have no band"
+        )
 
 
 def _even_samples(radar: Radar) -> None:

@@ -14,7 +14,7 @@ import pytest
 import scipy.io
 
 from rfgen_sionna.records import AdcCube
-from rfgen_sionna.signal.formats import open_capture, read_capture, write_capture
+from rfgen_sionna.signal.formats import CaptureFormatError, open_capture, read_capture, write_capture
 from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube, position2go, shortened
 
 
@@ -39,6 +39,15 @@ def test_dca1000_two_i_then_two_q_slot_by_slot_as_fired(tmp_path: Path) -> None:
                         assert cube.data[frame, loop, tx, rx, 2 * pair] == i0 + 1j * q0
                         assert cube.data[frame, loop, tx, rx, 2 * pair + 1] == i1 + 1j * q1
     assert place == len(content)
+
+
+def test_dca1000_has_no_frames_of_a_position2go(tmp_path: Path) -> None:
+    cube = lsb_cube(position2go(), 1, 100)
+    message = r"radar 'position2go'.* is at 24\.\d+ GHz; .* 57 … 64 GHz and 76 … 81 GHz: 'position2go' is the format"
+    with pytest.raises(CaptureFormatError, match=message):
+        write_capture(cube, tmp_path, "dca1000")
+    assert not list(tmp_path.iterdir())
+    write_capture(cube, tmp_path, "position2go")
 
 
 def test_dca1000_needs_pairs_of_samples(tmp_path: Path) -> None:
