@@ -93,7 +93,8 @@ class Actor:
         """A rigid actor.
 
         Args:
-            mesh: `trimesh.Trimesh`, path of a file that trimesh reads (in metres), or a pair (vertices, faces).
+            mesh: `trimesh.Trimesh`, `trimesh.Scene` (all of it), path of a file that trimesh reads (in metres), or a
+                pair (vertices, faces).
             material: a material or its name.
             position: world position of the mesh's origin at t = 0 [m].
             velocity: [m/s].
@@ -105,6 +106,7 @@ class Actor:
             MeshError: the mesh is not usable (see :func:`rfgen_sionna.scene.mesh.check_mesh`).
             MaterialError: unknown material.
             FileNotFoundError: there is no such file.
+            IsADirectoryError: the path is that of a directory.
             TypeError: `mesh` is none of the above.
         """
         if name is None and isinstance(mesh, (str, Path)):

@@ -20,8 +20,8 @@ CLEARANCE = 0.02
 ROOM_RADIUS = 0.5
 """A closed surface whose nearest point is further away [m] is taken for a room around the radar, not for a wall or a
 piece of furniture with the radar in it."""
-
-
+LARGE_ACTOR = 20.0
+"""Beyond this extent [m] an actor with the radar in it is asked whether its mesh is in millimetres."""
 WAY_STEP = 1e-3
 """Time between the instants at which a moving radar's place is looked up [s]."""
 
@@ -127,9 +127,16 @@ def check_radar_clear(
     place = np.asarray(position, np.float64)
     bodies = [(body.name, body.vertices(t), body.faces) for body in map(surface_of, actors)]
     for name, vertices, faces in bodies:
-        _check_gap(place, f"actor {name!r} at t = {t:g} s", vertices, faces, clearance)
+        what = f"actor {name!r} at t = {t:g} s"
+        _check_gap(place, what, vertices, faces, clearance)
         if _surrounds(place, vertices, faces) != 0.0:
-            raise SceneError(f"radar position {_text(place)} m lies inside actor {name!r} at t = {t:g} s: move either")
+            extent = float(np.ptp(vertices, axis=0).max())
+            units = (
+                f", which is {extent:.4g} m long (coordinates are in metres: scale a mesh in millimetres by 0.001)"
+                if extent > LARGE_ACTOR
+                else ""
+            )
+            raise SceneError(f"radar position {_text(place)} m lies inside {what}{units}: move either")
     centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
     for item in scene.objects if scene else ():
         what = f"{item.name!r} ({item.material})"

@@ -179,7 +179,7 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
         edge = first[crowded].min()
         raise MeshError(
             f"{name}: not manifold, {len(crowded)} edges are shared by more than two faces; the first joins vertices "
-            f"{low[edge]} and {high[edge]}"
+            f"{low[edge]} and {high[edge]}{_given_twice(triangles)}"
         )
     # In a consistently oriented surface the two faces of an edge run through it in opposite directions.
     balance = np.bincount(inverse, weights=np.where(forward, 1.0, -1.0), minlength=len(uses))
@@ -188,12 +188,27 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
         edge = first[twisted].min()
         raise MeshError(
             f"{name}: neighbouring faces are oriented against each other at {len(twisted)} edges; the first joins "
-            f"vertices {low[edge]} and {high[edge]} (trimesh.repair.fix_winding orients a mesh)"
+            f"vertices {low[edge]} and {high[edge]}"
+            f"{_given_twice(triangles) or ' (trimesh.repair.fix_winding orients a mesh)'}"
         )
     if (uses == 2).all() and _signed_volume(points, triangles) < 0.0:
         warnings.warn(f"{name}: the faces look inwards, their orientation was reversed", stacklevel=4)
         return np.ascontiguousarray(triangles[:, ::-1])
     return triangles
+
+
+def _given_twice(triangles: IntArray) -> str:
+    """What to say of faces that have the same vertices as others, if there are any."""
+    smallest = triangles.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(triangles, (smallest + np.arange(3)) % 3, axis=1)  # the same face, the same row
+    again = len(triangles) - len(np.unique(np.sort(triangles, axis=1), axis=0))
+    opposite = again - (len(triangles) - len(np.unique(turned, axis=0)))
+    if not again:
+        return ""
+    return (
+        f"; {again} of {len(triangles)} faces are there a second time, {opposite} of them reversed, as in a sheet of "
+        "two sides: leave one of each"
+    )
 
 
 def _signed_volume(points: FloatArray, triangles: IntArray) -> float:
@@ -228,12 +243,14 @@ class RigidMesh:
 
     @classmethod
     def load(cls, mesh: Any, name: str | None = None) -> RigidMesh:
-        """Take a `trimesh.Trimesh`, a file that trimesh reads (metres), or a pair (vertices, faces).
+        """Take a `trimesh.Trimesh`, a `trimesh.Scene` as one mesh, a file that trimesh reads (metres), or a pair
+        (vertices, faces).
 
         Raises:
             MeshError: the mesh is not usable, or the file holds none.
             ValueError: `name` is no text, or empty.
             FileNotFoundError: there is no such file.
+            IsADirectoryError: the path is that of a directory.
             TypeError: something else was given.
         """
         if isinstance(mesh, (str, os.PathLike)):
@@ -242,11 +259,13 @@ class RigidMesh:
         name = "mesh" if name is None else name
         if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
             return cls(mesh[0], mesh[1], name=name)
+        if hasattr(mesh, "geometry") and hasattr(mesh, "to_mesh"):  # a scene: all of it in place, as of a file
+            mesh = mesh.to_mesh()
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
             return cls(mesh.vertices, mesh.faces, name=name)
         raise TypeError(
-            f"mesh: {type(mesh).__name__} given, allowed are a trimesh.Trimesh, the path of a mesh file, or a pair "
-            "(vertices, faces)"
+            f"mesh: {type(mesh).__name__} given, allowed are a trimesh.Trimesh or trimesh.Scene, the path of a mesh "
+            "file, or a pair (vertices, faces)"
         )
 
     @property
@@ -275,6 +294,8 @@ class RigidMesh:
 
 
 def _read(path: Path) -> tuple[FloatArray, IntArray]:
+    if path.is_dir():
+        raise IsADirectoryError(f"mesh file {str(path)!r} is a directory: give the path of a file in it")
     if not path.is_file():
         raise FileNotFoundError(f"mesh file {str(path)!r} does not exist")
     import trimesh

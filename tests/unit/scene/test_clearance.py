@@ -47,6 +47,12 @@ def test_a_radar_inside_an_actor_is_refused():
         check_radar_clear((1.99, 0, 1), None, [ball])
 
 
+def test_an_actor_in_millimetres_is_asked_for_its_units():
+    ball = Actor.from_mesh((1e3 * BALL.vertices, BALL.faces), material="metal", name="ball", position=(3, 0, 1))
+    with pytest.raises(SceneError, match=r"inside actor 'ball' at t = 0 s, which is 2000 m long .* by 0\.001\)"):
+        check_radar_clear((0, 0, 1), None, [ball])
+
+
 def test_a_radar_inside_furniture_is_refused():
     cupboard = trimesh.creation.box((0.6, 0.6, 2))
     with pytest.raises(SceneError, match=r"lies inside 'thing 0' \(concrete\)"):

@@ -53,6 +53,9 @@ def test_an_open_plate_is_allowed():
         (np.ma.masked_equal(TETRAHEDRON, 1.0), FACES, "vertices: 3 values are masked"),
         (TETRAHEDRON, [[0, 1, 1]], "all 1 faces have zero area"),
         (TETRAHEDRON, [*FACES, [1, 0, 3]], "not manifold, 3 edges are shared by more than two faces"),
+        (TETRAHEDRON, [*FACES, [3, 0, 1]], "1 of 5 faces are there a second time, 0 of them reversed"),
+        (TETRAHEDRON, [*FACES, *FACES[:, ::-1]], "4 of 8 faces are there a second time, 4 of them reversed, as in a"),
+        (TETRAHEDRON, [FACES[0], FACES[0]], "oriented against each other .* 1 of 2 faces are there a second time"),
         (
             TETRAHEDRON,
             [[0, 1, 2], [0, 1, 3]],
@@ -162,7 +165,21 @@ def test_files_are_read(tmp_path: Path, suffix: str):
     assert len(mesh.faces) == len(ball.faces)
 
 
+def test_a_scene_is_one_mesh_as_of_a_file(tmp_path: Path):
+    scene = trimesh.Scene(trimesh.creation.box((1, 1, 1)))
+    scene.add_geometry(trimesh.creation.icosphere(subdivisions=1), transform=np.eye(4) + np.eye(4, k=3) * 5.0)
+    scene.export(tmp_path / "both.glb")
+    mesh, of_file = RigidMesh.load(scene, "both"), RigidMesh.load(tmp_path / "both.glb")
+    assert (len(mesh.points), len(mesh.faces)) == (len(of_file.points), len(of_file.faces))
+    for found in (mesh, of_file):
+        np.testing.assert_allclose([found.points.min(axis=0), found.points.max(axis=0)], [[-0.5, -1, -1], [6, 1, 1]])
+    with pytest.raises(MeshError, match="the mesh is empty"):
+        RigidMesh.load(trimesh.Scene())
+
+
 def test_a_missing_or_broken_file_is_named(tmp_path: Path):
+    with pytest.raises(IsADirectoryError, match="is a directory: give the path of a file in it"):
+        RigidMesh.load(tmp_path)
     with pytest.raises(FileNotFoundError, match=r"nowhere\.ply"):
         RigidMesh.load(tmp_path / "nowhere.ply")
     (tmp_path / "broken.ply").write_text("no mesh")
