@@ -54,6 +54,31 @@ def tabulated(radar: Radar) -> Radar:
     return replace(radar, pattern=TablePattern.of(azimuth, elevation, gain, radar.pattern.name))
 
 
+def sionna_scene(scene: Any) -> Any:
+    """The `sionna.rt.Scene` of a scene of either kind, as `scene` is one in arguments.
+
+    Raises
+    ------
+    TypeError
+        If it is no scene.
+    """
+    ensure_backend()
+    import sionna.rt
+
+    inside = scene.sionna if isinstance(scene, RadarScene) else scene
+    if not isinstance(inside, sionna.rt.Scene):
+        raise TypeError(
+            f"scene: {type(scene).__name__} given, a scene of rfgen_sionna.scene.load_scene or a sionna.rt.Scene is "
+            "needed"
+        )
+    return inside
+
+
+def _check_radar(radar: Any) -> None:
+    if not isinstance(radar, Radar):
+        raise TypeError(f"radar: {type(radar).__name__} given, an rfgen_sionna.Radar is needed")
+
+
 def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) -> tuple[RadarTransmitter, RadarReceiver]:
     """Put a radar into a Sionna scene as a transmitter and a receiver, ready for `sionna.rt.PathSolver`.
 
@@ -75,14 +100,16 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
 
     Raises
     ------
+    TypeError
+        If the scene or the radar is none.
     ValueError
         If the scene has devices of that name, or arrays that are not this radar's.
     """
-    ensure_backend()
+    inside = sionna_scene(scene)
+    _check_radar(radar)
     from rfgen_sionna.scene.sionna_array import RadarArray, RadarReceiver, RadarTransmitter
 
     radar = tabulated(radar)
-    inside = scene.sionna if isinstance(scene, RadarScene) else scene
     name = radar.name if name is None else name
     for ending, known in (("tx", inside.transmitters), ("rx", inside.receivers)):
         if f"{name}_{ending}" in known:
@@ -126,8 +153,8 @@ def radar_alone(
     scene, radar, name
         As for :func:`add_radar`.
     """
-    ensure_backend()
-    inside = scene.sionna if isinstance(scene, RadarScene) else scene
+    inside = sionna_scene(scene)
+    _check_radar(radar)
     others = [*inside.transmitters.values(), *inside.receivers.values()]
     arrays = {end: getattr(inside, f"{end}_array") for end in ("tx", "rx")}
     before = scene.frequency if isinstance(scene, RadarScene) else None

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, PathKind, RadarPaths
 from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.tracing.same_path import same_paths
 from rfgen_sionna.tracing.sionna_entries import (
     DIFFRACTION,
@@ -72,12 +74,15 @@ def from_sionna(paths: Any, radar: Radar, *, time: float = 0.0, scene: Any = Non
     Raises
     ------
     TypeError
-        If `paths` are no `sionna.rt.Paths`.
+        If `paths` are no `sionna.rt.Paths`, or the radar or the scene is none.
     ValueError
-        If they were computed for synthetic arrays, for another frequency, for elements of several polarisations, or
-        without this radar.
+        If the time is not finite, or the paths were computed for synthetic arrays, for another frequency, for elements
+        of several polarisations, or without this radar.
     """
     frequency = _check(paths, radar)
+    if not is_number(time):
+        raise ValueError(f"time is {time!r}: a finite instant [s] is needed")
+    inside = None if scene is None else sionna_scene(scene)
     entries = read_entries(paths, radar)
     entries = entries.take(found_once(entries, radar.tx_world[entries.tx], radar.rx_world[entries.rx]))
     length = path_lengths(entries, radar.tx_world[entries.tx], radar.rx_world[entries.rx])
@@ -103,7 +108,7 @@ def from_sionna(paths: Any, radar: Radar, *, time: float = 0.0, scene: Any = Non
     slope = 0.5 * radar.waveform.bandwidth / frequency * (1.0 + 0.5 * (types == DIFFRACTION).sum(axis=1))
     changes = bool(slope.max(initial=0.0) > _NEGLIGIBLE)
     direction, arrival = _directions(entries, number, count, radar)
-    names, object_id, facet = _labels(entries, number, first, scene)
+    names, object_id, facet = _labels(entries, number, first, inside)
     return RadarPaths(
         a=a,
         tau=tau,
@@ -134,6 +139,8 @@ def _check(paths: Any, radar: Radar) -> float:
             f"paths: {type(paths).__name__} given, the sionna.rt.Paths that a solver returns are needed (its `cir`, "
             "`cfr` and `taps` are no paths any more, and by default their delays count from the first one)"
         )
+    if not isinstance(radar, Radar):
+        raise TypeError(f"radar: {type(radar).__name__} given, the rfgen_sionna.Radar that the paths are of is needed")
     if paths.synthetic_array:
         raise ValueError(
             "paths.synthetic_array is True: across the array the phases are those of plane waves, which errs by "
@@ -212,8 +219,7 @@ def _labels(
 ) -> tuple[tuple[str, ...], IntArray, IntArray]:
     """Names of all objects, and per path the index of its object and its face there (-1 where it has no single one)."""
     types, objects = entries.types[first], entries.objects[first]
-    inside = getattr(scene, "sionna", scene)
-    targets = list(inside.sensing_targets) if inside is not None else []
+    targets = list(scene.sensing_targets) if scene is not None else []
     shapes = sorted({int(shape) for shape in objects[(types > 0) & (types != SENSING)]})
     by_shape = shape_names(shapes)
     told = np.select(

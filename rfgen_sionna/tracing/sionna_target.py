@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.actor import Actor
+from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.mesh import face_normals, lengths
 from rfgen_sionna.tracing.smooth import QUARTERS, divided, smoothing
-
-if TYPE_CHECKING:
-    from rfgen_sionna.scene import Actor
 
 RATE_STEP = 0.5e-3
 """Half the stretch over which the velocity is differenced [s]."""
@@ -58,11 +57,21 @@ def add_actor(
 
     Raises
     ------
+    TypeError
+        If the scene, the actor or the name is none.
     ValueError
-        If the scene has something of that name, the distance is not positive, or the actor would need more than
-        `MAX_PIECES` points.
+        If the scene has something of that name, the instant is not finite, the distance is not positive, or the actor
+        would need more than `MAX_PIECES` points.
     """
-    ensure_backend()
+    inside = sionna_scene(scene)
+    if not isinstance(actor, Actor):
+        raise TypeError(f"actor: {type(actor).__name__} given, an rfgen_sionna.Actor is needed")
+    if not is_number(t):
+        raise ValueError(f"t is {t!r}: a finite instant [s] is needed")
+    if distance is not None and not (is_number(distance) and distance > 0):
+        raise ValueError(f"distance is {distance!r}: a positive value [m] or None is needed")
+    if name is not None and not isinstance(name, str):
+        raise TypeError(f"name: {type(name).__name__} given, a text or None is needed")
     import mitsuba
     from sionna.rt.rcs import ScatteringModel, SensingTarget
 
@@ -70,13 +79,10 @@ def add_actor(
     from rfgen_sionna.tracing.far_field import Body, ScatteringPoint
 
     mi: Any = mitsuba
-    inside = scene.sionna if isinstance(scene, RadarScene) else scene
     name = actor.name if name is None else name
     for known in (inside.objects, inside.transmitters, inside.receivers, inside.radio_materials):
         if name in known:
             raise ValueError(f"name is {name!r}: the scene has something of that name already; choose another one")
-    if distance is not None and not (np.isfinite(distance) and distance > 0):
-        raise ValueError(f"distance is {distance!r}: a positive value [m] or None is needed")
 
     def frequency() -> float:
         return float(inside.frequency[0])

@@ -306,6 +306,16 @@ def test_what_cannot_be_a_target_is_refused(rt):
     actor = Actor.from_mesh(plate(2.0, 2.0), material="metal", position=(3, 0, 1), name="plate")
     with pytest.raises(ValueError, match=r"distance is -1\.0: a positive value"):
         rfgen.add_actor(scene, actor, distance=-1.0)
+    with pytest.raises(ValueError, match=r"distance is '3': a positive value"):
+        rfgen.add_actor(scene, actor, distance="3")
+    with pytest.raises(ValueError, match=r"t is 'a': a finite instant \[s\] is needed"):
+        rfgen.add_actor(scene, actor, t="a")
+    with pytest.raises(TypeError, match=r"actor: NoneType given, an rfgen_sionna\.Actor is needed"):
+        rfgen.add_actor(scene, None)
+    with pytest.raises(TypeError, match=r"scene: NoneType given, a scene of rfgen_sionna\.scene\.load_scene"):
+        rfgen.add_actor(None, actor)
+    with pytest.raises(TypeError, match="name: int given, a text or None is needed"):
+        rfgen.add_actor(scene, actor, name=3)
     with pytest.raises(ValueError, match=r"plate: distance 0\.3 m at 79\.11 GHz asks for \d+ scattering points"):
         rfgen.add_actor(scene, actor, distance=0.3)
     rfgen.add_actor(scene, actor)

@@ -10,7 +10,7 @@ import pytest
 import rfgen_sionna as rfgen
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
-from rfgen_sionna.scene import Actor, add_radar, material
+from rfgen_sionna.scene import Actor, add_radar, material, radar_alone
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
@@ -283,6 +283,19 @@ def test_what_are_no_paths_of_a_radar_is_refused(rt):
     paths = solve(rt, scene)
     with pytest.raises(TypeError, match=r"paths: tuple given, the sionna\.rt\.Paths that a solver returns"):
         rfgen.from_sionna(paths.cir(out_type="numpy"), radar)
+    with pytest.raises(TypeError, match=r"radar: NoneType given, the rfgen_sionna\.Radar that the paths are of"):
+        rfgen.from_sionna(paths, None)
+    with pytest.raises(TypeError, match=r"scene: int given, a scene of rfgen_sionna\.scene\.load_scene or a sionna"):
+        rfgen.from_sionna(paths, radar, scene=3)
+    for time in ("x", np.nan, None):
+        with pytest.raises(ValueError, match=rf"time is {time!r}: a finite instant \[s\] is needed"):
+            rfgen.from_sionna(paths, radar, time=time)
+    with pytest.raises(TypeError, match="scene: NoneType given"):
+        add_radar(None, radar)
+    with pytest.raises(TypeError, match="radar: str given"):
+        add_radar(scene, "awr1843")
+    with pytest.raises(TypeError, match="radar: NoneType given"), radar_alone(scene, None):
+        pass
     with pytest.raises(ValueError, match="synthetic_array is True"):
         rfgen.from_sionna(solve(rt, scene, synthetic_array=True), radar)
     scene.sionna.frequency = 60e9
