@@ -142,6 +142,23 @@ def test_in_the_near_field_the_actor_becomes_many_points(rt):
     assert abs(decibels(ratio)).max() < 0.1
 
 
+def test_in_the_near_field_the_lobes_of_a_flat_face_err_by_a_share_of_the_main_one(rt):
+    """A plate of 10 x 8 cm at 3 m, broadside, on the flank of its main lobe, and in side lobes 17 and 25 dB below."""
+    radar = Radar.load("awr1843", position=(0, 0, 1))
+    found, expected = [], []
+    for yaw in (0.0, 0.01, 0.05, 0.1):
+        actor = Actor.from_mesh(
+            plate(0.1, 0.08), material="metal", position=(3, 0, 1), orientation=(yaw, 0, 0), name="plate"
+        )
+        scene = free_space(radar)
+        rfgen.add_actor(scene, actor, distance=3.0)
+        found.append(channel(rfgen.from_sionna(solve(rt, scene), radar)))
+        expected.append(reference(actor, radar, 100))
+    found, expected = np.array(found), np.array(expected)
+    assert abs(decibels(found[:2] / expected[:2])).max() < 0.1
+    assert abs(abs(found) - abs(expected)).max() < 0.02 * abs(expected).max()
+
+
 def test_our_tracer_finds_the_same(rt):
     """A body that shadows itself: a ball of concrete before a metal plate, 2 m away, moving."""
     radar = Radar.load("awr1843", position=(0, 0, 1))
