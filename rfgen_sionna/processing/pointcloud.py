@@ -90,7 +90,9 @@ def point_cloud(
     Parameters
     ----------
     static
-        Whether what stands still within the frame is kept; otherwise the mean over the chirps is taken out.
+        Whether what stands still within the frame is kept; otherwise the mean over the chirps is taken out. Within two
+        Doppler cells of rest that takes a part of what moves as well: its power is less, an echo of it is on the other
+        side of rest, and the closer it is to rest, the more noise its velocity has.
     method, false_alarm, guard, train
         See :func:`rfgen_sionna.processing.detection.cfar`. None takes 2 guard and 8 training cells on either side of an
         axis, or as many as it has room for: of the 16 chirps of a Position2Go's frame 2 and 5.
@@ -156,6 +158,8 @@ def point_cloud(
     place, peak = refine_peaks(power, cells)
     seen = place[:, 0] * (maps.range[1] - maps.range[0])
     velocity = maps.velocity[0] + place[:, 1] * (maps.velocity[1] - maps.velocity[0])
+    if not static:
+        velocity = _beside_the_notch(velocity, padding * (maps.velocity[1] - maps.velocity[0]), window, chirps)
     found = _directions(whole, cells, own.start or 0, radar, seen, velocity, ambiguities)
     found, seen, peak = _focused(array, radar, found, seen, peak, window, static, ambiguities)
     direction = unit_vectors(found.azimuth, found.elevation)
@@ -172,6 +176,24 @@ def point_cloud(
         position=device @ radar.rotation.T + np.asarray(radar.position),
         time=observation_time(radar),
     )
+
+
+def _beside_the_notch(velocity: FloatArray, cell: float, window: Window, chirps: int) -> FloatArray:
+    """Velocities of targets whose peaks are at `velocity` [m/s], with the mean over the chirps taken out.
+
+    That mean holds a part of a slow target, too, and its spectrum at rest is taken from the near flank of the target's
+    peak, which moves away from rest: by 0.1 of a `cell` where the target is 1.3 from rest, to 1 where it comes to rest.
+    """
+    count = np.arange(int(50 * min(4.0, chirps / 2)) + 1)
+    steps = count / 50  # cells from rest: beyond four the mean holds next to nothing
+    waves = np.cos(2 * np.pi / chirps * steps[:, None] * (np.arange(chirps) - (chirps - 1) / 2))
+    peak, mean = waves @ taper(window, chirps), waves @ taper("hann", chirps)
+    left = np.abs(peak[np.abs(count - count[:, None])] - mean[:, None] * peak)
+    peaks = np.maximum.accumulate(steps[left.argmax(axis=1)])
+    away = np.abs(velocity) / cell
+    first = np.unique(peaks, return_index=True)[1]
+    slow = away < peaks[-1]
+    return np.asarray(np.where(slow, np.sign(velocity) * np.interp(away, peaks[first], steps[first]) * cell, velocity))
 
 
 def _directions(

@@ -85,6 +85,20 @@ def test_two_movers_over_a_wall_in_noise(synthesise, mmmesh):
     assert cloud.snr_db[0] == pytest.approx(expected, abs=2.0)
 
 
+@pytest.mark.parametrize("name", ["position2go", "awr1843"])
+@pytest.mark.parametrize("cells", [0.6, -0.9, 1.3, -1.7, 2.4])
+def test_what_stands_still_is_taken_out_and_slow_targets_keep_their_velocity(synthesise, name, cells):
+    """A person at 1 m/s is 1.3 Doppler cells of a Position2Go from rest, in the notch of what is taken out."""
+    radar = Radar.load(name)
+    speed, where = cells * radar.velocity_resolution, direction(0.2, 0.0)
+    start = where * (5.0 - speed * observation_time(radar))
+    wall = ((0.45 * radar.max_range, 0, 0), (0, 0, 0), 10.0)
+    cube = synthesise(radar, [(start, speed * where, 1.0), wall], noise=0.01, seed=2)[0]
+    cloud = point_cloud(cube, radar, max_points=1)
+    assert abs(cloud.velocity[0] - speed) < 0.06 * radar.velocity_resolution
+    assert abs(cloud.range[0] - 5.0) < 0.1 * radar.range_resolution
+
+
 def test_the_world_position_follows_the_pose_of_the_radar(synthesise, mmmesh):
     placed = mmmesh.placed(position=(1.0, -2.0, 1.5), look_at=(1.0, 3.0, 0.5))
     cube = synthesise(placed, [((3, 0.7, 0.3), (0, 0, 0), 1.0)])[0]
