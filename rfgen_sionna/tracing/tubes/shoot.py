@@ -20,6 +20,7 @@ from rfgen_sionna.tracing.tubes.footprints import integrate, landed
 from rfgen_sionna.tracing.tubes.guides import Marks
 from rfgen_sionna.tracing.tubes.hits import Hits, Index, Setting
 from rfgen_sionna.tracing.tubes.media import Optics
+from rfgen_sionna.tracing.tubes.memory import GAIN_BYTES, TUBE_BYTES, check_memory
 from rfgen_sionna.tracing.tubes.paths import Elements, Scenery, ends
 from rfgen_sionna.tracing.tubes.sampling import Pieces, Sampler
 from rfgen_sionna.tracing.tubes.skin import Skin
@@ -118,12 +119,13 @@ def shoot(
     sampling
         "adaptive" or "uniform", which is there to compare with.
     level
-        Of uniform tubes: every right angle is divided in 2^level.
+        Of uniform tubes: every right angle is divided in 2^level. All 8 4^level of them are in memory at once, some
+        3 kB each, and those that are reflected again.
 
     Raises
     ------
     ValueError
-        Naming what is out of range.
+        Naming what is out of range, or a level whose tubes have no room in memory.
     """
     check_options(max_bounces, rtol, sampling, level)
     if not (tracer.surfaces.static or tracer.surfaces.moving):
@@ -194,6 +196,7 @@ class _Shot:
     def trace(self, direct: bool = True) -> RayTrace:
         """All paths, or those alone that are reflected or go through a slab on the way."""
         first = GUIDES if self.level is None else self.level
+        self._check_room(8 * 4**first, 0)
         hits = Hits(self.setting)
         cells = lattice.cells(first)
         if self.level is None:  # the guiding rays, which the sampler finds again
@@ -205,6 +208,8 @@ class _Shot:
         stages: list[tuple[Hits, lattice.Nodes, Sampler]] = [(hits, cells, self.sampler)]
         while stages:
             hits, cells, sampler = stages.pop(0)
+            if hits.before is not None:
+                self._check_room(len(cells), hits.reflections + hits.passages)
             pieces = sampler.land(hits, cells, first)
             row = pieces.rows[:, 0]
             a = self._level(hits, pieces.rows)
@@ -214,6 +219,7 @@ class _Shot:
             scale = np.maximum(scale, np.maximum(own, 0.03 * np.sqrt(np.bincount(group, np.abs(a) ** 2, groups))))
             self.tubes[hits.reflections] += int((np.abs(a) > 0).sum())
             if direct or hits.before is not None:
+                self._check_paths(int((np.abs(a) > 0).sum()) * (1 if hits.before is None else 2))
                 found += self._paths(hits, pieces, a, scale[group])
             after = self.sampler.within(scale.copy()) if self.level is None else self.sampler
             if hits.reflections + 1 < self.max_bounces:
@@ -227,6 +233,16 @@ class _Shot:
         error = 2.0 * float(np.max(np.sqrt(missed) / np.maximum(scale, 1e-300), initial=0.0, where=scale > 0))
         report = RayReport(self.setting.sent, self.setting.met, by_bounce, guiding, tuple(self.tubes), error)
         return RayTrace(paths, report)
+
+    def _check_room(self, tubes: int, surfaces: int) -> None:
+        if self.level is not None:
+            what = f"{tubes:,} tubes" + (f" that go on after {surfaces} surfaces" if surfaces else "")
+            check_memory(self.level, TUBE_BYTES * tubes, what)
+
+    def _check_paths(self, paths: int) -> None:
+        pairs = len(self.eyes.tx) * len(self.eyes.rx)
+        if self.level is not None:
+            check_memory(self.level, GAIN_BYTES * pairs * paths, f"{paths:,} paths of {pairs} pairs of elements")
 
     def _weight(self, hits: Hits, row: Index) -> FloatArray:
         """(tube,) what the ways round through tubes count: 1/2 each, but where only one end is plane."""
