@@ -105,7 +105,8 @@ def shoot(
     through slabs. Paths have two ways round: Tx sends by way of the tube and Rx sees the footprint, and the other way
     round. Both count half, but where just one of the first and the last surface is plane the mirror is the plane one.
 
-    What rough surfaces return diffusely is left out; their coherent part is in.
+    What rough surfaces return diffusely is left out; their coherent part is in. Shadows are those that the phase centre
+    sees, whatever an element's place, in no stated error (:mod:`rfgen_sionna.tracing.parallax` is the facets').
 
     Parameters
     ----------
