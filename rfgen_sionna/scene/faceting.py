@@ -10,6 +10,7 @@ import numpy as np
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.errors import CoarseMeshWarning
+from rfgen_sionna.scene.flats import planes
 from rfgen_sionna.scene.mesh import RigidMesh, face_normals, lengths
 
 SMOOTH = np.radians(30.0)
@@ -51,12 +52,14 @@ def faceting(vertices: FloatArray, faces: IntArray) -> Faceting:
     key = np.minimum(start, end) * len(vertices) + np.maximum(start, end)
     order = np.argsort(key, kind="stable")
     pair = np.flatnonzero(key[order][1:] == key[order][:-1])
-    one, other = order[pair] // 3, order[pair + 1] // 3
-    angle = np.arctan2(lengths(np.cross(normals[one], normals[other])), (normals[one] * normals[other]).sum(axis=1))
-    angle = np.where(angle < SMOOTH, angle, 0.0)
+    edge, other = (np.concatenate([order[pair + i], order[pair + 1 - i]]) for i in (0, 1))
+    one, two = normals[edge // 3], normals[other // 3]
+    angle = np.arctan2(lengths(np.cross(one, two)), (one * two).sum(axis=1))
+    little = angle < SMOOTH
+    edge, other, angle = edge[little], other[little], angle[little]
+    found = planes(vertices, faces, edge, other, angle)
     turn = np.zeros(len(faces))
-    np.maximum.at(turn, one, angle)
-    np.maximum.at(turn, other, angle)
+    np.maximum.at(turn, edge // 3, np.where(found.smooth & ~found.flat, angle, 0.0))
     rank = np.argsort(turn)
     share = np.cumsum(double_area[rank]) / double_area.sum()
     return Faceting(float(turn[rank[np.searchsorted(share, 0.5)]]), len(faces))

@@ -7,6 +7,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene.faceting import COARSE, faceting
 from rfgen_sionna.tracing.smooth import smoothing
 from tests.physics.stressing import one_element, traced
 from tests.reference.physical_optics import po_gain
@@ -124,3 +125,10 @@ def test_two_walls_that_meet_at_an_angle_stay_flat(turn):
     normals = smoothing(vertices, faces).normals(vertices, faces)
     wall = np.abs(tube.face_normals[:, 2]) < 0.5
     np.testing.assert_allclose(normals[wall], vertices[faces[wall]] * [1, 1, 0], rtol=0, atol=1e-8)
+
+
+def test_rounded_edges_are_not_told_to_be_coarse():
+    """Most of a box is flat, however few steps its edges have; a ball of as few is told of."""
+    assert faceting(*(np.asarray(each) for each in (rounded_box(4).vertices, rounded_box(4).faces))).turn == 0.0
+    ball = turned(4, 16, 0.1, 0.05)
+    assert faceting(np.asarray(ball.vertices), np.asarray(ball.faces)).turn > COARSE
