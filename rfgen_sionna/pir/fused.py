@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,8 +12,7 @@ from rfgen_sionna.pir.fusion import MOST_GAIN_DB, Refinement, before, image, mix
 from rfgen_sionna.pir.surroundings import Surroundings
 from rfgen_sionna.records import FloatArray, Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.knots import choose_knots
-from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, VISIBILITY_SPACING, Traced, Tracer, TraceReport
+from rfgen_sionna.tracing.tracer import Traced, Tracer, TraceReport
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.moving import MovingParts
@@ -113,8 +112,10 @@ class Fusion:
         traced = self._tracer.trace(start, stop, moving, watch if len(self._open) else None)
         instants = np.array(sorted(shown) or [start])
         share = np.stack([shown.get(t, self._open) for t in instants.tolist()], axis=1)
-        times = self._knots(start, stop) if self.surroundings.moves else instants
+        times, report = instants, traced.report
         if self.surroundings.moves:
+            times, missed = self._tracer.knots(lambda t: [self.surroundings.points(t)], start, stop)
+            report = replace(report, between=max(report.between, missed))
             share = np.stack([np.interp(times, instants, row) for row in share]) if len(share) else share[:, :0]
         seen, *around = mix(traced.moving, self.surroundings, times, share)
         glanced = [] if traced.glanced is None else [before(traced.glanced, self.surroundings)]
@@ -123,7 +124,7 @@ class Fusion:
             glanced = [refinement(each, traced.glanced_places) for each in glanced]
             around = [refinement(part, self._where(part)) for part in around]
             around += refinement.added(np.linspace(start, stop, 4) if stop > start else np.array([start]))
-        return FusedFrame((seen, *glanced, *around), traced.report)
+        return FusedFrame((seen, *glanced, *around), report)
 
     @property
     def _open(self) -> FloatArray:
@@ -135,14 +136,6 @@ class Fusion:
         paths = self._tracer.instant(t) if run is None else self._tracer.trace(t, t, run).moving
         shown = self.surroundings.shown(self._tracer.rays_at(t), t) if self._tracer.actors else self._open
         return mix(paths, self.surroundings, np.array([t]), shown[:, None])
-
-    def _knots(self, start: float, stop: float) -> FloatArray:
-        """Times between which splines follow the delays of surroundings that move against the radar [s]."""
-        highest = self._tracer.radar.center_frequency + 0.5 * self._tracer.radar.waveform.bandwidth
-        phase = PHASE_PER_RTOL * self._tracer.rtol
-        return choose_knots(
-            lambda t: [self.surroundings.points(t)], self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING
-        )
 
     def _where(self, paths: RadarPaths) -> Callable[[float], FloatArray]:
         """Paths whose places stay: those of the surroundings, or any at one instant."""

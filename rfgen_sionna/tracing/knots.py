@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,16 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
 
+class Knots(NamedTuple):
+    """When delays are known."""
+
+    times: FloatArray
+    """(knot,) ascending [s], 3 2^n + 1 evenly spaced ones; a single one where nothing moves."""
+    error: float
+    """Estimated error of the return between them, relative to that of the worst mesh [root mean square over time]: of
+    its phase."""
+
+
 def choose_knots(
     positions: Callable[[float], Sequence[FloatArray]],
     viewpoint: FloatArray,
@@ -43,7 +54,7 @@ def choose_knots(
     frequency: float,
     tolerance: float,
     max_spacing: float,
-) -> FloatArray:
+) -> Knots:
     """Knots between which a spline follows the delay of every vertex.
 
     Of very many vertices some tell of all (:func:`telling`). Knots are doubled until the spline through them foretells
@@ -62,20 +73,16 @@ def choose_knots(
     frequency
         Highest frequency of the band [Hz].
     tolerance
-        Allowed phase error [rad].
+        Allowed phase error [rad], which is the relative error it makes.
     max_spacing
         Longest gap between knots [s].
-
-    Returns
-    -------
-    (knot,) ascending times [s], 3 2^n + 1 evenly spaced ones; a single one where nothing moves.
     """
     wavenumber = 4 * np.pi * frequency / SPEED_OF_LIGHT
     if stop <= start:
-        return np.array([start])
+        return Knots(np.array([start]), 0.0)
     sizes = [len(points) for points in positions(start)]
     if not sum(sizes):
-        return np.array([start])
+        return Knots(np.array([start]), 0.0)
     borders = np.cumsum([min(size, TELLING) for size in sizes])[:-1]
 
     def phases(times: FloatArray) -> FloatArray:
@@ -92,20 +99,20 @@ def choose_knots(
         if count == FIRST_COUNT and (values == values[0]).all() and (truth == values[0]).all():
             places = [positions(float(t)) for t in (*times, *between)]  # whatever moves, however small
             if all(np.array_equal(now, first) for there in places for now, first in zip(there, places[0], strict=True)):
-                return np.array([start])
+                return Knots(np.array([start]), 0.0)
         error = knot_weights(times, between) @ values - truth
         rms = np.sqrt(np.stack([np.mean(part**2, axis=1) for part in np.split(error, borders, axis=1)]))
         typical = float(np.sqrt(np.mean(rms**2, axis=1)).max())
         spacing = times[1] - times[0]
         fine = typical <= tolerance and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
         if fine and spacing <= max_spacing:
-            return times
+            return Knots(times, typical)
         if spacing < 2 * MIN_SPACING:
             _LOG.warning(
                 "the motion between %.4f and %.4f s is not smooth: at knots %.2g ms apart its phase is still off by "
                 "%.2g rad (allowed: %.2g)", start, stop, 1e3 * spacing, typical, tolerance,
             )  # fmt: skip
-            return times
+            return Knots(times, typical)
         count = 2 * count - 1
 
 

@@ -19,7 +19,7 @@ from rfgen_sionna.tracing.facets import RATE_STEP
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.instants import choose_instants
-from rfgen_sionna.tracing.knots import choose_knots
+from rfgen_sionna.tracing.knots import Knots, choose_knots
 from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.moving import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
@@ -79,13 +79,15 @@ class TraceReport:
     direct return at 77 GHz, as most of its glints are near an edge or a shadow, and a smaller tolerance does not mend
     it."""
     between: float
-    """Estimated error between the times that things were looked at: that of shadows of actors that move on and that of
-    gains that turn with them, the root of the sum of their squares.
+    """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
+    gains that turn with them, and that of phases between knots, the root of the sum of their squares.
 
     Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.glances`), where it
     fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
     suffice. For gains (:mod:`rfgen_sionna.tracing.instants`) it is reckoned with some faces of a mesh, and
-    above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. Of the static
+    above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. For knots
+    (:mod:`rfgen_sionna.tracing.knots`) it is reckoned with some vertices, and above `PHASE_PER_RTOL` of the tolerance,
+    with a warning, where things move too fast for any; over the stretch, of which its ends are the worst. Of the static
     scene it is relative to what its `error` is (:mod:`rfgen_sionna.tracing.static_glances`). The larger of the two;
     what mirrors and slabs show of actors is not in it.
 
@@ -283,6 +285,12 @@ class Tracer:
         given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
         return MovingParts(*given, ghosts, bounces, rounds, veils, aimed)
 
+    def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
+        """Knots from `start` to `stop` [s] between which splines follow what this radar sees of meshes at `positions`,
+        (vertex, 3) of each at a time [s]."""
+        stretch = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
+        return choose_knots(positions, self._viewpoint, *stretch)
+
     @one_blas_thread()
     def trace(
         self,
@@ -301,9 +309,9 @@ class Tracer:
         if not self.actors:
             return self._traced(np.array([start]), np.array([start]), moving, 0.0, watch)
         highest, faces = self._band.highest, [actor.faces for actor in self.actors]
-        phase, gain = PHASE_PER_RTOL * self.rtol, GAIN_PER_RTOL * self.rtol
+        gain = GAIN_PER_RTOL * self.rtol
         followed = moving.consider(self._vertices, (start, stop))
-        knots = choose_knots(followed, self._viewpoint, start, stop, highest, phase, VISIBILITY_SPACING)
+        knots, between = self.knots(followed, start, stop)
         closed = [surface.closed for surface in self.surfaces.moving]
         given = self._vertices, faces, closed, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
         # What actors hide of what stays, or of what is watched, is told by three times and more.
@@ -311,7 +319,8 @@ class Tracer:
         for _ in range(_AGAIN):
             known = moving.cancelled
             instants, turned = choose_instants(*given, beside=moving.beside, pair=pair, cancelled=known)
-            traced = self._traced(knots if len(knots) > len(instants) else instants, instants, moving, turned, watch)
+            finest = knots if len(knots) > len(instants) else instants
+            traced = self._traced(finest, instants, moving, float(np.hypot(turned, between)), watch)
             # How much of the return cancels is known when it was traced.
             more = float((moving.cancelled / known).max())
             if more * turned <= gain or more < _MORE or watch is not None or len(instants) == 1:
@@ -364,7 +373,7 @@ class Tracer:
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
         """Delays at `knots`, visibility and gains at `instants` [s], between which gains that turn are off by `turned`,
-        relative to the return."""
+        and what else splines miss there, relative to the return."""
         static = self.static
         beyond = self.beyond
         shares: dict[float, Dimmed] = {}

@@ -8,6 +8,7 @@ from rfgen_sionna.tracing.knots import choose_knots, spline_error
 
 FREQUENCY = 77e9
 K = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT
+LENGTH = 27.648e-3
 STILL = np.array([[2.0, 0.5, 0.0], [2.1, 0.5, 0.0], [2.0, 0.6, 0.1]])
 
 
@@ -17,7 +18,7 @@ def knots_of(*shifts, tolerance=3e-3, stop=27.648e-3, spacing=7e-3):
     def positions(t):
         return [STILL + np.array([shift(t), 0, 0]) for shift in shifts]
 
-    return choose_knots(positions, np.zeros(3), 0.0, stop, FREQUENCY, tolerance, spacing)
+    return choose_knots(positions, np.zeros(3), 0.0, stop, FREQUENCY, tolerance, spacing).times
 
 
 def error_of(shift, knots):
@@ -64,6 +65,21 @@ def test_a_kink_is_said_and_costs_no_more_than_it_may(caplog):
     knots = knots_of(lambda t: 2.0 * min(t, 0.011))
     assert len(knots) <= 193
     assert "not smooth" in caplog.text
+
+
+@pytest.mark.parametrize("rate", [50.0, 300.0, 1000.0, 1500.0])
+def test_what_knots_miss_is_said(rate):
+    """Of 1 mm, met or not: the spline's own error over the stretch, told at one place between each two."""
+
+    def shift(t):
+        return 1e-3 * np.sin(2 * np.pi * rate * t)
+
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
+    knots, error = choose_knots(lambda t: [STILL + np.array([shift(t), 0, 0])], *given)
+    times = np.linspace(0, LENGTH, 5001)
+    missed = K * np.sqrt(np.mean((knot_weights(knots, times) @ shift(knots) - shift(times)) ** 2))
+    assert 0.5 < error / missed < 1.5
+    assert (error > 1e-3) == (rate >= 1000)
 
 
 @pytest.mark.parametrize(("gaps", "most"), [(2, 1.1), (3, 1.4), (5, 1.1), (12, 2.0), (40, 1.1)])
