@@ -19,6 +19,8 @@ FIRST_COUNT = 4
 """Knots to begin with: a cubic's."""
 TELLING = 4096
 """Vertices of a mesh that tell how it moves, at most."""
+AIMED = 32
+"""Vertices of a mesh that tell how it passes the antennas, at most."""
 RIM_ERROR, INNER_ERROR = 0.02, 0.005
 """Errors (root mean square over time) of a not-a-knot cubic spline through a phasor whose phase swings by 1 rad between
 knots: of the cubic through four knots, and through more of them. They grow with the swing's fourth power."""
@@ -37,13 +39,13 @@ _LOG = logging.getLogger(__name__)
 
 
 class Knots(NamedTuple):
-    """When delays are known."""
+    """When delays and directions are known."""
 
     times: FloatArray
     """(knot,) ascending [s], 3 2^n + 1 evenly spaced ones; a single one where nothing moves."""
     error: float
     """Estimated error of the return between them, relative to that of the worst mesh [root mean square over time]: of
-    its phase."""
+    its phase, of the antennas' gain and of the elements' phases against one another."""
 
 
 def choose_knots(
@@ -54,13 +56,17 @@ def choose_knots(
     frequency: float,
     tolerance: float,
     max_spacing: float,
+    gain: Callable[[FloatArray], FloatArray],
+    reach: float,
 ) -> Knots:
-    """Knots between which a spline follows the delay of every vertex.
+    """Knots between which a spline follows the delay of every vertex to every element, and the gain in its direction.
 
     Of very many vertices some tell of all (:func:`telling`). Knots are doubled until the spline through them foretells
     the two-way phase between them to `tolerance` in each mesh's root mean square, which is the relative error of its
-    sum, at any instant to three times that, as a spline errs most at its ends, and any vertex's to ten times that. The
-    phase is tried once between each two knots, at places that no vibration keeps step with.
+    sum, at any instant to three times that, as a spline errs most at its ends, and any vertex's to ten times that.
+    About a radar that turns distances stay while all else passes: the spline through each mesh's gains is to be as near
+    to them, relative to their root mean square, and so is the phase that the elements see by the way. All that is tried
+    once between each two knots, at places that no vibration keeps step with.
 
     Parameters
     ----------
@@ -73,9 +79,13 @@ def choose_knots(
     frequency
         Highest frequency of the band [Hz].
     tolerance
-        Allowed phase error [rad], which is the relative error it makes.
+        Allowed phase error [rad], which is the relative error it makes, and relative error of gains.
     max_spacing
         Longest gap between knots [s].
+    gain
+        Unit vectors (..., 3) from the radar to the product of the field gains of Tx and Rx element that way.
+    reach
+        How far from the phase centre the middle of a Tx and an Rx element is at most [m].
     """
     wavenumber = 4 * np.pi * frequency / SPEED_OF_LIGHT
     if stop <= start:
@@ -83,11 +93,18 @@ def choose_knots(
     sizes = [len(points) for points in positions(start)]
     if not sum(sizes):
         return Knots(np.array([start]), 0.0)
-    borders = np.cumsum([min(size, TELLING) for size in sizes])[:-1]
+    counts = np.minimum(sizes, TELLING)
+    borders = np.cumsum(counts)[:-1]
+    aimed = [np.linspace(0, count, min(count, AIMED), endpoint=False).astype(np.intp) for count in counts.tolist()]
+    chosen = np.concatenate([first + own for first, own in zip([0, *borders], aimed, strict=True)])
+    parts = np.cumsum([len(own) for own in aimed])[:-1]
 
-    def phases(times: FloatArray) -> FloatArray:
-        rows = [lengths(np.concatenate([telling(each) for each in positions(float(t))]) - viewpoint) for t in times]
-        return wavenumber * np.stack(rows)
+    def known(times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(time, vertex) phases [rad], and (time, vertex, 3) unit vectors to those that tell of directions."""
+        offsets = [np.concatenate([telling(each) for each in positions(float(t))]) - viewpoint for t in times]
+        distances = np.stack([lengths(each) for each in offsets])
+        towards = np.stack([np.take(each, chosen, axis=0) for each in offsets])
+        return wavenumber * distances, towards / np.maximum(distances[:, chosen], 1e-12)[..., None]
 
     count = FIRST_COUNT
     while True:
@@ -95,25 +112,41 @@ def choose_knots(
         # The golden ratio's multiples fall everywhere in 0 … 1, and never into step.
         place = 0.2 + 0.6 * np.mod(_GOLDEN * np.arange(1, count), 1.0)
         between = times[:-1] + place * np.diff(times)
-        values, truth = phases(times), phases(between)
+        (values, towards), (truth, there) = known(times), known(between)
         if count == FIRST_COUNT and (values == values[0]).all() and (truth == values[0]).all():
             places = [positions(float(t)) for t in (*times, *between)]  # whatever moves, however small
             if all(np.array_equal(now, first) for there in places for now, first in zip(there, places[0], strict=True)):
                 return Knots(np.array([start]), 0.0)
-        error = knot_weights(times, between) @ values - truth
-        rms = np.sqrt(np.stack([np.mean(part**2, axis=1) for part in np.split(error, borders, axis=1)]))
-        typical = float(np.sqrt(np.mean(rms**2, axis=1)).max())
+        weights = knot_weights(times, between)
+        error, level = weights @ values - truth, gain(there)
+        rms = _rms(error, borders)
+        phase, turn, missed, whole = (
+            np.sqrt(np.mean(each**2, axis=1))
+            for each in (
+                rms,
+                _rms(lengths(np.tensordot(weights, towards, 1) - there), parts),
+                _rms(weights @ gain(towards) - level, parts),
+                _rms(level, parts),
+            )
+        )
+        off = np.stack([phase, wavenumber * reach * turn, missed / np.maximum(whole, 1e-300)])
         spacing = times[1] - times[0]
-        fine = typical <= tolerance and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
+        fine = off.max() <= tolerance and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
         if fine and spacing <= max_spacing:
-            return Knots(times, typical)
+            return Knots(times, float(lengths(off.T).max()))
         if spacing < 2 * MIN_SPACING:
             _LOG.warning(
                 "the motion between %.4f and %.4f s is not smooth: at knots %.2g ms apart its phase is still off by "
-                "%.2g rad (allowed: %.2g)", start, stop, 1e3 * spacing, typical, tolerance,
+                "%.2g rad, by %.2g from element to element, and the antennas' gain by %.2g of itself (allowed: %.2g)",
+                start, stop, 1e3 * spacing, *off.max(axis=1), tolerance,
             )  # fmt: skip
-            return Knots(times, typical)
+            return Knots(times, float(lengths(off.T).max()))
         count = 2 * count - 1
+
+
+def _rms(values: FloatArray, borders: NDArray[np.intp]) -> FloatArray:
+    """(mesh, time) root mean squares of `values` (time, vertex) over each mesh's vertices."""
+    return np.sqrt(np.stack([np.mean(part**2, axis=1) for part in np.split(values, borders, axis=1)]))
 
 
 def telling(points: FloatArray) -> FloatArray:

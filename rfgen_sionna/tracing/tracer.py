@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces import Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP
@@ -40,8 +41,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
 
 PHASE_PER_RTOL = 0.5
-"""Phase error between knots [rad, root mean square over the vertices] per unit of `rtol`: at 1e-3 no instant is off by
-0.1 degrees."""
+"""Phase error between knots [rad, root mean square over the vertices], and relative error of the antennas' gain, per
+unit of `rtol`: at 1e-3 no instant is off by 0.1 degrees."""
 GAIN_PER_RTOL = 3.0
 """Relative error of the gains between instants [root mean square over time] per unit of `rtol`, as it is stated."""
 VISIBILITY_SPACING = 10e-3
@@ -80,7 +81,8 @@ class TraceReport:
     it."""
     between: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
-    gains that turn with them, and that of phases between knots, the root of the sum of their squares.
+    gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
+    squares.
 
     Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.glances`), where it
     fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
@@ -289,7 +291,13 @@ class Tracer:
         """Knots from `start` to `stop` [s] between which splines follow what this radar sees of meshes at `positions`,
         (vertex, 3) of each at a time [s]."""
         stretch = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
-        return choose_knots(positions, self._viewpoint, *stretch)
+        pattern, to_device = self.radar.pattern, self.radar.rotation
+        reach = 0.5 * float(lengths(self.radar.virtual_positions).max())
+
+        def gain(directions: FloatArray) -> FloatArray:
+            return np.asarray(10.0 ** (0.1 * pattern.gain_db(directions @ to_device)))
+
+        return choose_knots(positions, self._viewpoint, *stretch, gain, reach)
 
     @one_blas_thread()
     def trace(

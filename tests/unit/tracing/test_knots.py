@@ -12,13 +12,18 @@ LENGTH = 27.648e-3
 STILL = np.array([[2.0, 0.5, 0.0], [2.1, 0.5, 0.0], [2.0, 0.6, 0.1]])
 
 
+def everywhere(directions):
+    """Gain of isotropic elements."""
+    return np.ones(directions.shape[:-1])
+
+
 def knots_of(*shifts, tolerance=3e-3, stop=27.648e-3, spacing=7e-3):
     """Knots for meshes of three vertices that are shifted along x by functions of the time [m]."""
 
     def positions(t):
         return [STILL + np.array([shift(t), 0, 0]) for shift in shifts]
 
-    return choose_knots(positions, np.zeros(3), 0.0, stop, FREQUENCY, tolerance, spacing).times
+    return choose_knots(positions, np.zeros(3), 0.0, stop, FREQUENCY, tolerance, spacing, everywhere, 0.01).times
 
 
 def error_of(shift, knots):
@@ -74,12 +79,63 @@ def test_what_knots_miss_is_said(rate):
     def shift(t):
         return 1e-3 * np.sin(2 * np.pi * rate * t)
 
-    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3, everywhere, 0.0
     knots, error = choose_knots(lambda t: [STILL + np.array([shift(t), 0, 0])], *given)
     times = np.linspace(0, LENGTH, 5001)
     missed = K * np.sqrt(np.mean((knot_weights(knots, times) @ shift(knots) - shift(times)) ** 2))
     assert 0.5 < error / missed < 1.5
     assert (error > 1e-3) == (rate >= 1000)
+
+
+def circling(rate):
+    """Ways about the radar, in which no distance changes."""
+
+    def positions(t):
+        cos, sin = np.cos(rate * t), np.sin(rate * t)
+        return [STILL @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])]
+
+    return positions
+
+
+def cosine_eighth(directions):
+    """Gain of a beam 34 degrees wide."""
+    return np.maximum(directions[..., 0], 0.0) ** 8
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0, 60.0])
+def test_the_beam_passes_what_keeps_its_distance(rate):
+    """Gains by splines through the knots are right to the tolerance; who walks by gets no more for it than a cubic's
+    four."""
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
+    knots, error = choose_knots(circling(rate), *given, cosine_eighth, 0.0)
+    assert (len(knots) == 4) == (rate < 60)
+
+    def gains(times):
+        there = np.stack([circling(rate)(t)[0] for t in times])
+        return cosine_eighth(there / np.linalg.norm(there, axis=-1, keepdims=True))
+
+    times = np.linspace(0, LENGTH, 1001)
+    truth = gains(times)
+    missed = knot_weights(knots, times) @ gains(knots) - truth
+    assert np.sqrt(np.mean(missed**2) / np.mean(truth**2)) < 2 * max(error, 1e-6)
+    assert error < 1e-3
+
+
+@pytest.mark.parametrize("rate", [1.0, 60.0])
+def test_elements_beside_the_middle_see_it_come_nearer(rate):
+    """A pair of elements 1 cm beside the phase centre has its phase to the tolerance."""
+    reach = 0.01
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
+    knots, error = choose_knots(circling(rate), *given, everywhere, reach)
+    assert (len(knots) == 4) == (rate == 1.0)
+    times = np.linspace(0, LENGTH, 1001)
+    truth, values = (
+        K * np.stack([np.linalg.norm(circling(rate)(t)[0] - [0, reach, 0], axis=-1) for t in when])
+        for when in (times, knots)
+    )
+    missed = np.sqrt(np.mean((knot_weights(knots, times) @ values - truth) ** 2))
+    assert missed < 2 * max(error, 1e-5)
+    assert error < 1e-3
 
 
 @pytest.mark.parametrize(("gaps", "most"), [(2, 1.1), (3, 1.4), (5, 1.1), (12, 2.0), (40, 1.1)])
