@@ -22,8 +22,8 @@ from rfgen_sionna.scene.mesh import face_normals, lengths
 FLAT = 1e-3
 """Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
 WIDER = 3.0
-"""Plane parts that are so many times as wide as what they turn into are flat. Where a bent thing is sampled at equal
-heights over its chords, the wider of two neighbours is bent by the smaller share of the angle between them."""
+"""Plane parts that are so many times as wide as what they turn into are flat there. Where a bent thing is sampled at
+equal heights over its chords, the wider of two neighbours is bent by the smaller share of the angle between them."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +72,16 @@ def planes(
     _, pair = np.unique(one * count + two, return_inverse=True)
     shared = np.bincount(pair, weights=lengths(vertices[end] - vertices[start]))[pair]
     area = np.bincount(part, weights=0.5 * lengths(face_normals(vertices, faces)), minlength=count)
-    # Across what both share; of a disc among small faces that is its size, not its area over a short edge.
-    width, width_there = (np.minimum(area[each] / shared, np.sqrt(area[each])) for each in (one, two))
-    wider = (width > WIDER * width_there) & several[one]
-    narrower = (width_there > WIDER * width) & several[two]
+    # How far each goes on across what both share; of a disc among small faces that is its size at most.
+    width, width_there = (area[each] / shared for each in (one, two))
+    wider = (np.minimum(width, np.sqrt(area[one])) > WIDER * width_there) & several[one]
+    narrower = (np.minimum(width_there, np.sqrt(area[two])) > WIDER * width) & several[two]
     flat[bent] = wider
     # Bent towards one neighbour alone a part would be bent at one end, which nothing round is.
-    link = one * count + two
-    last = _neighbours(link, count) < 2
-    alike = ~wider & ~narrower
-    last_alike = several & (_neighbours(link[alike], count) < 2)
-    kink = (alike & last_alike[one] & last_alike[two]) | (wider & last[two]) | (narrower & last[one])
+    link, alike = one * count + two, ~wider & ~narrower
+    last, like = _neighbours(link, count) < 2, _neighbours(link[alike], count)
+    ends, alone = several & (like < 2), like == 0
+    kink = (alike & ends[one] & ends[two]) | (wider & alone[one] & last[two]) | (narrower & alone[two] & last[one])
     smooth[bent] = ~kink
     return Planes(part, smooth, flat & smooth)
 

@@ -205,10 +205,8 @@ def _given_twice(triangles: IntArray) -> str:
     opposite = again - (len(triangles) - len(np.unique(turned, axis=0)))
     if not again:
         return ""
-    return (
-        f"; {again} of {len(triangles)} faces are there a second time, {opposite} of them reversed, as in a sheet of "
-        "two sides: leave one of each"
-    )
+    sides = f", {opposite} of them reversed, as in a sheet of two sides" if opposite else ""
+    return f"; {again} of {len(triangles)} faces are there a second time{sides}: leave one of each"
 
 
 def _signed_volume(points: FloatArray, triangles: IntArray) -> float:

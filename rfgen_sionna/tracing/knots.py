@@ -19,6 +19,8 @@ FIRST_COUNT = 4
 """Knots to begin with: a cubic's."""
 TELLING = 4096
 """Vertices of a mesh that tell how it moves, at most."""
+ENOUGH = 40
+"""Knots from which on more are no use to the gain unless they halve what is missed of it, which is nothing smooth."""
 AIMED = 32
 """Vertices of a mesh that tell how it passes the antennas, at most."""
 RIM_ERROR, INNER_ERROR = 0.02, 0.005
@@ -86,6 +88,10 @@ def choose_knots(
         Unit vectors (..., 3) from the radar to the product of the field gains of Tx and Rx element that way.
     reach
         How far from the phase centre the middle of a Tx and an Rx element is at most [m].
+
+    Returns
+    -------
+    The knots, and what is missed between them.
     """
     wavenumber = 4 * np.pi * frequency / SPEED_OF_LIGHT
     if stop <= start:
@@ -106,7 +112,7 @@ def choose_knots(
         towards = np.stack([np.take(each, chosen, axis=0) for each in offsets])
         return wavenumber * distances, towards / np.maximum(distances[:, chosen], 1e-12)[..., None]
 
-    count = FIRST_COUNT
+    count, gain_off = FIRST_COUNT, np.inf
     while True:
         times = np.linspace(start, stop, count)
         # The golden ratio's multiples fall everywhere in 0 … 1, and never into step.
@@ -131,7 +137,11 @@ def choose_knots(
         )
         off = np.stack([phase, wavenumber * reach * turn, missed / np.maximum(whole, 1e-300)])
         spacing = times[1] - times[0]
-        fine = off.max() <= tolerance and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
+        # Of a pattern that jumps, as tables may behind the radar, no number of knots is enough.
+        stalled = count > ENOUGH and off[2].max() > 0.5 * gain_off
+        gain_off = float(off[2].max())
+        fine = off[:2].max() <= tolerance and (stalled or gain_off <= tolerance)
+        fine = fine and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
         if fine and spacing <= max_spacing:
             return Knots(times, float(lengths(off.T).max()))
         if spacing < 2 * MIN_SPACING:

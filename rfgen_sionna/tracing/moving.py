@@ -23,7 +23,7 @@ from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Followed, Glances, fi
 from rfgen_sionna.tracing.knots import Splined
 from rfgen_sionna.tracing.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.outlines import Passing
-from rfgen_sionna.tracing.returns import FacetReturns, most
+from rfgen_sionna.tracing.returns import FacetReturns, relative_to_best
 from rfgen_sionna.tracing.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.surfaces import Surfaces, lots
@@ -210,7 +210,7 @@ class MovingParts:
         self._turn += 1
         interference = np.where(self._interference > 0, self._interference, 1.0)  # of what was hidden nobody knows
         level = np.stack([each.level for each in seen])
-        edges = most(list(level), level, np.stack([each.missed for each in seen]))
+        edges = relative_to_best(np.stack([each.missed for each in seen]), level, level.max(axis=0))
         shadows = SAFETY * interference * np.hypot(edges, lit.missed)
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
 

@@ -36,11 +36,10 @@ class Lit(NamedTuple):
     """(surface,) estimated error of that, relative to what each returns without interfering when it returns most."""
 
 
-def most(every: Sequence[FloatArray], level: FloatArray, missed: FloatArray) -> FloatArray:
+def relative_to_best(missed: FloatArray, level: FloatArray, best: FloatArray) -> FloatArray:
     """(surface,) the largest of errors `missed` (instant, surface) that are relative to a `level` (instant, surface),
-    relative to the largest of `every` level: what is hidden for a while is not told to the last digit meanwhile."""
-    largest = np.max(every, axis=0)
-    return np.asarray((missed * level).max(axis=0) / np.where(largest > 0, largest, np.inf))
+    relative to the `best` one (surface,): what is hidden for a while is not told to the last digit meanwhile."""
+    return np.asarray((missed * level).max(axis=0) / np.where(best > 0, best, np.inf))
 
 
 class FacetReturns:
@@ -93,7 +92,8 @@ class FacetReturns:
             group = surfaces * of + self._lot[parents.surface[place]]
             level = np.stack([seen[n].level for n in cut])
             edges, of_cut = self._band.edges(parents, place, pieces, hider, group, np.sqrt(times) * level.ravel())
-            missed = most([each.level for each in seen], level, of_cut.reshape(level.shape)[:, self._lot])
+            best = np.max([each.level for each in seen], axis=0)
+            missed = relative_to_best(of_cut.reshape(level.shape)[:, self._lot], level, best)
             parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
             own = np.concatenate(
                 [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]

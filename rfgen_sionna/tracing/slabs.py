@@ -15,6 +15,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,18 +116,19 @@ def late_echoes(materials: Sequence[Material], centre: float, half_band: float) 
     return found
 
 
-def warn_of_late_echoes(names: Sequence[str], materials: Sequence[Material], centre: float, half_band: float) -> None:
-    """Tell of slabs whose back face's echo is more than `LATE` and left out, each material once."""
-    told = set()
-    for name, material, share in zip(names, materials, late_echoes(materials, centre, half_band), strict=True):
-        key = material.name, material.thickness
-        if share > LATE and key not in told:
-            told.add(key)
-            _LOG.warning(
-                "'%s': the back face of its %g mm of %s returns an echo of its own, up to %.0f %% of the front's, "
-                "which is left out, as is what it adds to what is seen through it",
-                name, 1e3 * (material.thickness or 0.0), material.name, 100 * share,
-            )  # fmt: skip
+def warn_of_late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> None:
+    """Tell of slabs whose back face's echo is more than `LATE` and left out, each once in a process."""
+    for material, share in zip(materials, late_echoes(materials, centre, half_band).tolist(), strict=True):
+        if share > LATE:
+            _tell(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
+
+
+@cache
+def _tell(name: str, millimetres: str, percent: int) -> None:
+    _LOG.warning(
+        "the back face of %s mm of %s returns an echo of its own, up to %d %% of the front's, which is left out, as is "
+        "what it adds to what is seen through it", millimetres, name, percent,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -195,26 +195,40 @@ def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> 
     links = coo_array((np.ones(len(row), np.int8), (row, column)), shape=(corners, corners))
     count, group = connected_components(links, directed=False)
     around = np.bincount(group[row], minlength=count) == 2 * np.bincount(group, minlength=count)
-    found = _grouped(group, _heard(group, flats, edge[flat], other[flat]))
+    found = _grouped(group, _heard(group, flats, edge[flat], other[flat], links))
     tip = _tips(found, vertices, faces) & around[group]  # an open fan of faces is part of something else
     if not tip.any():
         return found
     group[tip] = count + np.arange(np.count_nonzero(tip))
     _, group = np.unique(group, return_inverse=True)
-    return _grouped(group, _heard(group, flats, edge[flat], other[flat]))
+    return _grouped(group, _heard(group, flats, edge[flat], other[flat], links))
 
 
 def _heard(
-    group: NDArray[np.integer[Any]], flats: Planes, edge: NDArray[np.int64], other: NDArray[np.int64]
+    group: NDArray[np.integer[Any]],
+    flats: Planes,
+    edge: NDArray[np.int64],
+    other: NDArray[np.int64],
+    links: coo_array,
 ) -> NDArray[np.intp]:
-    """The corners that have a say in the normal of their group (face corner,): of what is flat at one of the edges
-    given alone, as what is bent goes on from it; all of groups in which nothing is."""
+    """The corners that have a say in the normal of their group (face corner,); all but those of what is bent at one of
+    the edges given, beside something flat that it goes on from, and of what goes on from that alone. `links` join
+    corners of neighbouring faces."""
+    if not len(edge):
+        return np.arange(len(group))
     count = int(flats.part.max()) + 1
     member = group.astype(np.int64) * count + np.repeat(flats.part, 3)  # of a plane part in a group
-    flat = np.setdiff1d(*(member[np.concatenate([each, _next(each)])] for each in (edge, other)))
+    flat, bent = (np.unique(member[np.concatenate([each, _next(each)])]) for each in (edge, other))
+    flat = np.setdiff1d(flat, bent)
     has_flat = np.zeros(int(group.max()) + 1, np.bool_)
     has_flat[flat // count] = True
-    return np.flatnonzero(~has_flat[group] | np.isin(member, flat))
+    silent = has_flat[group] & np.isin(member, bent)
+    kept = ~silent[links.row] & ~silent[links.col]
+    joined = coo_array((links.data[kept], (links.row[kept], links.col[kept])), shape=links.shape)
+    fans, fan = connected_components(joined, directed=False)
+    from_flat = np.zeros(fans, np.bool_)
+    from_flat[fan[np.isin(member, flat)]] = True
+    return np.flatnonzero(~has_flat[group] | from_flat[fan])
 
 
 def _grouped(group: NDArray[np.integer[Any]], heard: NDArray[np.intp]) -> Smoothing:

@@ -127,6 +127,49 @@ def test_two_walls_that_meet_at_an_angle_stay_flat(turn):
     np.testing.assert_allclose(normals[wall], vertices[faces[wall]] * [1, 1, 0], rtol=0, atol=1e-8)
 
 
+def test_the_cap_of_a_dome_is_as_round_as_the_dome():
+    """A ball turned about an axis on which it has no vertex: around it there is a polygon of many small sides, next to
+    which faces are narrow around the axis and as long as it is wide."""
+    polar, around = np.radians(np.arange(5.0, 180.0, 5.0)), np.radians(np.arange(0.0, 360.0, 5.0))
+    rings, turns = (each.ravel() for each in np.meshgrid(polar, around))
+    ball = convex(np.stack([np.sin(rings) * np.cos(turns), np.sin(rings) * np.sin(turns), np.cos(rings)], axis=1))
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
+    normals = smoothing(vertices, faces).normals(vertices, faces)
+    off = np.degrees(np.arccos(np.clip(np.einsum("fci,fci->fc", normals, vertices[faces]), -1, 1)))
+    assert off.max() < 1.5
+
+
+def test_a_board_with_one_bevel_keeps_its_edges_and_a_half_pipe_has_none():
+    """A bevel turns on nowhere; the last strip of a bent sheet is narrower, and bent all the same."""
+    board = np.array([[0.0, 0.0], [1.0, 0.0], [1.1, 0.03], [1.1, 0.3], [0.0, 0.3]])
+    bevelled = upright(board)
+    assert smoothing(np.asarray(bevelled.vertices), np.asarray(bevelled.faces)) is None
+    angle = np.radians([0.0, 10.0, 20.0, 30.0, 32.0])
+    profile = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([np.c_[profile, np.full(5, z)] for z in (0.0, 3.0)])
+    quads = [[i, i + 1, i + 6, i + 5] for i in range(4)]
+    faces = np.array([each for a, b, c, d in quads for each in ((a, b, c), (a, c, d))])
+    smooth = smoothing(points, faces)
+    inner = smooth.normals(points, faces)[:, :, :2]
+    shared = faces % 5 > 0
+    shared &= faces % 5 < 3
+    np.testing.assert_allclose(inner[shared], profile[faces % 5][shared], rtol=0, atol=1e-9)
+
+
+def test_what_is_flat_beside_a_sliver_leaves_others_their_say():
+    """Around a vertex of a saddle lie two faces in a plane, a sliver beside them, and three more that turn by a few
+    degrees from one to the next: all but the sliver have their say in its normal (N. Max's weights)."""
+    angle = np.radians([0.0, 60.0, 120.0, 128.0, 200.0, 280.0])
+    ring = np.stack([np.cos(angle), np.sin(angle), [0.0, 0.0, 0.0, -0.01, -0.1, 0.1]], axis=1)
+    vertices = np.concatenate([np.zeros((1, 3)), ring])
+    faces = np.array([[0, 1 + i, 1 + (i + 1) % 6] for i in range(6)])
+    edges = vertices[faces[:, 1:]]
+    across = np.cross(edges[:, 0], edges[:, 1]) / (edges**2).sum(axis=2).prod(axis=1)[:, None]
+    expected = across[[0, 1, 3, 4, 5]].sum(axis=0)
+    normals = smoothing(vertices, faces).normals(vertices, faces)[:, 0]
+    np.testing.assert_allclose(normals, np.tile(expected / np.linalg.norm(expected), (6, 1)), rtol=0, atol=1e-12)
+
+
 def test_rounded_edges_are_not_told_to_be_coarse():
     """Most of a box is flat, however few steps its edges have; a ball of as few is told of."""
     assert faceting(*(np.asarray(each) for each in (rounded_box(4).vertices, rounded_box(4).faces))).turn == 0.0

@@ -237,7 +237,7 @@ class _Shot:
 
     def _check_room(self, tubes: int, surfaces: int) -> None:
         if self.level is not None:
-            what = f"{tubes:,} tubes" + (f" that go on after {surfaces} surfaces" if surfaces else "")
+            what = f"{tubes:,} tubes" + (f" that go on beyond surface {surfaces}" if surfaces else "")
             check_memory(self.level, TUBE_BYTES * tubes, what)
 
     def _check_paths(self, paths: int) -> None:

@@ -53,7 +53,7 @@ def test_an_open_plate_is_allowed():
         (np.ma.masked_equal(TETRAHEDRON, 1.0), FACES, "vertices: 3 values are masked"),
         (TETRAHEDRON, [[0, 1, 1]], "all 1 faces have zero area"),
         (TETRAHEDRON, [*FACES, [1, 0, 3]], "not manifold, 3 edges are shared by more than two faces"),
-        (TETRAHEDRON, [*FACES, [3, 0, 1]], "1 of 5 faces are there a second time, 0 of them reversed"),
+        (TETRAHEDRON, [*FACES, [3, 0, 1]], "1 of 5 faces are there a second time: leave one of each"),
         (TETRAHEDRON, [*FACES, *FACES[:, ::-1]], "4 of 8 faces are there a second time, 4 of them reversed, as in a"),
         (TETRAHEDRON, [FACES[0], FACES[0]], "oriented against each other .* 1 of 2 faces are there a second time"),
         (

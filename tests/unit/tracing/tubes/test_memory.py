@@ -32,7 +32,7 @@ def test_a_level_without_room_is_refused(monkeypatch, free, message):
 
 @pytest.mark.parametrize(
     ("after", "message"),
-    [(1, r"level is 5: \d+ paths of 12 pairs of elements take"), (2, r"\d+ tubes that go on after 1 surfaces take")],
+    [(1, r"level is 5: \d+ paths of 12 pairs of elements take"), (2, r"\d+ tubes that go on beyond surface 1 take")],
 )
 def test_memory_is_asked_for_again_on_the_way(monkeypatch, after, message):
     """By how many tubes meet something, and how many elements see them."""
