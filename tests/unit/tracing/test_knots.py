@@ -121,6 +121,22 @@ def test_the_beam_passes_what_keeps_its_distance(rate):
     assert error < 1e-3
 
 
+def test_a_pattern_that_jumps_does_not_drive_knots_to_their_limit(caplog):
+    """A table whose ends differ jumps behind the radar: knots end where more don't halve what is missed, a quarter as
+    many as there may be, and what is missed of the gain is said."""
+
+    def jumping(directions):
+        return np.where(directions[..., 1] > 0, 0.1, 0.063)  # -20 and -24 dB
+
+    def past(t):
+        return [STILL * [-1, 0, 1] + np.array([0, 0.1 * (t - 0.4 * LENGTH), 0])]
+
+    knots, error = choose_knots(past, np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3, jumping, 0.0)
+    assert len(knots) == 49
+    assert 0.01 < error < 0.37  # no more than the jump, over what is the larger of both
+    assert "not smooth" not in caplog.text
+
+
 @pytest.mark.parametrize("rate", [1.0, 60.0])
 def test_elements_beside_the_middle_see_it_come_nearer(rate):
     """A pair of elements 1 cm beside the phase centre has its phase to the tolerance."""
