@@ -46,8 +46,6 @@ class Expansion:
     weights: FloatArray
     """(order, tx, rx, value) what takes the values at the nodes to coefficients of powers of u for every pair: the
     gains at each node, then with `axes` their slopes (:attr:`~rfgen_sionna.tracing.facet.FacetGains.slopes`)."""
-    basis: tuple[tuple[int, ...], ...] = ()
-    """Exponents (u, v_y, v_z, w_y, w_z) that it was to have, through nodes."""
     axes: FloatArray | None = None
     """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
     slopes: Slopes = Slopes.SECOND
@@ -140,12 +138,14 @@ class ArrayExpansions:
         # The middle of the array, and what a unit of the sum is.
         middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
         self.aperture = size  # of Tx and Rx displacements added up, from the middle to the outermost [m]
-        along = radar.tx_positions[:, 0].mean() + radar.rx_positions[:, 0].mean()
-        self._middle = self._tx.mean(axis=0), radar.rotation @ [along, *middle] - self._tx.mean(axis=0)
+        # Tx and Rx there, each as far from their own mean, so that they may be changed over.
+        ends = np.stack([radar.tx_positions.mean(axis=0), radar.rx_positions.mean(axis=0)])
+        ends[:, 1:] += 0.5 * (middle - ends[:, 1:].sum(axis=0))
+        self._middle = ends @ radar.rotation.T
         self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
         self._axes = size * radar.rotation.T[1:][self._spanned]
         # How far Tx and Rx are from each other along these, and in the middle, in the same unit.
-        between = 2.0 * radar.tx_positions[:, 1:].mean(axis=0) - middle
+        between = ends[0, 1:] - ends[1, 1:]
         self._apart, self._between = (each[..., self._spanned] / max(size, 1e-9) for each in (apart, between))
 
     def frequency(self, u: FloatArray) -> FloatArray:
@@ -203,7 +203,6 @@ class ArrayExpansions:
         Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
         (all elements on a line) falls out of the basis.
         """
-        wanted = tuple(basis)
         order = 1 + max(each[0] for each in basis)
         u = band_nodes(order)
         powers = np.vander(u, order, increasing=True)
@@ -221,7 +220,7 @@ class ArrayExpansions:
         for number, each in enumerate(basis):
             weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
         nodes = self.nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
-        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank), wanted)
+        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank))
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

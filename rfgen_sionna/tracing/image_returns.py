@@ -261,16 +261,12 @@ class ImageReturns:
             share = float(np.max(level / np.maximum(np.maximum(usual, level), 1e-300), initial=0.0))
             tolerance = image_tolerance(self._rtol, share)
             band = self._band(mirrors, way, tolerance)
-            reverse = self._expansions.get((way[1], way[0]))
-            if reverse is not None:  # what was enough for one way round
-                expansion = band.expansions.through(reverse[1].basis)
-            else:
-                # Each actor's images are judged by themselves, if they matter beside its direct return.
-                matter = (level > SHARE * self._rtol * usual)[facets.surface]
-                chosen = np.flatnonzero(matter) if matter.any() else np.arange(len(facets))
-                judged = facets.take(chosen), self._materials, weight[chosen]
-                expansion = band.expansion_for(*judged, apart=lots(self._surfaces))
-            self._expansions[way] = tolerance, expansion
+            # Each actor's images are judged by themselves, if they matter beside its direct return; and each way round,
+            # so that Tx and Rx may be changed over.
+            matter = (level > SHARE * self._rtol * usual)[facets.surface]
+            chosen = np.flatnonzero(matter) if matter.any() else np.arange(len(facets))
+            judged = facets.take(chosen), self._materials, weight[chosen]
+            self._expansions[way] = tolerance, band.expansion_for(*judged, apart=lots(self._surfaces))
         return self._expansions[way]
 
     def _directions(

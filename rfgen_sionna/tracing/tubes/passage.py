@@ -84,7 +84,7 @@ class Arrival:
     legs: tuple[FloatArray, ...]
     """Unit vectors (lane, 3) of the legs."""
     normals: tuple[FloatArray, ...]
-    """Of the mirrors where the wave meets them (lane, 3)."""
+    """Of the mirrors where the wave meets them (lane, 3): what turns each leg into the next."""
     hessian: FloatArray
     """(lane, 2 m, 2 m) second derivatives of the length [1/m] over the places on m mirrors, along their `tangents`."""
 
@@ -129,8 +129,8 @@ def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
             shift *= np.minimum(1.0, limit / np.maximum(np.sqrt((shift**2).sum(axis=1)), 1e-30))[:, None]
             place = [u + shift[:, 2 * i : 2 * i + 2] for i, u in enumerate(place)]
         normals = tuple(
-            _unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u))
-            for mirror, t, bend, u in zip(mirrors, axes, bends, place, strict=True)
+            _between(*both, _unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u)))
+            for both, mirror, t, bend, u in zip(pairwise(legs), mirrors, axes, bends, place, strict=True)
         )
         length = np.add.reduce(reach_of)
         spread = _spread(hessian, slopes, legs, across, length, optics)
@@ -184,6 +184,15 @@ def _derivatives(
             hessian[:, own, after] = -slope.transpose(0, 2, 1) @ across[i + 1] @ slopes[i + 1]
             hessian[:, after, own] = hessian[:, own, after].transpose(0, 2, 1)
     return gradient, hessian
+
+
+def _between(one: FloatArray, other: FloatArray, normal: FloatArray) -> FloatArray:
+    """(lane, 3) unit vectors that the unit vector `one` is mirrored to the `other` by; at grazing the surface's
+    `normal`. Near a caustic the place is not found to the last digit, and the surface's own would make another wave of
+    the one and the other way round."""
+    turn = other - one
+    size = lengths(turn)[:, None]
+    return np.where(size > 1e-6, turn / np.maximum(size, 1e-300), normal)
 
 
 def _spread(
