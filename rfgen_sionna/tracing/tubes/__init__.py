@@ -1,9 +1,10 @@
 """The ray mode: tubes of rays that leave the radar, are reflected or go through slabs, and are integrated where they
 land.
 
-It shares the scene, the materials and the closed-form means over triangles with the facet tracer, and nothing else:
-neither facets nor mirrors, visibility, expansions or Fresnel code. So it is a second opinion, and it has what the
-facet tracer lacks: bounces by bent surfaces of any number, and integrals where that has glints.
+It shares the scene, the materials, the closed-form means over triangles and the rule which of two flat parts is the
+mirror with the facet tracer, and nothing else: neither facets nor mirrors, visibility, expansions or Fresnel code. So
+it is a second opinion, and it has what the facet tracer lacks: bounces by bent surfaces of any number, and integrals
+where that has glints.
 
 ==============  =====================================================================================================
 module          what

@@ -14,6 +14,7 @@ from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.relative import to_world
+from rfgen_sionna.tracing.roles import mirror_share
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
 from rfgen_sionna.tracing.tubes.footprints import integrate, landed
@@ -103,7 +104,12 @@ def shoot(
     Tubes of rays leave the radar's phase centre in all directions. At every surface they are reflected, with its
     curvature, and integrated by physical optics towards all elements; where the tracer has `transmission` they also go
     through slabs. Paths have two ways round: Tx sends by way of the tube and Rx sees the footprint, and the other way
-    round. Both count half, but where just one of the first and the last surface is plane the mirror is the plane one.
+    round. Both count half, but where just one of the first and the last surface is plane the mirror is the plane one,
+    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.roles`).
+
+    Tubes end sharply where mirrors do, however far from there they land. By way of three surfaces what lies between two
+    walls is a mirror, too: of a plate, seen by a wall there and back, 7.9 dB (5 cm wide) to 2.5 dB (30 cm) too much
+    returns, in no stated error, which the facets have to 0.1 %.
 
     What rough surfaces return diffusely is left out; their coherent part is in. Shadows are those that the phase centre
     sees, whatever an element's place, in no stated error (:mod:`rfgen_sionna.tracing.parallax` is the facets').
@@ -246,18 +252,23 @@ class _Shot:
             check_memory(self.level, GAIN_BYTES * pairs * paths, f"{paths:,} paths of {pairs} pairs of elements")
 
     def _weight(self, hits: Hits, row: Index) -> FloatArray:
-        """(tube,) what the ways round through tubes count: 1/2 each, but where only one end is plane."""
+        """(tube,) what the ways round through tubes count: 1/2 each, but where only one end is plane, and by the areas
+        of both where they are: the sharp edges that a small mirror's tubes have far from it no wave has."""
         skin, first, own = self.setting.skin, row, hits
-        last = skin.plane[skin.sheet[hits.facet[row]]]
+        last = skin.sheet[hits.facet[row]]
         mirror = None
         while own.before is not None:
             first, through = own.parent[first], own.through
             own = own.before
             if not through:
-                mirror = skin.plane[skin.sheet[own.facet[first]]]
+                mirror = skin.sheet[own.facet[first]]
         if mirror is None:
             return np.full(len(row), 0.5)
-        return np.asarray(np.where(mirror == last, 0.5, np.where(mirror, 1.0, 0.0)))
+        share = np.where(skin.plane[mirror] == skin.plane[last], 0.5, np.where(skin.plane[mirror], 1.0, 0.0))
+        both = np.flatnonzero(skin.plane[mirror] & skin.plane[last])
+        area = np.maximum(skin.area, 1e-300)
+        share[both] = mirror_share(area[mirror[both]], area[last[both]])
+        return share
 
     def _echo(self, hits: Hits, row: Index) -> FloatArray:
         """(tube,) by how much later echoes within the slabs come that are met on the way [m]."""

@@ -59,6 +59,8 @@ class Skin:
     """(sheet,) whether it is flat."""
     size: FloatArray
     """(sheet,) its middle extent [m]: the width of what is long, the diameter of what is round."""
+    area: FloatArray
+    """(sheet,) of its faces [m^2]."""
 
     @staticmethod
     def of(surfaces: Sequence[Surface], vertices: Sequence[FloatArray]) -> Skin:
@@ -91,7 +93,14 @@ class Skin:
                 rises[lane] = edge_rises(corners[lane], normals[lane])
         one = np.zeros(1)
         return Skin(
-            corners, normals, rises, np.zeros((count, 3, 3, 3)), np.zeros(count, np.int32), one.astype(np.bool_), one
+            corners,
+            normals,
+            rises,
+            np.zeros((count, 3, 3, 3)),
+            np.zeros(count, np.int32),
+            one.astype(np.bool_),
+            one,
+            one,
         )
 
     @staticmethod
@@ -106,6 +115,7 @@ class Skin:
             np.concatenate([part.sheet + at for part, at in zip(parts, first, strict=False)]).astype(np.int32),
             np.concatenate([part.plane for part in parts]),
             np.concatenate([part.size for part in parts]),
+            np.concatenate([part.area for part in parts]),
         )
 
     def places(self, facet: NDArray[np.int64], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -180,7 +190,7 @@ def _skin(surface: Surface, vertices: FloatArray, like: Skin | None = None) -> S
         normals = surface.smooth.normals(vertices, faces)
         rises = edge_rises(corners, normals)
     if like is not None:
-        return Skin(corners, normals, rises, np.zeros((0, 3, 3, 3)), like.sheet, like.plane, like.size)
+        return Skin(corners, normals, rises, np.zeros((0, 3, 3, 3)), like.sheet, like.plane, like.size, like.area)
     bends = corner_bends(surface, corners, normals, np.arange(len(faces)))
     sheet = _sheets(vertices, faces, face_normal)
     count = int(sheet.max()) + 1
@@ -194,7 +204,9 @@ def _skin(surface: Surface, vertices: FloatArray, like: Skin | None = None) -> S
         np.minimum.at(low, sheet, corners[:, corner])
         np.maximum.at(high, sheet, corners[:, corner])
     size = np.sort(high - low, axis=1)[:, 1]
-    return Skin(corners, normals, rises, bends, sheet, turn > np.cos(_FLAT), size)
+    area = np.zeros(count)
+    np.add.at(area, sheet, 0.5 * lengths(cross))
+    return Skin(corners, normals, rises, bends, sheet, turn > np.cos(_FLAT), size, area)
 
 
 def corner_bends(surface: Surface, corners: FloatArray, normals: FloatArray, face: NDArray[np.intp]) -> FloatArray:

@@ -133,7 +133,9 @@ def test_no_pair_is_lost_that_shows_the_source_itself(two):
             middle = skin.places(facet[k : k + 1], weights[k : k + 1])[1][0]
             corners[k] = (skin.corners[facet[k]] - middle) @ turn.T + place[k]
             normals[k], rises[k] = skin.normals[facet[k]] @ turn.T, skin.rises[facet[k]] @ turn.T
-        pair = Skin(corners, normals, rises, skin.bends[:2], np.zeros(2, np.int32), np.zeros(1, bool), np.ones(1))
+        pair = Skin(
+            corners, normals, rises, skin.bends[:2], np.zeros(2, np.int32), np.zeros(1, bool), np.ones(1), np.ones(1)
+        )
         halving = Halving(pair, SOURCE, np.arange(2))
         found = [places(pair, SOURCE, (halving.pieces.facet[one], halving.pieces.facet[other]),
                         (halving.pieces.weights[one], halving.pieces.weights[other]))
