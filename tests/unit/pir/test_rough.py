@@ -159,8 +159,8 @@ def test_a_furnished_room_returns_over_range_what_its_paths_do(radar):
 
     Of the paths only the diffuse part is taken, by the difference of two seeds: facets that differ in nothing but their
     phases. A PIR has the mean of both polarisations; from floor and ceiling next to nothing comes back of an upright
-    field, towards the angle of Brewster. The far wall's mirror return, in a range of its own, is left to other laws. Pixels put all their energy at
-    one range: 0.6 dB.
+    field, towards the angle of Brewster. The far wall's mirror return, in a range of its own, is left to other laws.
+    Pixels put all their energy at one range: 0.6 dB.
     """
     scene = furnished("living room", 1)
     scene.tune(radar.center_frequency)
