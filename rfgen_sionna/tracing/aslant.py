@@ -14,10 +14,17 @@ import numpy as np
 from rfgen_sionna.records import FloatArray
 
 
-def loudness(corners: Any, wavenumber: Any, aside: Any = 0.0) -> Any:
+def loudness(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any = None) -> Any:
     """(facet,) about what facets return, up to a factor that all share: their solid angle times the mean phasor over
-    each, by the `wavenumber` [rad/m] of all or of each and what the phase turns less `aside` of the radar."""
-    return abs(solid_angles(corners)) * mean_phasor(corners, wavenumber, aside)
+    each, by the `wavenumber` [rad/m] of all or of each and what the phase turns less `aside` of the radar.
+
+    With a `turn` (facet,) it is what they may return whose normals lean from the flat facets' by so much at some
+    corner, as a chord: aslant most comes from corners and edges, with the cosines there, which exceed that of the flat
+    facet by as much at most."""
+    angles = abs(solid_angles(corners))
+    if turn is not None:
+        angles = angles + turn * widths(corners)
+    return angles * mean_phasor(corners, wavenumber, aside)
 
 
 def phase_aside(corners: Any, wavenumber: float, aperture: float) -> Any:
@@ -46,6 +53,15 @@ def solid_angles(corners: Any) -> Any:
     x, y, z = (axis[0] + axis[1] + axis[2] for axis in corners)
     square = m.maximum(x * x + y * y + z * z, 1e-18)  # of three times the distance of the middle
     return -13.5 * volume / (square * m.sqrt(square))
+
+
+def widths(corners: Any) -> Any:
+    """(facet,) [sr] that they would take, turned to where they face the radar."""
+    m = _module(corners[0][0])
+    one, other = ([axis[k] - axis[0] for axis in corners] for k in (1, 2))
+    x, y, z = (one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3))
+    a, b, c = (axis[0] + axis[1] + axis[2] for axis in corners)
+    return 4.5 * m.sqrt(x * x + y * y + z * z) / m.maximum(a * a + b * b + c * c, 1e-18)
 
 
 def mean_phasor(corners: Any, wavenumber: Any, aside: Any = 0.0) -> Any:

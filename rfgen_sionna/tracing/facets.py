@@ -58,7 +58,10 @@ class Facets:
     """(facet, 3) that point [m]; None: the centroids."""
     loud: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.aslant.loudness`; None where nobody told."""
-
+    loudest: FloatArray | None = field(default=None, kw_only=True)
+    """(facet,) the same of what each may return, bent as it is."""
+    turn: FloatArray | None = field(default=None, kw_only=True)
+    """(facet,) by how much normals lean from the flat facet's at some corner, as a chord; None where nobody told."""
     grain: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 4) of what scatters as one: :attr:`rfgen_sionna.tracing.tessellate.Tessellation.shares`; None where each
     facet does so by itself."""
@@ -201,10 +204,12 @@ def stack_facets(
     viewpoint: FloatArray,
     wavenumber: float,
     parts_of: Sequence[IntArray] | None = None,
+    turns: Sequence[FloatArray] | None = None,
 ) -> list[Facets]:
     """All pieces of all surfaces, in their order, at every time, for the vertices [m] given, left flat: :func:`bent`
     smooth them. They are integrated in `parts_of` (facet,) each surface; None: as many as they are made for. How loud
-    they are is that at a `wavenumber` [rad/m]."""
+    they are is that at a `wavenumber` [rad/m], by the `turns` (face,) of each surface
+    (:meth:`rfgen_sionna.tracing.smooth.Smoothing.turn`); None: as if they were flat."""
     curved = any(surface.smooth is not None for surface in surfaces)
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     smooth, placed = [np.zeros(0, np.bool_)], list[Placed]()
@@ -213,7 +218,8 @@ def stack_facets(
     for position, (surface, piece) in enumerate(zip(surfaces, pieces, strict=True)):
         count = len(piece.face)
         points = [there[position] for there in vertices]
-        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber))
+        bow = turns[position] if turns is not None and surface.smooth is not None else None
+        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, bow))
         smooth.append(np.full(count, surface.smooth is not None))
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
@@ -221,20 +227,23 @@ def stack_facets(
         place.append(piece.places)
         index.append(np.full(count, position, dtype=np.int32))
     numbers, of_faces, positions, in_parts, places = (_stacked(each) for each in (number, face, index, parts, place))
-    bends, found = _stacked(smooth) if curved else None, []
+    bends, found, turned = _stacked(smooth) if curved else None, [], None
+    if turns is not None:
+        turned = _stacked([np.zeros(0), *(own[each.face] for own, each in zip(turns, pieces, strict=True))])
     for k in range(len(vertices)):
         facing = [
             each.towards[k] if own.closed else np.ones(len(each.towards[k]), np.bool_)
             for own, each in zip(surfaces, placed, strict=True)
         ]
-        corners, centroids, loud = (
+        corners, centroids, loud, loudest = (
             _stacked([np.zeros((0, *shape)), *(getattr(each, name)[k] for each in placed)])
-            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("loud", ()))
+            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("loud", ()), ("loudest", ()))
         )
         looking = _stacked([np.zeros(0, np.bool_), *facing])
         there = Facets(
-            corners, numbers, of_faces, positions, looking, in_parts, places, curved=bends, loud=loud, grain=grain
-        )
+            corners, numbers, of_faces, positions, looking, in_parts, places,
+            curved=bends, loud=loud, loudest=loudest, turn=turned, grain=grain,
+        )  # fmt: skip
         there.__dict__["centroids"] = centroids
         found.append(there)
     return found

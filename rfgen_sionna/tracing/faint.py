@@ -20,9 +20,10 @@ from rfgen_sionna.tracing.aslant import loudness, phase_aside
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.obliquity import strongest_reflection
 
-FAINT_PER_RTOL = 0.2
+FAINT_PER_RTOL, BENT_MORE = 0.2, 2.0
 """What facets that are left out return, one by one and by :func:`rfgen_sionna.tracing.aslant.loudness`, over what the
-body does, per unit of the tolerance. They do return up to twice that."""
+body does, per unit of the tolerance. Flat ones do return up to twice that; and how many times as much it may be of
+round bodies, whose facets return no more than loudness tells that knows how they are bent."""
 SILENT = 1e-9
 """Reflection coefficient below which a surface is taken for none."""
 LEAST_RTOL = 5e-3
@@ -64,17 +65,20 @@ class Loudness:
     def of(self, facets: Facets, facing: Facing) -> tuple[FloatArray, FloatArray]:
         """(chosen,) about what those `facing` return, antennas included, and what they may: a wide array sees them from
         other sides as well, over a facet that is integrated in parts the phase bends, so that one part alone may return
-        most, and of pieces of bent faces corners do not tell it."""
+        most, where bent ones turn out of sight some corner looks at the radar more than the flat facet does, and of
+        pieces of bent faces corners do not tell it."""
         chosen = facing.chosen
         if facets.loud is None:
             raise ValueError("facets: how loud they are is not known")
         loud = facing.weight * facets.loud[chosen]
-        parts, wide, most = facets.parts[chosen], self._aperture * self._wavenumber * self._widest > ASIDE, loud.copy()
+        parts, wide = facets.parts[chosen], self._aperture * self._wavenumber * self._widest > ASIDE
+        most = facing.weight * (facets.loud if facets.loudest is None else facets.loudest)[chosen]
         some = np.arange(len(chosen)) if wide else np.flatnonzero(parts > 1)
         if len(some):
             few = np.ascontiguousarray((np.take(facets.corners, chosen[some], axis=0) - self._viewpoint).T)
             aside = phase_aside(few, self._wavenumber, self._aperture) / parts[some] if wide else 0.0
-            most[some] = facing.weight[some] * loudness(few, self._wavenumber / parts[some], aside)
+            turn = None if facets.turn is None else facets.turn[chosen[some]]
+            most[some] = facing.weight[some] * loudness(few, self._wavenumber / parts[some], aside, turn)
         if len(self._of_bent):
             pieces = np.isin(chosen, self._of_bent, assume_unique=True)
             loud[pieces], most[pieces] = 0.0, np.inf

@@ -54,6 +54,7 @@ class MovingFacets:
         """(facet, 3) where corners touch: :func:`rfgen_sionna.tracing.sampling.touching`."""
         self.patches = Patches(band, viewpoint, rtol)
         self._parts: list[IntArray] = []
+        self._turns: list[FloatArray] | None = None  # (face,) of each surface; None where all are flat
         self._fineness = np.ones(len(surfaces))
         self._distance = np.zeros(len(surfaces))
 
@@ -110,7 +111,8 @@ class MovingFacets:
     def at(self, vertices: Sequence[Sequence[FloatArray]]) -> list[Facets]:
         """All of them at several times, left flat; `vertices` are those of every time."""
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        return stack_facets(self.surfaces, self.pieces, vertices, self._viewpoint, wavenumber, self._parts)
+        given = self.pieces, vertices, self._viewpoint, wavenumber, self._parts, self._turns
+        return stack_facets(self.surfaces, *given)
 
     def bent(
         self,
@@ -162,6 +164,12 @@ class MovingFacets:
             )
             for points, surface, fineness, mirrored in zip(vertices, self.surfaces, self._fineness, images, strict=True)
         ]
+        # A body deforms, but how much its faces are bent hardly changes with its pose.
+        if any(surface.smooth is not None for surface in self.surfaces):
+            self._turns = [
+                np.zeros(len(surface.faces)) if surface.smooth is None else surface.smooth.turn(points, surface.faces)
+                for points, surface in zip(vertices, self.surfaces, strict=True)
+            ]
         self.turn_to([vertices])
         placed = zip(self.pieces, vertices, self.surfaces, strict=True)
         corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]

@@ -26,20 +26,28 @@ class Placed(NamedTuple):
     """(time, facet) whether its face looks at the radar."""
     loud: FloatArray
     """(time, facet) about what each returns, by :func:`rfgen_sionna.tracing.aslant.loudness`."""
+    loudest: FloatArray
+    """(time, facet) the same of what each may return, bent as it is."""
 
 
 def place_facets(
-    piece: Tessellation, faces: IntArray, vertices: Sequence[FloatArray], viewpoint: FloatArray, wavenumber: float
+    piece: Tessellation,
+    faces: IntArray,
+    vertices: Sequence[FloatArray],
+    viewpoint: FloatArray,
+    wavenumber: float,
+    turn: FloatArray | None = None,
 ) -> Placed:
     """Place the facets of a `piece` of a mesh with `faces` (face, 3), for its `vertices` (vertex, 3) [m] at every time,
-    as seen from the `viewpoint` (3,) [m] at a `wavenumber` [rad/m]."""
+    as seen from the `viewpoint` (3,) [m] at a `wavenumber` [rad/m]. Faces are bent by `turn` (face,), that of
+    :meth:`rfgen_sionna.tracing.smooth.Smoothing.turn`; None: they are flat."""
     times, count = len(vertices), len(piece.face)
     if not count:
         nothing = np.zeros((times, 0))
-        return Placed(np.zeros((times, 0, 3, 3)), np.zeros((times, 0, 3)), nothing > 0, nothing)
+        return Placed(np.zeros((times, 0, 3, 3)), np.zeros((times, 0, 3)), nothing > 0, nothing, nothing)
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
-    found = [dr.empty(Float, size * times * count) for size in (9, 3, 1)]
+    found = [dr.empty(Float, size * times * count) for size in ((9, 3, 1) if turn is None else (9, 3, 1, 1))]
     towards = dr.empty(UInt32, times * count)
     given: dict[str, Any] = {
         "lanes": dr.arange(UInt32, times * count),
@@ -55,14 +63,17 @@ def place_facets(
         given["face"] = upload(UInt32, piece.face)
         if len(piece.pieces):
             given["weights"] = upload(Float, piece.weights)
+    if turn is not None:
+        given["turn"] = upload(Float, turn)
     _PLACED(given)
-    corners, centroids, loud = (each.numpy() for each in found)
+    corners, centroids, loud, *loudest = (each.numpy() for each in found)
     shape = times, count
     return Placed(
         corners.reshape(*shape, 3, 3),
         centroids.reshape(*shape, 3),
         towards.numpy().reshape(shape) > 0,
         loud.reshape(shape),
+        (loudest[0] if loudest else loud).reshape(shape),
     )
 
 
@@ -85,7 +96,7 @@ def _place(given: dict[str, Any]) -> None:
     if "weights" in given:
         weights = [[dr.gather(Float, given["weights"], 9 * facet + 3 * k + m) for m in range(3)] for k in range(3)]
         corners = [[sum(w * each for w, each in zip(row, axis, strict=True)) for row in weights] for axis in corners]
-    of_corners, of_centroids, of_loud = given["found"]
+    of_corners, of_centroids, of_loud, *of_loudest = given["found"]
 
     def write(values: Any, where: Any, place: Any) -> None:
         dr.scatter(where, values, place, mode=dr.ReduceMode.Permute)
@@ -95,6 +106,9 @@ def _place(given: dict[str, Any]) -> None:
             write(corners[axis][k], of_corners, 9 * lane + 3 * k + axis)
         write((corners[axis][0] + corners[axis][1] + corners[axis][2]) / 3.0, of_centroids, 3 * lane + axis)
     write(loudness(seen(corners), radar[3]), of_loud, lane)
+    if of_loudest:
+        turn = dr.gather(Float, given["turn"], face)
+        write(loudness(seen(corners), radar[3], 0.0, turn), of_loudest[0], lane)
     write(dr.select(volume < 0, UInt32(1), UInt32(0)), given["towards"], lane)
     dr.eval(*given["found"], given["towards"])
 

@@ -14,7 +14,7 @@ from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.facets import Facets
-from rfgen_sionna.tracing.faint import FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
+from rfgen_sionna.tracing.faint import BENT_MORE, FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
@@ -111,6 +111,7 @@ class Sight:
         self._loudness = Loudness(viewpoint, self._wavenumber, band.aperture)
         self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
         self._silent = np.array([silent(surface.material, band.frequency(PROBES)) for surface in surfaces.moving], bool)
+        self._bent = np.array([1.0 if surface.smooth is None else BENT_MORE for surface in surfaces.moving])
         self._flat = any(surface.smooth is None for surface in surfaces.moving)  # facets in rows
         self._lot = lots(surfaces.moving)
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
@@ -140,7 +141,7 @@ class Sight:
             louds.append(loud)
             most[there.chosen] = np.maximum(most[there.chosen], there_most)
             total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
-        share = FAINT_PER_RTOL * self._rtol * self._plain * share
+        share = FAINT_PER_RTOL * self._rtol * self._plain * self._bent * share
         found = list[Seen]()
         for _ in range(_ROUNDS):
             looked, sent = (sum(getattr(each, name) for each in found) for name in ("looked_at", "rays"))

@@ -25,7 +25,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.flats import FLAT, Planes, planes
-from rfgen_sionna.scene.mesh import columns, face_normals, lengths
+from rfgen_sionna.scene.mesh import columns, face_normals, lengths, widest
 from rfgen_sionna.scene.transfer import joined, upload
 
 _TIP, _STRAIGHT = 0.02, 10.0
@@ -66,6 +66,13 @@ class Smoothing:
         total = np.stack([self.gather @ (weight * axis[:, None]).reshape(-1) for axis in cross])
         total /= np.maximum(np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2), 1e-300)
         return np.ascontiguousarray(np.take(total, self.group.T, axis=1).transpose(2, 1, 0))
+
+    def turn(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """(face,) by how much a normal at some corner differs from the flat face's, for vertices (vertex, 3) [m]:
+        length of the difference of unit vectors, about the angle [rad]."""
+        flat = face_normals(vertices, faces)
+        flat /= np.maximum(lengths(flat), 1e-300)[:, None]
+        return widest(lengths(self.normals(vertices, faces) - flat[:, None]))
 
     def bend(self, vertices: FloatArray, faces: IntArray, shown: NDArray[np.intp] | None = None) -> Bend:
         """How the faces are bent, for vertices (vertex, 3) [m]; others than those that `shown` counts out are left

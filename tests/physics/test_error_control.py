@@ -134,7 +134,7 @@ SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize("rtol", [1e-2, pytest.param(1e-3, marks=SLOW)])
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=SLOW) for seed in range(1, 12))])
+@pytest.mark.parametrize("seed", [0, 19, *(pytest.param(seed, marks=SLOW) for seed in (*range(1, 12), 22, 32))])
 def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     """Eggs of 2 to 10 cm at 0.2 to 0.5 m, of 320 facets that turn by 10 to 60 degrees from one to the next.
 

@@ -156,7 +156,7 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     left = np.linalg.norm(most[mine & (seen.weight[facing.chosen] == 0)])
     shown = np.linalg.norm((loud * seen.fraction[facing.chosen])[mine])
     assert left > 0
-    assert (left < sight._FAINTER * sight.FAINT_PER_RTOL * rtol * shown) == (rounds == 2)
+    assert (left < sight._FAINTER * sight.FAINT_PER_RTOL * sight.BENT_MORE * rtol * shown) == (rounds == 2)
     assert seen.missed[0] >= left / shown * (1 - 1e-9)
 
 
