@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights, through_knots
-from rfgen_sionna.scene.mesh import lengths, middles
+from rfgen_sionna.scene.mesh import lengths, middles, widest
 from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.placing import Placed, place_facets
 from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided, pieces
@@ -182,6 +182,16 @@ class Facets:
 def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
     """(probe, count) sums over the facets of each surface, of `values` (probe, facet)."""
     return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])
+
+
+def curvature(facets: Facets) -> FloatArray:
+    """(facet,) about how much facets are curved at most [1/m]: an edge of length L whose middle rises by h is an arc of
+    curvature 8 h / L^2."""
+    if facets.bend is None:
+        return np.zeros(len(facets))
+    edges = facets.corners[:, [1, 2, 0]] - facets.corners[:, [2, 0, 1]]
+    square = np.maximum(np.einsum("fei,fei->fe", edges, edges), 1e-18)
+    return widest(8.0 * lengths(facets.bend.rises) / square)
 
 
 def _alone(count: int) -> FloatArray:

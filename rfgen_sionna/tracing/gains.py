@@ -22,7 +22,7 @@ from rfgen_sionna.tracing.delays import delays, rates
 from rfgen_sionna.tracing.diffuse import diffuse_gains
 from rfgen_sionna.tracing.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
-from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
+from rfgen_sionna.tracing.facets import CANCELLED, Facets, curvature, sums
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.parallax import Edges, Parallax
 from rfgen_sionna.tracing.phasors import phasors
@@ -249,10 +249,12 @@ class BandTracer:
         wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
         found = Edges.of(facets, owner, pieces, hider, self._origin, wavenumber)
         towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
-        at_most, known = found.at_most(self._tx, self._rx, wavenumber)
-        at_most *= self.importance(towards)
+        bow = curvature(facets)[found.owner]
+        at_most, unknown, known = found.at_most(self._tx, self._rx, wavenumber, bow)
+        counts = self.importance(towards)
+        at_most, unknown = counts * at_most, counts * unknown
         bent = np.zeros(len(found.owner), np.bool_) if facets.curved is None else facets.curved[found.owner]
-        found, missed = found.that_matter(at_most, known, bent, group[found.piece], level, self._rtol)
+        found, missed = found.that_matter(at_most, unknown, known, bent, group[found.piece], level, self._rtol)
         return found.bent(facets), missed
 
     def parallax(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> Parallax:

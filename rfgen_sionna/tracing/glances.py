@@ -41,6 +41,8 @@ MOST = 8
 """Times from one instant to the next, at most; twice as many from the first of three to the second."""
 _EACH = 0.7
 """Share of that which facets that are looked at in between may err by, and the others."""
+_SPREAD = 2.0
+"""Standard deviations by which what facets err by together may be more than some times tell."""
 FEWEST = 3
 """Instants that tell anything."""
 
@@ -183,9 +185,12 @@ def missed_of(
     surface: NDArray[np.integer[Any]],
     count: int,
 ) -> FloatArray:
-    """(surface,) energy, the mean over time, that splines miss in between of each of `count` surfaces: of each facet
-    what is left out, or what an edge swings by, or what is left out of all of them as they add up. The other arguments
-    are those of :func:`choose`, at evenly spaced times."""
+    """(surface,) energy, the mean over time, that splines miss in between of each of `count` surfaces: what is left out
+    of all facets as they add up, or more, of each facet what is left out, or what an edge swings by, as far as it may
+    be by chance that they add up to less. The other arguments are those of :func:`choose`, at evenly spaced times.
+
+    An edge that leaves a facet comes upon its neighbour: what splines miss of the two cancels nearly where facets are
+    small, by a factor of three on a ball. Of the sum's energy n times at which it is as large tell to 1 / sqrt(n)."""
     energy, missed = gains.real**2 + gains.imag**2, left_out(gains)
     swung = np.maximum(energy[:, 1:], energy[:, :-1]) * lost(
         width[:, None] * np.abs(np.diff(shares, axis=1)), gains.shape[1] - 1
@@ -193,7 +198,12 @@ def missed_of(
     apart = np.bincount(surface, np.maximum(rms(missed) ** 2, swung.mean(axis=1)), count)
     missed = missed * phasors[:, 1:-1]
     together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])
-    return np.asarray(np.maximum(apart, rms(together) ** 2))
+    at_times = together.real**2 + together.imag**2
+    total, square = at_times.sum(axis=1), (at_times**2).sum(axis=1)
+    tell = total**2 / np.where(square > 0, square, np.inf)  # so many times
+    summed = total / at_times.shape[1]
+    by_chance = (1.0 + _SPREAD / np.sqrt(np.maximum(tell, 1e-12))) ** 2 * summed
+    return np.asarray(np.maximum(summed, np.minimum(apart, by_chance)))
 
 
 def moved(first: Seen, last: Seen, viewpoint: FloatArray, wavenumber: float, lot: IntArray) -> FloatArray:
@@ -264,21 +274,17 @@ class Glances:
         values: Sequence[ComplexArray],
         parallax: Sequence[Parallax | None],
         shares: FloatArray,
-        weight: FloatArray,
         expansion: Expansion,
         level: FloatArray,
     ) -> Chosen:
         """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
         `references` (facet, 3) [m], are those of what is seen of them, with the `parallax`, and `shares` (facet,
-        instant) of the area; the antennas' `weight` (facet,) is that half way; `level` (surface,) is what each
-        surface's return usually is."""
+        instant) of the area; `level` (surface,) is what each surface's return usually is."""
         some = np.flatnonzero(edged(shares))
         if len(facets) < FEWEST or not len(some):
             return Chosen(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
         half = len(facets) // 2
-        gains = expansion.weights[0, 0, 0] @ values[half] * weight * self._phasors(references[half])[:, 0]
         surface = self._lot[facets[half].surface]
-        now = [np.bincount(surface, part, len(level)) for part in (gains.real, gains.imag)]
         own = Facets.taken(facets, some)
         ends = lengths(own[half].corners - self._viewpoint)
         # Who comes into the range window is not coming out of a shadow.
@@ -291,7 +297,7 @@ class Glances:
             4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
             np.all([each.facing for each in own], axis=0),
             surface[some],
-            np.maximum(level, np.hypot(*now)),
+            level,
             self._rtol,
             most_rounds(len(facets)),
         )

@@ -10,12 +10,13 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer
 from rfgen_sionna.tracing.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP, Facets, facet_paths, over_time
+from rfgen_sionna.tracing.fading import when_seen_best
 from rfgen_sionna.tracing.faint import LEAST_RTOL
 from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.ghosts import Ghosts, GhostView
@@ -23,6 +24,7 @@ from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Followed, Glances, fi
 from rfgen_sionna.tracing.knots import Splined
 from rfgen_sionna.tracing.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.outlines import Passing
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.returns import FacetReturns, relative_to_best
 from rfgen_sionna.tracing.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.sight import Seen, Sight
@@ -171,8 +173,14 @@ class MovingParts:
                 break
             self._expansion = None
         values, parallax, shares = lit.values, lit.parallax, np.stack([each.fraction[kept] for each in seen], axis=-1)
-        weight = seen[middle].weight[kept]
-        chosen = self._glances.choose(facets, references, values, parallax, shares, weight, expansion, self._level)
+
+        def waves(k: int) -> ComplexArray:
+            gains = expansion.weights[0, 0, 0] @ values[k] * seen[k].weight[kept]
+            return np.asarray(gains * phasors(self._band.centre * self._band.delays(references[k], (0, 0))))
+
+        given = waves, shares, self._lot[facets[middle].surface], middle, self._level, self._interference
+        level, interference = when_seen_best(*given)
+        chosen = self._glances.choose(facets, references, values, parallax, shares, expansion, level)
         glanced, followed, between = None, kept[chosen.facets], max(chosen.error(), steady)
         looked: list[Seen | GhostView | Bounced | RoundSeen | Veiled | Followed] = [
             *seen,
@@ -199,8 +207,8 @@ class MovingParts:
             values = [np.take(each, rest, axis=1) for each in values]
             parallax = [None if each is None else each.within(rest) for each in parallax]
         pattern = [self._facets.patches.pattern(each, kept, leader) for each in seen]
-        given = facets, shares, values, expansion, leader, parallax, pattern
-        coefficients, led = self._returns.coefficients(*given)
+        kept_on_paths = facets, shares, values, expansion, leader, parallax, pattern
+        coefficients, led = self._returns.coefficients(*kept_on_paths)
         led_by, by_way = seen[0].facets.take(led), [np.take(each.facets.centroids, led, axis=0) for each in seen]
         self._cancelling = self._returns.cancelling(
             by_way, coefficients[0, 0, 0], led_by.surface, len(self._cancelling)
@@ -208,9 +216,9 @@ class MovingParts:
         known = {t: each.facets.centroids for t, each in zip(instants.tolist(), seen, strict=True)}
         paths = self._paths(knots, instants, positions, led_by, coefficients, led, known)
         self._turn += 1
-        interference = np.where(self._interference > 0, self._interference, 1.0)  # of what was hidden nobody knows
-        level = np.stack([each.level for each in seen])
-        edges = relative_to_best(np.stack([each.missed for each in seen]), level, level.max(axis=0))
+        interference = np.where(interference > 0, interference, 1.0)  # of what was hidden nobody knows
+        returned = np.stack([each.level for each in seen])
+        edges = relative_to_best(np.stack([each.missed for each in seen]), returned, returned.max(axis=0))
         shadows = SAFETY * interference * np.hypot(edges, lit.missed)
         error = float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
 

@@ -122,6 +122,7 @@ class Edges:
     def that_matter(
         self,
         at_most: FloatArray,
+        unknown: FloatArray,
         known: FloatArray,
         bent: NDArray[np.bool_],
         group: NDArray[np.intp],
@@ -129,8 +130,9 @@ class Edges:
         rtol: float,
     ) -> tuple[Edges, FloatArray]:
         """Those that return enough to count, by :meth:`at_most`, as far as they are `known` (edge,), and what is missed
-        of each group, relative to its `level` (group,), for those that are left out and for what the others are off by;
-        `group` (edge,), and whether they are on `bent` facets (edge,). An edge that grows counts little by little."""
+        of each group, relative to its `level` (group,), for those that are left out, for what the others are off by and
+        for what comes from where they are `unknown` (edge,); `group` (edge,), and whether they are on `bent` facets
+        (edge,). An edge that grows counts little by little."""
 
         def energy(strength: FloatArray) -> FloatArray:
             return np.asarray(np.bincount(group, strength**2, len(level)))
@@ -139,7 +141,7 @@ class Edges:
         for each in np.flatnonzero(np.bincount(group)):
             least[each] = allowed(at_most[group == each], _LEFT_PER_RTOL * rtol * level[each])
         counted = np.clip(at_most / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
-        missed = energy(_LIKELY * (1.0 - counted) * at_most) + energy((1.0 - known) * counted * at_most)
+        missed = energy(_LIKELY * (1.0 - counted) * at_most) + energy((1.0 - known) * counted * unknown)
         missed = np.sqrt(missed + energy(np.where(bent, _MISSED[1], _MISSED[0]) * at_most))
         missed, weight = missed / np.where(level > 0, level, np.inf), known * counted
         return replace(self, weight=weight).take(np.flatnonzero(weight)), missed
@@ -171,10 +173,19 @@ class Edges:
         """(element, edge) how far inward the edge is for `elements` (element, 3) [m] from the viewpoint [m]."""
         return _moved(elements, self.middle, self.inward, self.normal, self.hider)
 
-    def at_most(self, tx: FloatArray, rx: FloatArray, wavenumber: float) -> tuple[FloatArray, FloatArray]:
+    def at_most(
+        self, tx: FloatArray, rx: FloatArray, wavenumber: float, bow: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(edge,) about what any pair sees more or less beside each edge, in units of
-        :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`: twice the solid angle of its strip; and how far (edge,)
-        that may be reckoned so, 0 … 1."""
+        :attr:`rfgen_sionna.tracing.sampling.Sampled.returned`: twice the solid angle of its strip; what (edge,) it may
+        return where the surface so far aside is not known; and how far (edge,) it is, 0 … 1. Facets bend by `bow`
+        (edge,) [1/m], the largest curvature.
+
+        A wide strip on what lies aslant, the limb of a ball, returns what comes from its two sides alone: across it the
+        phase turns by 2 k sin(t) a metre at an angle t to the normal. Along a way of curvature b that changes by
+        d sin(t) = b cos(t) ds, so over all of the strip by b times its width as it is seen at most. And pieces of an
+        edge add up in phase as far as that stays the same along it, to where it has turned by 1 rad or to half the
+        first Fresnel zone: side by side, short ones count as more by the root of how many there are in that length."""
         distance = np.maximum(lengths(self.middle), 1e-9)
         towards = self.middle / distance[:, None]
         turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
@@ -182,8 +193,14 @@ class Edges:
         upright = np.abs(np.einsum("ei,ei->e", self.normal, towards))
         widest = WIDEST * np.sqrt(2 * np.pi / wavenumber * distance)
         known = np.clip(2.0 - width / widest, 0.0, 1.0)
-        angle = upright * np.minimum(width, 2.0 * widest) * self.length / distance**2
-        return 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0), known
+        width = np.minimum(width, 2.0 * widest)
+        angle = upright * width * self.length / distance**2
+        aslant = np.abs(np.einsum("ei,ei->e", self.inward, towards)) - bow * upright * width
+        at_most = 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0)
+        zone = np.sqrt(np.pi / (2.0 * wavenumber * (bow * upright + 1.0 / distance)))
+        in_phase = np.minimum(2.0 / np.maximum(turn, 1e-9), zone)
+        more = np.sqrt(np.maximum(in_phase / np.maximum(self.length, 1e-12), 1.0))
+        return at_most, at_most * more / np.maximum(wavenumber * aslant * width, 1.0), known
 
 
 def _moved(

@@ -92,6 +92,7 @@ def test_an_edge_that_grows_counts_little_by_little():
     for strength in (1e-4, 1e-3, 1e-2, 2e-2, 1e-1):
         own, missed = found.that_matter(
             np.full(count, strength / np.sqrt(count)),
+            np.full(count, strength / np.sqrt(count)),
             np.ones(count),
             np.zeros(count, bool),
             np.zeros(count, np.intp),
@@ -112,10 +113,10 @@ def test_strips_wider_than_anybody_knows_the_surface_are_left_out():
     known = []
     for hider in (0.5, 0.3, 0.03):
         found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), hider)
-        at_most, share = found.at_most(elements, elements, WAVENUMBER)
+        at_most, _, share = found.at_most(elements, elements, WAVENUMBER, np.zeros(len(found.owner)))
         known.append(share[0])
         group, level = np.zeros(len(at_most), np.intp), np.array([np.linalg.norm(at_most)])
-        own, missed = found.that_matter(at_most, share, group > 0, group, level, 1e-2)
+        own, missed = found.that_matter(at_most, at_most, share, group > 0, group, level, 1e-2)
         assert (len(own.owner) == 0) == (share[0] == 0)
         # A facet's own strips are off by half a percent, and of those that nobody knows all is missed.
         assert missed[0] == pytest.approx(np.hypot(1.0 - share[0], 0.005), rel=0.1)
