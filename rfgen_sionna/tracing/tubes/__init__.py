@@ -13,6 +13,8 @@ module          what
 `skin`          the smooth surface under the mesh: where rays meet it, its normal and how it bends
 `hits`          rays followed from hit to hit, each traced once
 `sampling`      where more rays go: the tubes, cut where what they hit changes
+`rims`          where one thing ends before another: shadows' edges
+`parallax`      what pairs of elements see otherwise beside these than the phase centre
 `media`         Fresnel's coefficients and slabs, in NumPy
 `passage`       field and path length from an element to a point by way of bent mirrors
 `footprints`    integrals over where tubes land, for every element pair over the band

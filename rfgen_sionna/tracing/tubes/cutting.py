@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.hits import Hits, Index
+from rfgen_sionna.tracing.tubes.rims import Rims
 
 MOST_HALVINGS = 10
 """A rim is known to 2^-10 of an edge at best."""
@@ -29,6 +30,12 @@ class Cut(NamedTuple):
     """(piece,) the tube it is of."""
     off: NDArray[np.float64]
     """(tube,) by how much rims may be off the cut, relative to the tube's width; 1 where it isn't clear."""
+    rims: Rims
+    """Where one thing is before another."""
+    rim_of: Index
+    """(rim,) the tube that each is in."""
+    clear: NDArray[np.bool_]
+    """(tube,) whether no third thing was met."""
 
 
 def cut(hits: Hits, corners: lattice.Nodes, sign: NDArray[np.int64], halvings: NDArray[np.int64]) -> Cut:
@@ -42,11 +49,12 @@ def cut(hits: Hits, corners: lattice.Nodes, sign: NDArray[np.int64], halvings: N
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         alone[(ends[:, j] == ends[:, k]) & (ends[:, i] != ends[:, j])] = i
-    off = np.ones(len(corners))
+    off, clear = np.ones(len(corners)), np.zeros(len(corners), np.bool_)
     plain = np.flatnonzero(alone < 0)
     kept = plain[sign[plain, 6] != 0]
     pieces, signs, tubes = [with_middles(corners[kept])], [sign[kept, 6]], [kept]
     tube = np.flatnonzero(alone >= 0)
+    rims, rim_of = _between_three(hits, corners, ends, halvings)
     if len(tube):
         own_corner, halvings = alone[tube], halvings[tube]
         a, b, c = (corners[tube, (own_corner + step) % 3] for step in range(3))
@@ -72,13 +80,40 @@ def cut(hits: Hits, corners: lattice.Nodes, sign: NDArray[np.int64], halvings: N
         pieces += made
         signs += [own, others, others]
         tubes += [tube, tube, tube]
+        if hits.before is None:
+            one, two = np.flatnonzero(straight), np.flatnonzero(~straight)
+            lane = np.concatenate([one, two, two])
+            lines = [
+                np.stack([np.concatenate([p[one], p[two], m[two]]), np.concatenate([q[one], m[two], q[two]])], axis=1)
+                for p, q, m in ((near_b, near_c, near), (far_b, far_c, far))
+            ]
+            more, line = Rims.between(hits, a[lane], *lines)
+            rims, rim_of = Rims.joined([rims, more]), np.concatenate([rim_of, tube[lane[line]]])
         # What the other rays hit must be one of both.
         seven = sign[tube]
         known = ((seven == own[:, None]) | (seven == others[:, None])).all(axis=1)
+        clear[tube] = known
+        for each in (far_b, far_c):
+            clear[tube] &= hits.sign[hits.rows(each)] == others
         off[tube] = np.where(known, np.minimum(2.0**-halvings + np.where(straight, 0.0, 2.0 * bow**2), 1.0), 1.0)
     piece, found, tube_of = np.concatenate(pieces), np.concatenate(signs), np.concatenate(tubes)
     kept = np.flatnonzero(found != 0)
-    return Cut(piece[kept], found[kept], tube_of[kept], off)
+    return Cut(piece[kept], found[kept], tube_of[kept], off, rims, rim_of, clear)
+
+
+def _between_three(
+    hits: Hits, corners: lattice.Nodes, ends: NDArray[np.int64], halvings: NDArray[np.int64]
+) -> tuple[Rims, Index]:
+    """Rims of what is nearest, in tubes (tube, 3, 3) whose corners hit three things `ends` (tube, 3); and which tubes
+    these are."""
+    tube = np.flatnonzero((ends != ends[:, [1, 2, 0]]).all(axis=1) & (hits.before is None))
+    leg = hits.leg[hits.rows(corners[tube].reshape(-1, 3))].reshape(-1, 3)
+    own = np.argmin(np.where(ends[tube] != 0, leg, np.inf), axis=1)
+    a, b, c = (corners[tube, (own + step) % 3] for step in range(3))
+    sides = [_rim(hits, a, each, ends[tube, own], halvings[tube]) for each in (b, c)]
+    near, far = (np.stack([side[which] for side in sides], axis=1) for which in (0, 1))
+    rims, line = Rims.between(hits, a, near, far)
+    return rims, tube[line]
 
 
 def _ended(

@@ -35,6 +35,8 @@ SAG = 0.03
 MOST_PARTS = 64
 _GRAZING = 1e-4
 """Least cosine of incidence that areas are divided by."""
+_EDGE = 1e-9
+"""Directions so close to an edge of the octahedron lie on it."""
 _LANES = 1 << 19
 """Integrals per launch."""
 ENDS = ((1, 2), (2, 0), (0, 1))
@@ -111,6 +113,10 @@ def landed(hits: Hits, rows: NDArray[np.intp]) -> Landed:
     cos = np.abs(np.einsum("li,li->l", hits.ray[lane], hits.normal[lane]))
     by_angle = angle * hits.length[lane] ** 2 / np.maximum(cos, _GRAZING)
     share = np.where((hits.bend[lane] == 0).all(axis=(1, 2)), 1.0, np.clip(5.0 * cos - 1.0, 0.0, 1.0))
+    # Tubes stay within a face of the octahedron, strips beside rims need not.
+    sides = place.reshape(-1, 6, 3)
+    folded = ((sides.min(axis=1) < -_EDGE) & (sides.max(axis=1) > _EDGE)).any(axis=1)
+    share[np.repeat(folded, 6)] = 0.0
     for mirror in mirrors:
         share = np.where((mirror.bend == 0).all(axis=(1, 2)), share, 0.0)
     area = share * by_angle + (1.0 - share) * area

@@ -201,6 +201,40 @@ class Hits:
         self._add(new)
         return np.arange(first, first + len(nodes))
 
+    def behind(self, nodes: lattice.Nodes, like: Index) -> tuple[Index, NDArray[np.bool_]]:
+        """(node,) rows of first hits for rays through nodes (node, 3) on to the sheet that rows `like` (node,) hit,
+        through whatever is before it; and whether they meet it at all: else they go on as `extended` has it."""
+        skin, setting = self.setting.skin, self.setting
+        first, wanted = self.rows(nodes), skin.sheet[self.facet[like]]
+        there = (self.facet[first] >= 0) & (skin.sheet[self.facet[first]] == wanted)
+        rows = first.copy()
+        lane = np.flatnonzero(~there)
+        rows[lane] = self.extended(nodes[lane], like[lane])
+        begun = self.leg[first]
+        lane = lane[self.facet[first[lane]] >= 0]
+        for _ in range(_TRIES):
+            if len(lane) == 0:
+                break
+            row = rows[lane]
+            begun[lane] += 1e-6 + _GAP * begun[lane]
+            hits = setting.rays.first_hit(setting.source + begun[lane, None] * self.ray[row], self.ray[row])
+            self.count(len(lane))
+            own = (hits.facet >= 0) & (skin.sheet[np.maximum(hits.facet, 0)] == wanted[lane])
+            self._put(row[own], hits.facet[own], hits.barycentric[own])
+            there[lane[own]] = True
+            begun[lane] += np.where(np.isfinite(hits.distance), hits.distance, 0.0)
+            lane = lane[~own & (hits.facet >= 0)]
+        return rows, there
+
+    def _put(self, row: Index, facet: NDArray[np.int64], weights: FloatArray) -> None:
+        """Have rays of `row` (row,), straight from the source, meet `facet` at barycentric coordinates `weights`."""
+        skin, source = self.setting.skin, self.setting.source
+        met = skin.meet(np.broadcast_to(source, (len(row), 3)), self.ray[row], facet, weights)
+        self.point[row], self.normal[row], self.bend[row], self.weights[row] = met.point, met.normal, met.bend, weights
+        self.flat[row] = np.einsum("rc,rci->ri", weights, skin.corners[facet])
+        self.leg[row] = self.length[row] = lengths(met.point - source)
+        self.facet[row] = facet
+
     def _add(self, new: dict[str, NDArray[Any]]) -> None:
         for name in _COLUMNS:
             setattr(self, name, np.concatenate([getattr(self, name), new[name]]))
@@ -234,7 +268,7 @@ class Hits:
         open_ = np.arange(len(lane))
         for _ in range(_TRIES):
             hits = setting.rays.first_hit(start[open_] + skip[open_, None] * ray[open_], ray[open_])
-            self._count(len(open_))
+            self.count(len(open_))
             again = (hits.facet >= 0) & (hits.facet == left[open_]) if self.before is not None else hits.facet < -1
             if self.before is not None:
                 sheet = setting.skin.sheet
@@ -250,7 +284,8 @@ class Hits:
         hit = np.flatnonzero(found.facet >= 0)
         found.flat[hit] = np.einsum("rc,rci->ri", found.weights[hit], setting.skin.corners[found.facet[hit]])
 
-    def _count(self, rays: int) -> None:
+    def count(self, rays: int) -> None:
+        """Rays that were sent."""
         setting = self.setting
         setting.sent += rays
         depth = self.reflections + 1
@@ -270,7 +305,7 @@ class Hits:
         if not setting.transmission:
             if len(lane):
                 lit[lane] = ~setting.rays.occluded(setting.source, target[lane], facet[lane])
-                self._count(len(lane))
+                self.count(len(lane))
             return
         span = target - setting.source
         reach = np.maximum(lengths(span), 1e-12)
@@ -280,7 +315,7 @@ class Hits:
             if len(lane) == 0:
                 return
             hits = setting.rays.first_hit(setting.source + begun[lane, None] * ray[lane], ray[lane])
-            self._count(len(lane))
+            self.count(len(lane))
             at = begun[lane] + hits.distance
             arrived = (hits.facet < 0) | (hits.facet == facet[lane]) | (at > (1.0 - BLIND_GAP) * reach[lane])
             lane, hits, at = lane[~arrived], hits.take(~arrived), at[~arrived]

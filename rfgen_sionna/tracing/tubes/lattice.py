@@ -70,6 +70,15 @@ def _node(sign: Nodes, size: Nodes) -> Nodes:
     return np.asarray(np.where(sign < 0, -size, size))
 
 
+def nearest(directions: FloatArray) -> Nodes:
+    """(..., 3) the nodes next to directions (..., 3) of any length, in the lattice's frame."""
+    size = np.abs(directions)
+    size = np.rint(size / size.sum(axis=-1, keepdims=True) * SIZE).astype(np.int64)
+    over = np.maximum(size[..., 0] + size[..., 1] - SIZE, 0)
+    size[..., 1] -= over
+    return _node(np.where(directions < 0, -1, 1), size)
+
+
 def keys(nodes: Nodes) -> NDArray[np.int64]:
     """(...,) one number for each node."""
     return np.asarray(((nodes[..., 0] + SIZE) * (2 * SIZE + 1) + nodes[..., 1] + SIZE) * 2 + (nodes[..., 2] < 0))

@@ -25,6 +25,7 @@ from rfgen_sionna.tracing.tubes.cutting import MOST_HALVINGS, cut, with_middles
 from rfgen_sionna.tracing.tubes.footprints import ENDS
 from rfgen_sionna.tracing.tubes.guides import Marks
 from rfgen_sionna.tracing.tubes.hits import Hits, Index
+from rfgen_sionna.tracing.tubes.rims import Rims
 
 UNEVEN = 0.05
 """Difference of neighbouring rays' distances, relative, that calls for more rays."""
@@ -40,6 +41,10 @@ the band to be told by a few frequencies."""
 FAINT = 0.01
 """What a group's return is taken for at least, relative to a target that scatters all it meets in all directions: of a
 plate off its lobes or a matt board tubes need not find the last of nothing."""
+_CLOSER, _CLOSER_HALVINGS = 4, 5
+"""How often tubes in which several things meet are divided to find what begins there before another, and halvings of
+their edges; if distances within them differ by `_APART`, relative."""
+_APART = 0.01
 MOST_ROUNDS = 14
 MOST_TUBES = 2_000_000
 """Tubes of one bounce; where more are asked for the tolerance is given up."""
@@ -58,21 +63,24 @@ class Pieces:
     """(piece, 6) rows of the hits."""
     error: FloatArray
     """(piece,) estimated error of the return of each, absolute."""
+    rims: Rims
+    """Where they end before one another."""
 
     def __len__(self) -> int:
         return len(self.corners)
 
     def take(self, chosen: NDArray[np.bool_]) -> Pieces:
-        return Pieces(self.corners[chosen], self.rows[chosen], self.error[chosen])
+        return Pieces(self.corners[chosen], self.rows[chosen], self.error[chosen], self.rims)
 
     @staticmethod
     def joined(parts: list[Pieces]) -> Pieces:
         if not parts:
-            return Pieces(np.zeros((0, 3, 3), np.int64), np.zeros((0, 6), np.intp), np.zeros(0))
+            return Pieces(np.zeros((0, 3, 3), np.int64), np.zeros((0, 6), np.intp), np.zeros(0), Rims.none())
         return Pieces(
             np.concatenate([each.corners for each in parts]),
             np.concatenate([each.rows for each in parts]),
             np.concatenate([each.error for each in parts]),
+            Rims.joined([each.rims for each in parts]),
         )
 
 
@@ -136,7 +144,7 @@ class Sampler:
             if last:
                 whole, ready = found.whole, ~found.whole & ~found.empty
             chosen = np.flatnonzero(whole)
-            done.append(Pieces(cells[chosen], found.rows[chosen, :6], error[chosen]))
+            done.append(Pieces(cells[chosen], found.rows[chosen, :6], error[chosen], Rims.none()))
             total += _sum(group[chosen], a[chosen], groups)
             power += np.bincount(group[chosen], np.abs(a[chosen]) ** 2, groups)
             count += np.bincount(group[chosen], (np.abs(a[chosen]) > 0).astype(float), groups)
@@ -244,12 +252,35 @@ class Sampler:
         kept = fine[tube]
         nodes, rows, tube = nodes[kept], rows[kept], tube[kept]
         share = error[tube] / np.maximum(np.bincount(tube, minlength=len(at))[tube], 1)
-        return Pieces(nodes[:, :3], rows, share), fine
+        rims = Rims.none()
+        if hits.before is None:
+            rims = made.rims.take((fine & made.clear)[made.rim_of])
+            rims = Rims.joined([rims, self._closer(hits, cells[fine & ~made.clear])])
+        return Pieces(nodes[:, :3], rows, share, rims), fine
+
+    def _closer(self, hits: Hits, cells: lattice.Nodes) -> Rims:
+        """Rims in tubes where more than two things meet, which are narrow enough for what they return but not for what
+        begins there: looked at more closely."""
+        parts = [Rims.none()]
+        for turn in range(_CLOSER):
+            nodes = np.concatenate([with_middles(cells), lattice.centre(cells)[:, None]], axis=1)
+            rows = hits.rows(nodes.reshape(-1, 3)).reshape(-1, 7)
+            sign, leg = hits.sign[rows], hits.leg[rows]
+            nearest = np.where(sign != 0, leg, np.inf).min(axis=1)
+            jump = np.where(sign != 0, leg, 0.0).max(axis=1) > (1.0 + _APART) * nearest
+            mixed = np.flatnonzero((sign != sign[:, :1]).any(axis=1) & jump)
+            if len(mixed) == 0:
+                break
+            made = cut(hits, cells[mixed], sign[mixed], np.full(len(mixed), _CLOSER_HALVINGS))
+            clear = made.clear | (turn == _CLOSER - 1)
+            parts.append(made.rims.take(clear[made.rim_of]))
+            cells = lattice.quarters(cells[mixed[~clear]])
+        return Rims.joined(parts)
 
     def _at_once(self, hits: Hits, cells: lattice.Nodes) -> Pieces:
         found = self._look(hits, cells)
         middle = found.whole | (found.sign[:, 6] != 0)
-        return Pieces(cells[middle], found.rows[middle, :6], found.error[middle])
+        return Pieces(cells[middle], found.rows[middle, :6], found.error[middle], Rims.none())
 
     def within(self, scale: FloatArray) -> Sampler:
         """The same with another `scale` (group,), for what comes after the first hits."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.parallel import one_blas_thread
@@ -22,7 +23,9 @@ from rfgen_sionna.tracing.tubes.guides import Marks
 from rfgen_sionna.tracing.tubes.hits import Hits, Index, Setting
 from rfgen_sionna.tracing.tubes.media import Optics
 from rfgen_sionna.tracing.tubes.memory import GAIN_BYTES, TUBE_BYTES, check_memory
+from rfgen_sionna.tracing.tubes.parallax import doubts, strips
 from rfgen_sionna.tracing.tubes.paths import Elements, Scenery, ends
+from rfgen_sionna.tracing.tubes.rims import Rims
 from rfgen_sionna.tracing.tubes.sampling import Pieces, Sampler
 from rfgen_sionna.tracing.tubes.skin import Skin
 from rfgen_sionna.tracing.veils import MOST_SLABS
@@ -111,8 +114,10 @@ def shoot(
     walls is a mirror, too: of a plate, seen by a wall there and back, 7.9 dB (5 cm wide) to 2.5 dB (30 cm) too much
     returns, in no stated error, which the facets have to 0.1 %.
 
-    What rough surfaces return diffusely is left out; their coherent part is in. Shadows are those that the phase centre
-    sees, whatever an element's place, in no stated error (:mod:`rfgen_sionna.tracing.parallax` is the facets').
+    What rough surfaces return diffusely is left out; their coherent part is in. Of what returns directly each pair sees
+    shadows from its own places (:mod:`~rfgen_sionna.tracing.tubes.parallax`), where one thing hides another that the
+    phase centre sees a part of; what that may be off by is in the stated error. Shadows on further bounces and behind
+    slabs, of a smooth body on itself, and with uniform tubes are the phase centre's, in no stated error.
 
     Parameters
     ----------
@@ -228,6 +233,10 @@ class _Shot:
             if direct or hits.before is not None:
                 self._check_paths(int((np.abs(a) > 0).sum()) * (1 if hits.before is None else 2))
                 found += self._paths(hits, pieces, a, scale[group])
+            if direct and hits.before is None and len(pieces.rims):
+                beside, doubt = self._beside(hits, pieces.rims, scale)
+                found += beside
+                missed += doubt**2
             after = self.sampler.within(scale.copy()) if self.level is None else self.sampler
             if hits.reflections + 1 < self.max_bounces:
                 stages.append((Hits(self.setting, hits), pieces.corners, after))
@@ -299,17 +308,34 @@ class _Shot:
 
     def _paths(self, hits: Hits, pieces: Pieces, a: ComplexArray, scale: FloatArray) -> list[RadarPaths]:
         """Of the pieces that matter, in chunks."""
-        size = np.abs(a)
-        order = np.argsort(size)
-        small = np.cumsum(size[order]) <= _NEGLIGIBLE * self.rtol * float(scale.max(initial=0.0))
-        chosen = np.sort(order[~small & (size[order] > 0)])
+        chosen = self._that_matter(a, scale)
         found = []
         for start in range(0, len(chosen), _CHUNK):
             rows = pieces.rows[chosen[start : start + _CHUNK]]
             found += self._chunk(hits, rows)
         return found
 
-    def _chunk(self, hits: Hits, rows: Index) -> list[RadarPaths]:
+    def _that_matter(self, a: ComplexArray, scale: FloatArray) -> Index:
+        """Which of the footprints that return `a` (footprint,) matter, against `scale` (n,)."""
+        size = np.abs(a)
+        order = np.argsort(size)
+        small = np.cumsum(size[order]) <= _NEGLIGIBLE * self.rtol * float(scale.max(initial=0.0))
+        return np.asarray(np.sort(order[~small & (size[order] > 0)]))
+
+    def _beside(self, hits: Hits, rims: Rims, scale: FloatArray) -> tuple[list[RadarPaths], FloatArray]:
+        """What pairs see beside `rims` and the phase centre doesn't, or the reverse; and what of it may be missed
+        (group,)."""
+        found = strips(hits, rims, self.eyes.tx, self.eyes.rx)
+        a = self._level(hits, found.rows)
+        group = self.sampler.group[hits.surface[found.rows[:, 0]]]
+        chosen = self._that_matter(a, scale)
+        paths = []
+        for start in range(0, len(chosen), _CHUNK):
+            part = found.take(chosen[start : start + _CHUNK])
+            paths += self._chunk(hits, part.rows, part.more)
+        return paths, doubts(found, a, group, len(scale))
+
+    def _chunk(self, hits: Hits, rows: Index, more: NDArray[np.int8] | None = None) -> list[RadarPaths]:
         eyes, landing = self.eyes, landed(hits, rows)
         spread = np.ptp((hits.length[rows] + np.linalg.norm(hits.point[rows] - self.setting.source, axis=2)), axis=1)
         u = band_nodes(float((spread + self._echo(hits, rows[:, 0])).max()), self.half_band, self.rtol)
@@ -317,7 +343,8 @@ class _Shot:
         there, back = integrate(landing, self.setting.optics, eyes.tx, eyes.rx, eyes.fields, frequencies)
         way = ends(hits, rows)
         if back is None:
-            return [self.scenery.paths(hits, rows, over_band(u, there.a), there.tau, way)]
+            gains = over_band(u, there.a)
+            return [self.scenery.paths(hits, rows, gains if more is None else gains * more, there.tau, way)]
         weight = self._weight(hits, rows[:, 0])
         return [
             self.scenery.paths(hits, rows, over_band(u, each.a) * weight, each.tau, ways)
