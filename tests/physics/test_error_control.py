@@ -139,7 +139,7 @@ def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     """Eggs of 2 to 10 cm at 0.2 to 0.5 m, of 320 facets that turn by 10 to 60 degrees from one to the next.
 
     The truth is the quadrature of the patches that the mesh's faces stand for, each with normals of its own. Where
-    rounds of finer facets end before the tolerance, the report says so: by three times at most.
+    rounds of finer facets end before the tolerance, the report says so: by five times at most.
     """
     rng = np.random.default_rng(seed)
     radar = Radar.load("awr1843", overrides={"pattern": {"kind": "sionna:iso"}})
@@ -153,4 +153,4 @@ def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     rises = smoothing(vertices, actor.faces).bend(vertices, actor.faces).rises[seen]
     points = 24 if rtol > 1e-3 else 48
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=points, rises=rises))
-    assert error < report.error <= 3 * rtol
+    assert error < report.error <= 5 * rtol
