@@ -115,7 +115,7 @@ def test_what_goes_behind_a_screen_within_a_frame(radar, thing, speed, rtol):
     """Against instants traced there, relative to when it is seen best: what is missed between times is stated, within
     eight times, and what may be off by edges is no multiple of what it returns."""
     length = radar.waveform.frame_length
-    times = np.linspace(0.0, length, 40)
+    times = np.linspace(0.0, length, 20)
     actors = [thing() if thing is plate else ball(3), screen(-0.13 - 0.5 * speed * length, speed)]
     tracer = Tracer(None, radar, actors, rtol=rtol)
     truth = traced_there(tracer, times, "thing")
