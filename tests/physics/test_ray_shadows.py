@@ -69,6 +69,8 @@ def seen_by_both(tx, rx, screens, wavenumber, points=400):
         ("pair", [(-1, 0.0)], 0.02),
         ("pair", [(-1, -0.005), (0.005, 1)], 0.02),  # each sees a part that the other doesn't: nothing
         ("pair", [(-0.0075, 0.0075)], 0.04),
+        ("pair", [(-1, -0.0005), (0.0005, 1)], 0.03),  # narrower than the first ray beside a rim tells
+        ("pair", [(-0.0002, 0.0002)], 0.07),
         ("awr1843", [(-1, 0.0)], 0.03),
         ("awr1843", [(-1, -0.02)], 0.02),
         ("awr1843", [(-1, 0.013)], 0.05),
@@ -77,6 +79,7 @@ def seen_by_both(tx, rx, screens, wavenumber, points=400):
         pytest.param("awr1843", [(-1, 0.0, -1, 0.0)], 0.07, marks=SLOW),  # its corner falls between seven rays
         pytest.param("mmwcas", [(-1, 0.0)], 0.1, marks=SLOW),
         pytest.param("mmwcas", [(-0.0075, 0.0075)], 0.15, marks=SLOW),
+        pytest.param("mmwcas", [(-0.002, 0.002)], 0.11, marks=SLOW),
     ],
 )
 def test_each_pair_sees_the_shadow_on_a_plate_from_its_own_place(elements, screens, error):

@@ -148,11 +148,11 @@ def _within(hits: Hits, rims: Rims, moved: FloatArray) -> FloatArray:
         if len(lane):
             every = np.repeat(lane, _LOOKS)
             found[lane] = state(np.tile(step, len(lane)), every).reshape(-1, _LOOKS)
-        # Next to the rim rays may be on its wrong side, as far as it is not known.
-        begun = np.maximum.accumulate(found == own, axis=1)
-        begun[~begun[:, -1]] = True
-        ends = (found != own) & begun
-        first, ended = np.argmax(ends, axis=1), np.flatnonzero(ends.any(axis=1) & (found == own).any(axis=1))
+        # Next to the rim the first ray may be on its wrong side, as far as it is not known. Where the second one is as
+        # well, light or shadow is narrower than the first ray tells.
+        ends = (found != own) & np.maximum.accumulate(found != ABSENT, axis=1)
+        ends[found[:, 1] == own, 0] = False
+        first, ended = np.argmax(ends, axis=1), np.flatnonzero(ends.any(axis=1))
         low, high = step[first[ended]] - step[0], step[first[ended]]
         what = found[ended, first[ended]]
         for _ in range(_HALVINGS):
