@@ -55,3 +55,15 @@ def test_middles_stay_on_the_octahedron_however_often_they_are_taken():
     for _ in range(40):
         cell = lattice.quarters(cell)[[rng.integers(4)]]
         assert (np.abs(cell).sum(axis=2) == lattice.SIZE).all()
+
+
+def test_the_nearest_node_of_a_direction_is_the_one_it_was_of():
+    """Nodes of all faces, corners and edges of the octahedron among them; others are off by a node at most."""
+    nodes = np.unique(lattice.cells(3).reshape(-1, 3), axis=0)
+    turned = lattice.directions(nodes, np.eye(3))
+    assert (lattice.nearest(7.0 * turned) == nodes).all()
+    rays = np.random.default_rng(0).normal(size=(1000, 3))
+    found = lattice.nearest(rays)
+    assert (np.abs(found).sum(axis=1) == lattice.SIZE).all()
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    assert np.abs(lattice.directions(found, np.eye(3)) - rays).max() < 2e-8
