@@ -20,6 +20,8 @@ _GAP = 2e-6
 """Rays leave a surface this far above it, times the distance from the origin: twenty times what float32 resolves."""
 _TRIES = 4
 """How often a ray that meets the surface it has just left is sent on."""
+_THROUGH = 32
+"""Surfaces, at most, before what is looked for behind them: two of everything that is closed."""
 _STRETCH = 4.0
 """Surfaces are extended to at most this many times the distance: at grazing incidence a tangent plane runs away."""
 NOTHING = -1
@@ -212,7 +214,7 @@ class Hits:
         rows[lane] = self.extended(nodes[lane], like[lane])
         begun = self.leg[first]
         lane = lane[self.facet[first[lane]] >= 0]
-        for _ in range(_TRIES):
+        for _ in range(_THROUGH):
             if len(lane) == 0:
                 break
             row = rows[lane]
