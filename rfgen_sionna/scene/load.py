@@ -69,7 +69,10 @@ class RadarScene:
     @property
     def is_free_space(self) -> bool:
         """Whether there are no surroundings."""
-        return self.path is None and self._given is None
+        if self.path is not None or self._given is not None:
+            return False
+        read = self.__dict__.get("sionna")  # whoever has it may have added objects
+        return read is None or not read.objects
 
     @cached_property
     def interior(self) -> Interior | None:

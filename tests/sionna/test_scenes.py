@@ -365,3 +365,11 @@ def test_materials_of_actors_are_checked_before_anything_is_traced():
         simulator("raise")
     with pytest.raises(TypeError, match=r"puddle.*known are.*concrete"):
         Simulator(None, apart(), [Actor.from_mesh(puddle, material=None, position=(3, 0, 1), name="puddle")])
+
+
+def test_what_is_added_to_free_space_is_there():
+    """Of the scene itself, as of its Sionna scene: a wall added by hand was left out without a word."""
+    scene = scene_of(77e9, wall=(wall(3.0), "pec"))
+    assert not scene.is_free_space
+    by_scene, by_sionna = (Simulator(each, radar_of(77), []).paths() for each in (scene, scene.sionna))
+    assert by_scene.num_paths == by_sionna.num_paths > 0
