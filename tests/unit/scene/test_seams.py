@@ -116,3 +116,10 @@ def test_what_would_be_no_surface_is_left_apart():
     np.testing.assert_array_equal(sewn(opposed, [corners[[0, 1, 2, 3, 1, 2]]]), opposed)
     lost = np.array([[0, 1, 2], [1, 3, 2]])
     np.testing.assert_array_equal(sewn(lost, [corners[[0, 1, 2, 2]]]), lost)
+
+
+def test_a_soup_whose_corners_differ_by_what_turning_costs_is_sewn():
+    """As of a file in single precision, each of whose parts was turned by itself."""
+    vertices, faces = soup(BALL)
+    jittered = vertices + np.random.default_rng(0).normal(scale=5e-9, size=vertices.shape)
+    assert len(RigidMesh(jittered, faces).points) == len(BALL.vertices)
