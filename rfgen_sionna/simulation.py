@@ -95,8 +95,8 @@ class Simulator:
     max_bounces
         Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
         make of actors on the way there or back, and what bent surfaces show of one another, limbs of the trunk; 3 adds
-        ghosts both ways, by the same wall or by two. Two different walls one after the other, before or after an actor,
-        are not followed. None is 3. What is weaker than `rtol` is left out.
+        ghosts both ways, by the same wall or by two, and by two walls one after the other before or after an actor.
+        None is 3. What is weaker than `rtol` is left out.
     environment
         Image of surroundings, such as a diffusion model's, for which there is no `scene`: diffuse paths, which hide the
         actors and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).

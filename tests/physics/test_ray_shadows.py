@@ -13,6 +13,7 @@ from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
 from tests.benchmarks.subjects import radar_of
 from tests.physics.test_ghosts import channel, of, sphere
+from tests.physics.test_transmission import scene_with, transmission
 
 SLOW = pytest.mark.slow
 PLATE, SCREEN, HALF = 3.0, 1.0, 0.1
@@ -44,8 +45,9 @@ def plate():
     return Actor.from_mesh((corners, np.array([[0, 2, 1], [0, 3, 2]])), material="pec", name="it")
 
 
-def seen_by_both(tx, rx, screens, wavenumber, points=400):
-    """Midpoint rule of physical optics over the plate, where no screen (left, right, low, high) is before it."""
+def seen_by_both(tx, rx, screens, wavenumber, points=400, through=0.0):
+    """Midpoint rule of physical optics over the plate, where no screen (left, right, low, high) is before it, of which
+    a share comes `through`."""
     middle = HALF * (2 * np.arange(points) + 1 - points) / points
     there = np.stack(np.broadcast_arrays(PLATE, middle[:, None], middle), axis=-1)
     seen = np.ones((points, points))
@@ -56,7 +58,7 @@ def seen_by_both(tx, rx, screens, wavenumber, points=400):
             size = 2 * HALF / points * SCREEN / PLATE
             hidden = np.clip(np.minimum(at[..., 1] - left, right - at[..., 1]) / size + 0.5, 0, 1)
             hidden = hidden * np.clip(np.minimum(at[..., 2] - low, high - at[..., 2]) / size + 0.5, 0, 1)
-            seen = np.minimum(seen, 1.0 - hidden)
+            seen = seen * (1.0 - (1.0 - through) * hidden)
     to_tx, to_rx = (np.linalg.norm(there - each, axis=-1) for each in (tx, rx))
     area = (2 * HALF / points) ** 2
     cos = 0.5 * PLATE * (1 / to_tx + 1 / to_rx)
@@ -164,3 +166,17 @@ def test_where_no_shadow_falls_nothing_is_stated_for_shadows():
     alone, both = (Simulator(None, array("awr1843"), each).rays(max_bounces=1) for each in (actors[:1], actors))
     assert both.report.error < max(2.0 * alone.report.error, 0.01)
     assert (np.abs(channel(of(both.paths, "it")) / channel(of(alone.paths, "it")) - 1) < 0.01).all()
+
+
+def test_beside_a_cloth_there_is_no_strip_of_full_light():
+    """What hides half of a plate lets nearly all through, there and back: as if it were opaque, pairs were 32 % off.
+    Of a leg that goes through and one that goes past it ray mode knows where the phase centre has both."""
+    scene, cloth = scene_with(cloth=([[1, -1, -1], [1, 0, -1], [1, 0, 1], [1, -1, 1]], "clothing", 1e-4)), 1e-4
+    radar = ARRAYS["pair"]()
+    paths = Simulator(scene, radar, [plate()], transmission=True).rays(max_bounces=1).paths
+    permittivity = complex(scene.objects[0].properties.relative_permittivity(77e9))
+    through = complex(transmission(permittivity, 1.0, cloth, np.ones(1), 77e9)[0][0])
+    places = radar.tx_world[0], radar.rx_world[0], [(-1, 0, -1, 1)], 2 * np.pi * paths.frequency / SPEED_OF_LIGHT
+    true = seen_by_both(*places, through=through)
+    assert abs(seen_by_both(*places, through=1.0) / true - 1) > 0.05
+    assert channel(of(paths, "it"))[0, 0] == pytest.approx(true, rel=0.06)

@@ -9,7 +9,7 @@ centre doesn't, and minus once if the centre sees it and one of them does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ _ASLANT = 4.0
 followed beyond."""
 _OFF, _ENDS = 0.05, 0.2
 """What strips return may be off by, all together, and each by the ends of its rim, relative to itself."""
+_PAIRS = 1 << 26
+"""Pairs of elements times parts of strips that are reckoned at once."""
 LIT, DARK, ABSENT = 0, 1, 2
 
 
@@ -46,6 +48,12 @@ class Strips:
     """(part,)"""
     more: NDArray[np.int8]
     """(tx, rx, part) how often each counts for a pair, -1 … 1."""
+
+    @staticmethod
+    def joined(parts: list[Strips]) -> Strips:
+        """One after the other."""
+        rows, rim = (np.concatenate([getattr(each, name) for each in parts]) for name in ("rows", "rim"))
+        return Strips(rows, rim, np.concatenate([each.more for each in parts], axis=2))
 
     def take(self, chosen: Index) -> Strips:
         """Those that `chosen` counts out."""
@@ -69,7 +77,21 @@ def shifts(rims: Rims, normal: FloatArray, elements: FloatArray) -> FloatArray:
 
 
 def strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
-    """Beside `rims` of first hits, for elements `tx` (tx, 3) and `rx` (rx, 3) [m]."""
+    """Beside `rims` of first hits, for elements `tx` (tx, 3) and `rx` (rx, 3) [m]. Where slabs are seen through, there
+    are none beside them: a strip of the light that they leave is no strip of light."""
+    setting, every = hits.setting, np.arange(len(rims))
+    if setting.transmission:
+        every = np.flatnonzero(~setting.optics.penetrable[hits.surface[rims.hider]])
+    some = max(1, _PAIRS // (len(tx) * len(rx) * 4 * (len(tx) + len(rx))))
+    found = [Strips(np.zeros((0, 6), np.intp), every[:0], np.zeros((len(tx), len(rx), 0), np.int8))]
+    for begun in range(0, len(every), some):
+        chosen = every[begun : begun + some]
+        each = _strips(hits, rims.take(chosen), tx, rx)
+        found.append(replace(each, rim=chosen[each.rim]))
+    return Strips.joined(found)
+
+
+def _strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
     source = hits.setting.source
     elements = np.concatenate([tx, rx])
     moved = shifts(rims, hits.normal[rims.like], elements - source)

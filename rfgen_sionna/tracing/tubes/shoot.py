@@ -116,8 +116,9 @@ def shoot(
 
     What rough surfaces return diffusely is left out; their coherent part is in. Of what returns directly each pair sees
     shadows from its own places (:mod:`~rfgen_sionna.tracing.tubes.parallax`), where one thing hides another that the
-    phase centre sees a part of; what that may be off by is in the stated error. Shadows on further bounces and behind
-    slabs, of a smooth body on itself, and with uniform tubes are the phase centre's, in no stated error.
+    phase centre sees a part of; what that may be off by is in the stated error. Shadows on further bounces, beside
+    and behind slabs that are seen through, of a smooth body on itself, and with uniform tubes are the phase centre's,
+    in no stated error.
 
     Parameters
     ----------
