@@ -42,7 +42,9 @@ MOST = 8
 _EACH = 0.7
 """Share of that which facets that are looked at in between may err by, and the others."""
 _SPREAD = 2.0
-"""Standard deviations by which what facets err by together may be more than some times tell."""
+"""Standard deviations by which what facets err by together may be more than some times tell, ..."""
+_TELL = 2.0
+"""... which are so many at least: of one in step with its fringes a facet misses nothing."""
 FEWEST = 3
 """Instants that tell anything."""
 
@@ -203,7 +205,7 @@ def missed_of(
     tell = total**2 / np.where(square > 0, square, np.inf)  # so many times
     summed = total / at_times.shape[1]
     by_chance = (1.0 + _SPREAD / np.sqrt(np.maximum(tell, 1e-12))) ** 2 * summed
-    return np.asarray(np.maximum(summed, np.minimum(apart, by_chance)))
+    return np.asarray(np.maximum(summed, np.where(tell > _TELL, np.minimum(apart, by_chance), apart)))
 
 
 def moved(first: Seen, last: Seen, viewpoint: FloatArray, wavenumber: float, lot: IntArray) -> FloatArray:
