@@ -18,7 +18,7 @@ what it returns: of bodies that shadow themselves one instant tells as much as a
 
 def brighter(shares: FloatArray, surface: NDArray[np.integer[Any]], half: int) -> list[int]:
     """The instants at which most is seen of those that much more is seen of than at the instant `half`, by the `shares`
-    (facet, instant) of the area of facets of each `surface` (facet,)."""
+    (facet, instant) that are seen of facets of each `surface` (facet,), large and small ones alike."""
     more = np.bincount(surface, shares.max(axis=1) - shares[:, half])
     fading = np.flatnonzero(more > MUCH * np.bincount(surface, shares[:, half]))
     return sorted({int(shares[surface == number].sum(axis=0).argmax()) for number in fading.tolist()})

@@ -141,9 +141,9 @@ class Tracer:
     second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`), and so do flat parts of anything: corner reflectors,
     boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
     Bent surfaces show glints of one another (:mod:`rfgen_sionna.tracing.round_bounces`). Of further bounces those by
-    two bent surfaces and a third one, or through slabs, are not traced, nor those by two different walls one after the
-    other before or after an actor, nor, to a radar that stands, actors by two different walls where one of the ways
-    goes through a slab.
+    two bent surfaces and a third one, or through slabs, are not traced, nor, to a radar that moves or behind slabs,
+    actors by two different walls one after the other, nor, to a radar that stands, by two different walls where one of
+    the ways goes through a slab.
 
     Parameters
     ----------

@@ -2,9 +2,10 @@
 
 Tubes leave the phase centre, which sees what is hidden begin at a rim. An element aside of it looks past the rim at
 another angle, and sees it begin elsewhere: what lies between is a strip along the rim. It is divided where the edges of
-the elements' own shadows fall, so that each part of it is seen by an element as a whole or not at all. Rays from the
-elements tell, and a part is a footprint like all others, which counts for a pair once if Tx and Rx see it and the
-centre doesn't, and minus once if the centre sees it and one of them does not.
+the elements' own shadows fall, so that each part of it is seen by an element as a whole or not at all, unless what
+hides is narrower than the strip, whose other edge does not divide it. Rays from the elements tell by its middle, and a
+part is a footprint like all others, which counts for a pair once if Tx and Rx see it and the centre doesn't, and minus
+once if the centre sees it and one of them does not.
 """
 
 from __future__ import annotations
@@ -92,6 +93,7 @@ def strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
 
 
 def _strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
+    """As :func:`strips`, of few and opaque ones."""
     source = hits.setting.source
     elements = np.concatenate([tx, rx])
     moved = shifts(rims, hits.normal[rims.like], elements - source)

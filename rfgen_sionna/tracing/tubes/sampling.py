@@ -69,9 +69,6 @@ class Pieces:
     def __len__(self) -> int:
         return len(self.corners)
 
-    def take(self, chosen: NDArray[np.bool_]) -> Pieces:
-        return Pieces(self.corners[chosen], self.rows[chosen], self.error[chosen], self.rims)
-
     @staticmethod
     def joined(parts: list[Pieces]) -> Pieces:
         if not parts:
