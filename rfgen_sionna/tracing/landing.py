@@ -284,7 +284,8 @@ class Shower:
         index, pieces, owner = self._cut(index, first, last)
         if len(pieces) == 0:
             return Landing.none()
-        share = self._share(pieces, index[owner], first, last)
+        ways = (np.full(len(pieces), plate, np.int32) for plate in (first, last))
+        share = self._share(pieces, index[owner], *ways)
         seen = np.flatnonzero(share > 0)
         used, owner = np.unique(owner[seen], return_inverse=True)
         count = len(used)
@@ -297,15 +298,16 @@ class Shower:
             share[seen],
         )
 
-    def _share(self, pieces: FloatArray, facet: NDArray[np.intp], first: int, last: int) -> FloatArray:
-        """(piece,) share of each that both ways reach: three guiding points, and where they disagree a lattice."""
+    def _share(self, pieces: FloatArray, facet: NDArray[np.intp], first: IntArray, last: IntArray) -> FloatArray:
+        """(piece,) share of each that both its ways reach, by plates (piece,): three guiding points, and where they
+        disagree a lattice. Rays of all ways go together: there may be hundreds of pairs of plates with few pieces."""
 
         def share(chosen: NDArray[np.intp], weights: FloatArray) -> FloatArray:
             targets = np.tensordot(weights, pieces[chosen], axes=(1, 1)).reshape(-1, 3)
-            lane = np.tile(facet[chosen], len(weights))
-            through = self._through(targets, lane, first)
-            if last != first:
-                through[through] = self._through(targets[through], lane[through], last)
+            piece = np.tile(chosen, len(weights))
+            through = self._through(targets, facet[piece], first[piece])
+            left = np.flatnonzero(through & (last[piece] != first[piece]))
+            through[left] = self._through(targets[left], facet[piece[left]], last[piece[left]])
             return np.asarray(through.reshape(len(weights), -1).mean(axis=0))
 
         found = share(np.arange(len(pieces)), GUIDE)
@@ -346,40 +348,37 @@ class Shower:
         """(chosen,) share that is seen of some pieces in another ray scene, and the number of rays sent."""
         other = copy(self)
         other._rays, other.sent = rays, 0
-        share = np.zeros(len(chosen))
-        first, last = (side[pieces.owner[chosen]] for side in (pieces.first, pieces.last))
-        facet = pieces.facet[pieces.owner[chosen]]
-        for pair in np.unique(np.stack([first, last], axis=1), axis=0):
-            index = np.flatnonzero((first == pair[0]) & (last == pair[1]))
-            corners = pieces.pieces[chosen[index]] - self._view
-            share[index] = other._share(corners, facet[index], int(pair[0]), int(pair[1]))
-        return share, other.sent
+        entry = pieces.owner[chosen]
+        given = pieces.pieces[chosen] - self._view, pieces.facet[entry], pieces.first[entry], pieces.last[entry]
+        return other._share(*given), other.sent
 
-    def _through(self, targets: FloatArray, facet: NDArray[np.intp], plate: int) -> NDArray[np.bool_]:
-        """(target,) whether the way from the viewpoint by the plate to points of facets, relative to it, is free."""
-        number = self._facets.number[facet]
+    def _through(self, targets: FloatArray, facet: NDArray[np.intp], plate: IntArray) -> NDArray[np.bool_]:
+        """(target,) whether the way from the viewpoint by a plate (target,) to points of facets, relative to it, is
+        free."""
+        number, free = self._facets.number[facet], np.zeros(len(targets), np.bool_)
         self.sent += len(targets)
-        if plate == DIRECT:
-            return ~self._rays.occluded(self._view, targets + self._view, number)
-        place, free = self._turning(targets, plate)
-        sent = np.flatnonzero(free)
-        place = place[sent]
-        hit = self._rays.first_facet(self._view, place)
-        on = (hit >= 0) & (self._owner[hit] == plate)
-        free[sent[~on]] = False
-        sent, place, hit = sent[on], place[on], hit[on]
-        self.sent += len(sent)
-        free[sent] = ~self._rays.occluded(place + self._view, targets[sent] + self._view, number[sent], hit)
-        return np.asarray(free)
+        straight = np.flatnonzero(plate == DIRECT)
+        if len(straight):
+            free[straight] = ~self._rays.occluded(self._view, targets[straight] + self._view, number[straight])
+        sent = np.flatnonzero(plate != DIRECT)
+        if len(sent):
+            place, before = self._turning(targets[sent], plate[sent])
+            sent, place = sent[before], place[before]
+            hit = self._rays.first_facet(self._view, place)
+            on = (hit >= 0) & (self._owner[hit] == plate[sent])
+            sent, place, hit = sent[on], place[on], hit[on]
+            self.sent += len(sent)
+            free[sent] = ~self._rays.occluded(place + self._view, targets[sent] + self._view, number[sent], hit)
+        return free
 
-    def _turning(self, targets: FloatArray, plate: int) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """(target, 3) where the ways to points turn at a plate, relative to the viewpoint [m], and whether the points
-        lie before it."""
-        normal, here = self._normals[plate], self._heights[plate]
-        height = (targets @ normal + here)[:, None]
-        before = height[:, 0] > NEAR
+    def _turning(self, targets: FloatArray, plate: IntArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """(target, 3) where the ways to points turn at a plate (target,), relative to the viewpoint [m], and whether
+        the points lie before it."""
+        normal, here = self._normals[plate], self._heights[plate][:, None]
+        height = np.einsum("ti,ti->t", targets, normal)[:, None] + here
+        before = height > NEAR
         foot, other = -here * normal, targets - height * normal
-        return (height * foot + here * other) / np.where(before[:, None], here + height, 1.0), before
+        return (height * foot + here * other) / np.where(before, here + height, 1.0), before[:, 0]
 
 
 def joined(landings: Sequence[Landing]) -> Landing:

@@ -299,7 +299,7 @@ class VeiledShower(Shower):
         if plate == DIRECT:
             chains[:, 1], normals[:, 1] = self._walk(self._view, targets + self._view, None, number)
             return chains, normals
-        place, before = self._turning(targets, plate)
+        place, before = self._turning(targets, np.full(len(targets), plate, np.int32))
         chains[~before] = SHUT
         lane = np.flatnonzero(before)
         place, there = place[lane] + self._view, targets[lane] + self._view
