@@ -84,9 +84,9 @@ class BandTracer:
         self._origin = np.asarray(radar.position)
         self._tx = radar.tx_world - self._origin
         self._rx = radar.rx_world - self._origin
-        self._fields = radar.tx_field, radar.rx_field
+        self.fields = radar.tx_field, radar.rx_field
         # What fields across each other return is little, and most of it for what lies between the elements.
-        self._alike = bool(np.allclose(*self._fields))
+        self._alike = bool(np.allclose(*self.fields))
         self._rtol, self._seed = rtol, seed
         self._beam = Beam(radar.pattern, radar.rotation)
         self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
@@ -270,7 +270,7 @@ class BandTracer:
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.diffuse`), or (1, 1, facet) the same for
         every pair; None if none is."""
-        known = self._fields, self.centre, self._seed
+        known = self.fields, self.centre, self._seed
         found = diffuse_gains(facets, materials, (self._origin[None],) * 2, *known)
         near = np.flatnonzero(self.reach > WIDE * lengths(facets.centroids - self._origin))
         if found is not None and found[..., near].any():
@@ -396,7 +396,7 @@ class BandTracer:
                 facets.surface[index],
                 media,
                 nodes,
-                *self._fields,
+                *self.fields,
                 parts[index],
                 monostatic,
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,

@@ -32,6 +32,7 @@ from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns, Lit
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.sight import Seen, Sight
+from rfgen_sionna.tracing.slab_edges import carried_on
 from rfgen_sionna.tracing.smooth import Bend
 
 BETWEEN_PER_RTOL = 3.0
@@ -342,6 +343,7 @@ class Glances:
                 facets = first.at(there, Bend.blended(bends, knot_weights(instants, some)))
                 looks = self._sight.looks(rays, [positions(t) for t in some.tolist()], there)
                 found = self._sight.glance(looks, facets, places, outline, level)
+                found = carried_on(found, some, instants, seen, self._viewpoint)
                 known, looked = np.concatenate([known, some]), Seen.joined([looked, found])
             # All that is known is at these times, though not in their order.
             order = np.argsort(known)

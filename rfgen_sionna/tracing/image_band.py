@@ -116,7 +116,7 @@ class ImageBand(BandTracer):
                 facets.surface[index],
                 media,
                 nodes,
-                *self._fields,
+                *self.fields,
                 parts[index],
                 reference=None if reference is None else reference[index],
                 bend=facets.bend.take(index) if curved and facets.bend is not None else None,

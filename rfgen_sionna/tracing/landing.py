@@ -179,7 +179,7 @@ class LandingBand(ImageBand):
                 facets.surface[whose],
                 media,
                 nodes,
-                *self._fields,
+                *self.fields,
                 parts[whose],
                 reference=reference[whose],
                 bend=bend.take(index) if curved and bend is not None else None,

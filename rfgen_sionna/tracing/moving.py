@@ -28,6 +28,7 @@ from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.returns import FacetReturns, relative_to_best
 from rfgen_sionna.tracing.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.sight import Seen, Sight
+from rfgen_sionna.tracing.slab_edges import SlabEdges
 from rfgen_sionna.tracing.surfaces import Surfaces, lots
 from rfgen_sionna.tracing.veils import Veiled, Veils
 
@@ -95,6 +96,7 @@ class MovingParts:
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
         self._ghosts, self._bounces, self._veils, self._aimed = ghosts, tuple(bounces), veils, aimed
         self._rounds = rounds
+        self._slab_edges = None if veils is None else SlabEdges(veils, band)
         self._materials = tuple(surface.material for surface in surfaces.moving)
         self._lot = lots(surfaces.moving)
         self._alone = np.bincount(self._lot, minlength=len(self._lot))[self._lot] == 1
@@ -146,7 +148,8 @@ class MovingParts:
             bounced: list[list[Bounced]] = [[] for _ in bounces]
             rounded: list[RoundSeen] = []
             veiled: list[Veiled] = []
-            for t, own, there in zip(instants.tolist(), whole, seen, strict=True) if self.beside else ():
+            for k, there in enumerate(seen if self.beside else ()):
+                t, own = float(instants[k]), whole[k]
                 shown_to = rays(t), own, there.fraction
                 if ghosts is not None:  # now, as the ray scene stands at this time
                     mirrored.append(ghosts.see(*shown_to))
@@ -157,6 +160,8 @@ class MovingParts:
                     rounded.append(self._rounds.see(shown_to[0], everything, faces))
                 if self._veils is not None:
                     veiled.append(self._veils.see(shown_to[0], self._everything(t, positions), *shown_to[1:]))
+                if self._slab_edges is not None:
+                    seen[k] = self._slab_edges.beside(shown_to[0], self._everything(t, positions), there)
             kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
             pull = self._band.pull(seen[0].facets, kept)
             seen = [replace(each, facets=each.facets.pulled(pull)) for each in seen]

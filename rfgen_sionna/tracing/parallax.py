@@ -3,8 +3,9 @@
 Shadows are cast from the array's phase centre. An element aside of it sees past what casts a shadow at another angle:
 the edge falls elsewhere, by its own distance from the centre times that from what casts the shadow to where it falls,
 over that from the radar to what casts it. Of a pair Tx and Rx both have to see a point, so that the edge is that of the
-two which leaves less. Between the centre's edge and theirs is a strip: its integral, to the first order in its width
-but with its full phase, is what a pair returns less, or more.
+two which leaves less, unless a slab casts the shadow and lets some of it through (:mod:`rfgen_sionna.tracing.strips`,
+:mod:`rfgen_sionna.tracing.slab_edges`). Between the centre's edge and theirs is a strip: its integral, to the first
+order in its width but with its full phase, is what a pair returns less, or more.
 
 Small against the width of facets on bodies that hide themselves, it is a few parts in a thousand of what they return;
 of a plate behind the edge of a screen half way it may be a quarter.
@@ -71,6 +72,9 @@ class Edges:
     """(edge,) how far it is lit, on from the edge [m], and how far (edge,) it is to what casts the shadow from there
     on, over the way there; infinity and NaN where that is further than any element tells."""
     beyond: FloatArray
+    through: ComplexArray
+    """(edge, 2, 3) amplitude that what casts the shadow lets through, one way, and there and back, at the first, the
+    middle and the last frequency of the band; (edge, 0, 3) where slabs are not seen through."""
 
     @staticmethod
     def of(
@@ -82,10 +86,13 @@ class Edges:
         wavenumber: float,
     ) -> Edges:
         """Those of `pieces` (piece, 3, 3) of the facets `owner` (piece,), with their `hider` (piece, 4), as
-        :class:`rfgen_sionna.tracing.sampling.Sampled` has them; in so many parts that the phase, of that `wavenumber`
+        :class:`rfgen_sionna.tracing.sampling.Sampled` has them, or (piece, 16), as
+        :func:`rfgen_sionna.tracing.slab_edges.with_slabs` does; in so many parts that the phase, of that `wavenumber`
         [rad/m], is straight along each, on facets that are taken for flat."""
         edged = np.flatnonzero(hider[:, 0] < 1.0)  # not NaN
-        owner, hider, band = owner[edged], hider[edged, :2].mean(axis=1), hider[edged, 2:]
+        through = np.ascontiguousarray(hider[edged, 4:]).view(np.complex128)
+        through = through.reshape(len(edged), through.shape[1] // 3, 3)
+        owner, hider, band = owner[edged], hider[edged, :2].mean(axis=1), hider[edged, 2:4]
         corners = np.take(facets.corners, owner, axis=0) - viewpoint
         start, stop = (pieces[edged, corner] for corner in (1, 2))
         first, last = (np.einsum("ec,eci->ei", each, corners) for each in (start, stop))
@@ -116,7 +123,9 @@ class Edges:
             normal,
             hider[edge],
             np.ones(len(edge)),
-            *band[edge].T,
+            band[edge, 0],
+            band[edge, 1],
+            through[edge],
         )
 
     def that_matter(
@@ -195,6 +204,9 @@ class Edges:
         known = np.clip(2.0 - width / widest, 0.0, 1.0)
         width = np.minimum(width, 2.0 * widest)
         angle = upright * width * self.length / distance**2
+        if self.through.size:
+            once, twice = self.through[:, 0], self.through[:, 1]
+            angle *= (np.abs(1.0 - once) + np.abs(once - twice)).max(axis=1)
         aslant = np.abs(np.einsum("ei,ei->e", self.inward, towards)) - bow * upright * width
         at_most = 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0)
         zone = np.sqrt(np.pi / (2.0 * wavenumber * (bow * upright + 1.0 / distance)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from rfgen_sionna.tracing.facets import Facets, facet_paths
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.outlines import Passing, Places
 from rfgen_sionna.tracing.parallax import Edges, Parallax
-from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
+from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction, touching
 from rfgen_sionna.tracing.shadows import Shadow, cast
 from rfgen_sionna.tracing.sight import static_outlines
 from rfgen_sionna.tracing.static_facets import static_facets
@@ -297,12 +297,24 @@ class StaticTrace:
         return changing, steady
 
 
+Beside = Callable[[RayScene, Facets, Sampled], tuple[FloatArray, int]]
+"""What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
+:attr:`rfgen_sionna.tracing.parallax.Edges.of` takes it, and the number of rays sent."""
+
+
 def trace_static(
-    surfaces: Surfaces, rays: RayScene | None, band: BandTracer, viewpoint: FloatArray, rtol: float, max_range: float
+    surfaces: Surfaces,
+    rays: RayScene | None,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    rtol: float,
+    max_range: float,
+    beside: Beside | None = None,
 ) -> StaticTrace:
     """Trace the static surfaces; facets beyond `max_range` [m] are left out, as the radar's IF filter removes them.
 
-    `rays` holds the static scene alone; None where there is no static surface.
+    `rays` holds the static scene alone; None where there is no static surface. `beside` tells what slabs let through
+    beside their shadows' edges; None: nothing.
     """
     materials = tuple(surface.material for surface in surfaces.static)
     fineness, rays_sent = np.ones(len(materials)), 0
@@ -312,7 +324,7 @@ def trace_static(
         past, span = static_outlines(surfaces, viewpoint)
         passing, rays_sent = Passing(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
-        seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, passing)
+        seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, passing, beside)
         facets, rays_sent = seen.facets, rays_sent + seen.rays
         weight = seen.fraction * band.importance(facets.directions(viewpoint))
         held = Finer.of(band, facets, materials, weight)
@@ -409,6 +421,7 @@ def _seen_facets(
     tolerance: FloatArray,
     max_range: float,
     passing: Passing | None,
+    beside: Beside | None,
 ) -> _Seen:
     """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
     the pieces that are; and those that are hidden, or in part, with their visible share."""
@@ -439,7 +452,8 @@ def _seen_facets(
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     missed = missed / level if level > 0 else 0.0
     group = np.zeros(len(found.owner), np.intp)
-    edges, beyond = band.edges(facets, found.owner, found.pieces, found.hider, group, np.array([level]))
+    hider, walked = (found.hider, 0) if beside is None else beside(rays, facets, found)
+    edges, beyond = band.edges(facets, found.owner, found.pieces, hider, group, np.array([level]))
     tiny, edges = facets.cut(edges.owner, edges.tiny), replace(edges, owner=len(whole) + edges.piece)
     if seen.pull is not None:
         tiny = replace(tiny, pull=seen.pull[edges.owner], aim=seen.centroids[edges.owner])
@@ -454,5 +468,5 @@ def _seen_facets(
         found.fraction[hidden],
         level,
         float(np.hypot(missed, beyond[0])),
-        sent + found.rays,
+        sent + found.rays + walked,
     )

@@ -14,8 +14,11 @@ from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.cones import behind, spheres
 from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains import BandTracer
+from rfgen_sionna.tracing.sampling import Sampled
 from rfgen_sionna.tracing.shadows import Shadow, cast
-from rfgen_sionna.tracing.static import StaticTrace
+from rfgen_sionna.tracing.slab_edges import SlabEdges
+from rfgen_sionna.tracing.static import Beside, StaticTrace
 from rfgen_sionna.tracing.surfaces import Surfaces
 from rfgen_sionna.tracing.veils import Veils
 
@@ -70,18 +73,33 @@ class StaticVeils:
         return cast(self.paths, left, knots)
 
 
-def trace_static_veils(
-    surfaces: Surfaces, rays: RayScene, radar: Radar, static: StaticTrace, rtol: float
-) -> StaticVeils | None:
-    """Paths through static slabs to static surfaces; None where there are none. `rays` holds the static scene alone."""
+def static_veils(surfaces: Surfaces, radar: Radar, rtol: float) -> Veils | None:
+    """What finds what is seen of static surfaces through static slabs; None where there are none."""
     names = surfaces.object_names, surfaces.part_names
     veils = Veils((*surfaces.static, *surfaces.moving), surfaces.static, names, radar, rtol)
-    points = surfaces.static_vertices
+    return veils if veils.possible(range(len(surfaces.static))) else None
+
+
+def beside_static_slabs(surfaces: Surfaces, veils: Veils, band: BandTracer) -> Beside:
+    """What static slabs let through beside their shadows' edges on static facets."""
+    edges, every = SlabEdges(veils, band, range(len(surfaces.static))), _every(surfaces)
+
+    def beside(rays: RayScene, facets: Facets, found: Sampled) -> tuple[FloatArray, int]:
+        return edges(rays, every, facets, found.owner, found.pieces, found.hider)
+
+    return beside
+
+
+def _every(surfaces: Surfaces) -> list[FloatArray]:
+    """(vertex, 3) of all surfaces: nothing of what moves is in rays of the static scene, and any of it will do."""
+    moving = [np.zeros((int(each.faces.max()) + 1, 3)) for each in surfaces.moving]
+    return [*surfaces.static_vertices, *moving]
+
+
+def trace_static_veils(surfaces: Surfaces, rays: RayScene, veils: Veils, static: StaticTrace) -> StaticVeils | None:
+    """Paths through static slabs to static surfaces; None where there are none. `rays` holds the static scene alone."""
+    points, every = surfaces.static_vertices, _every(surfaces)
     only = range(len(points))
-    if not veils.possible(only):
-        return None
-    # Nothing of what moves is in these rays: any vertices of it will do.
-    every = [*points, *(np.zeros((int(each.faces.max()) + 1, 3)) for each in surfaces.moving)]
     seen = veils.see(rays, every, static.hidden, static.hidden_fraction, only)
     usual, now = np.full(len(points), static.level), np.zeros(1)
 

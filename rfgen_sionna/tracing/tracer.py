@@ -32,7 +32,7 @@ from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_boun
 from rfgen_sionna.tracing.static_glances import follow_hidden, missed_between
 from rfgen_sionna.tracing.static_round_bounces import StaticRoundBounces, trace_static_round_bounces
 from rfgen_sionna.tracing.static_veiled_bounces import trace_static_veiled_bounces
-from rfgen_sionna.tracing.static_veils import StaticVeils, trace_static_veils
+from rfgen_sionna.tracing.static_veils import StaticVeils, beside_static_slabs, static_veils, trace_static_veils
 from rfgen_sionna.tracing.surfaces import collect_surfaces
 from rfgen_sionna.tracing.veiled_bounces import VeiledBounces
 from rfgen_sionna.tracing.veils import Veils
@@ -202,9 +202,17 @@ class Tracer:
     @cached_property
     def static(self) -> StaticTrace:
         """The static scene, traced at first use."""
-        return trace_static(
-            self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
-        )
+        veils = self._static_veils
+        beside = None if veils is None else beside_static_slabs(self.surfaces, veils, self._band)
+        given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
+        return trace_static(*given, beside)
+
+    @cached_property
+    def _static_veils(self) -> Veils | None:
+        """What finds what static slabs show of static surfaces; None where there is none."""
+        if not self.transmission or not self.surfaces.static:
+            return None
+        return static_veils(self.surfaces, self.radar, self.rtol)
 
     @cached_property
     def beyond(self) -> tuple[StaticBounces | StaticRoundBounces | StaticVeils, ...]:
@@ -212,7 +220,8 @@ class Tracer:
         found: list[StaticBounces | StaticRoundBounces | StaticVeils | None] = []
         if self._static_rays is not None:
             scene = self.surfaces, self._static_rays, self.radar
-            straight = trace_static_veils(*scene, self.static, self.rtol) if self.transmission else None
+            veils = self._static_veils
+            straight = None if veils is None else trace_static_veils(*scene[:2], veils, self.static)
             found.append(straight)
             if self.max_bounces > 1:
                 found.append(trace_static_bounces(*scene, self._band, self.static, self.rtol, self.max_bounces))

@@ -190,6 +190,18 @@ class Veils:
         through = self.through if only is None else self.through[list(only)]
         return bool((through ** (1 if one_way else 2) > SKIPPED * self._rtol).any())
 
+    def _gone_through(self, only: Sequence[int] | None) -> FloatArray:
+        """(surface,) amplitude that gets through, if `only` these surfaces are gone through."""
+        through = self.through.copy()
+        if only is not None:
+            through[np.setdiff1d(np.arange(len(through)), only)] = 0.0
+        return through
+
+    def walk(self, rays: RayScene, vertices: Sequence[FloatArray], only: Sequence[int] | None = None) -> Walk:
+        """What sends rays through the slabs, or `only` through these surfaces, as long as enough is left, there and
+        back; `vertices` are the (vertex, 3) positions [m] of all."""
+        return Walk(rays, vertices, self._every, self._gone_through(only), SKIPPED * self._rtol)
+
     def see(
         self,
         rays: RayScene,
@@ -202,9 +214,7 @@ class Veils:
 
         `vertices` are the (vertex, 3) positions [m] of all surfaces; `only` these surfaces are gone through.
         """
-        through = self.through.copy()
-        if only is not None:
-            through[np.setdiff1d(np.arange(len(through)), only)] = 0.0
+        through = self._gone_through(only)
         clear = through**2 > SKIPPED * self._rtol
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
         index = np.flatnonzero(self.faced(facets, clear) & near & (fraction < 1))
@@ -212,7 +222,7 @@ class Veils:
         empty = Veiled(*none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), 0.0, 0, 0)
         if len(index) == 0:
             return empty
-        walk = Walk(rays, vertices, self._every, through, SKIPPED * self._rtol)
+        walk = self.walk(rays, vertices, only)
 
         targets = np.einsum("sc,fci->fsi", _TIPS, np.take(facets.corners, index, axis=0)).reshape(-1, 3)
         guided = walk(self._viewpoint, targets, None, np.repeat(facets.number[index], len(_TIPS)))
