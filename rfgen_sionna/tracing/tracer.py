@@ -17,6 +17,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces import Bounces
 from rfgen_sionna.tracing.facets import RATE_STEP
+from rfgen_sionna.tracing.further import FurtherWays
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.ghosts import Ghosts
 from rfgen_sionna.tracing.instants import choose_instants
@@ -293,7 +294,8 @@ class Tracer:
             if self.max_bounces > 1 and found.possible(one_way=True):
                 bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
         given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
-        return MovingParts(*given, ghosts, bounces, rounds, veils, aimed)
+        further = FurtherWays(self.surfaces, self._band, ghosts, bounces, rounds, veils)
+        return MovingParts(*given, further, aimed)
 
     def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
         """Knots from `start` to `stop` [s] between which splines follow what this radar sees of meshes at `positions`,

@@ -1,0 +1,158 @@
+"""Facets and an expansion so fine that what moves returns directly is as accurate as the tolerance asks for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.tracing.accuracy import SAFETY, Accuracy, Finer
+from rfgen_sionna.tracing.further import FurtherWays
+from rfgen_sionna.tracing.gains import PROBES, BandTracer, Expansion
+from rfgen_sionna.tracing.moving_facets import MovingFacets
+from rfgen_sionna.tracing.returns import relative_to_best
+from rfgen_sionna.tracing.sight import Seen
+from rfgen_sionna.tracing.stretch import Look, Stretch
+from rfgen_sionna.tracing.surfaces import Surfaces, lots
+
+MAX_ROUNDS = 5
+"""How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
+_LOG = logging.getLogger(__name__)
+
+
+class Precision:
+    """Chooses facets and expansion, and says what the direct return of `surfaces` errs by.
+
+    What is chosen is kept until the error is found to be above the tolerance; `see` tells what is seen directly at a
+    time [s] of a stretch, `further` what by other ways.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        band: BandTracer,
+        rtol: float,
+        facets: MovingFacets,
+        further: FurtherWays,
+        see: Callable[[float, Stretch], Seen],
+    ) -> None:
+        self._surfaces, self._band, self._rtol = surfaces, band, rtol
+        self._facets, self._further, self._see = facets, further, see
+        self._materials = tuple(surface.material for surface in surfaces.moving)
+        self._lot = lots(surfaces.moving)
+        self.forget()
+        self.interference = np.zeros(len(surfaces.moving))
+        """(surface,) :attr:`rfgen_sionna.tracing.accuracy.Accuracy.interference` of each, 0 where nobody knows."""
+        self._error = self._last = 0.0
+
+    def forget(self) -> None:
+        """Choose all anew: facets are other ones."""
+        self._expansion: Expansion | None = None
+        self.level = np.zeros(len(self._surfaces.moving))
+        """(surface,) return of each, the largest that was met."""
+
+    def ensure(
+        self, instants: FloatArray, stretch: Stretch, look: Callable[[FloatArray, Expansion], Look], turn: int | None
+    ) -> Look:
+        """What a `look` at the `instants` [s] of a stretch tells by an expansion that is fine enough, of facets that
+        are: those of earlier stretches, where nothing says that they are not. That is measured where there is a `turn`,
+        which says for what pair."""
+        kept_on = self._expansion is not None
+        found = look(instants, self._expansion or self._refine(_middle(instants), stretch, True))
+        if turn is None or self._measured(found, turn) <= 1.5 * max(self._rtol, self._error):
+            return found
+        self._expansion = None
+        # What was just chosen, from the coarsest on, goes on from where it is.
+        found = look(found.instants, self._refine(_middle(found.instants), stretch, kept_on))
+        self._measured(found, turn)
+        return found
+
+    def error(self, look: Look, interference: FloatArray) -> float:
+        """Estimated error of the direct return of the worst surface: that of integrals, and of what is not known of
+        shadows, by the `interference` (surface,) of each."""
+        interference = np.where(interference > 0, interference, 1.0)  # of what was hidden nobody knows
+        returned = np.stack([each.level for each in look.seen])
+        edges = relative_to_best(np.stack([each.missed for each in look.seen]), returned, returned.max(axis=0))
+        shadows = SAFETY * interference * np.hypot(edges, look.lit.missed)
+        return float(np.hypot(max(self._last, self._error), shadows.max(initial=0.0)))
+
+    def _refine(self, t: float, stretch: Stretch, afresh: bool) -> Expansion:
+        """Choose the expansion, and facets so fine that the error at `t` is allowed.
+
+        `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
+        """
+        facets: list[float] = []
+        whole: list[float] = []
+        self._last, vertices = 0.0, stretch.positions(t)
+        if afresh:
+            self._facets.coarsen(vertices)
+        while True:
+            held = self._held(t, stretch)
+            error = self._noted([held.of_facets(self.level)[0]])
+            facets.append(self._error)
+            # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
+            last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])
+            # Facets that are too coarse by themselves need no expansion to tell it by.
+            if not last and self._facets.refine(error, vertices):
+                continue
+            expansion, error = self._expanded(held)
+            if not (error > self._rtol).any():
+                return expansion
+            whole.append(self._error)
+            # What finer facets have hardly mended once is the expansion's own.
+            in_vain = len(whole) > 1 and whole[-1] > 0.7 * whole[-2]
+            if last or in_vain or not self._facets.refine(error, vertices):
+                break
+        worst = int(np.argmax(error))
+        alone = np.count_nonzero(self._lot == self._lot[worst]) == 1
+        whose = f"'{self._surfaces.moving[worst].name}'" if alone else "all that stays"
+        _LOG.warning("the return of %s is right to %.2g of itself (rtol: %g)", whose, error[worst], self._rtol)
+        return expansion
+
+    def _held(self, t: float, stretch: Stretch) -> Finer:
+        """What is seen at `t` [s], with finer facets to compare it with, for the first pair."""
+        seen = self._see(t, stretch)
+        share = self._further.weights(lambda: stretch.rays(t), stretch.positions(t), seen.facets, seen.fraction)
+        kept = np.flatnonzero(share > 0)
+        facets = seen.facets.pulled(self._band.pull(seen.facets, kept)).take(kept)
+        weight = share[kept] * self._band.importance(facets.directions(self._band.viewpoint))
+        reference = seen.facets.centroids[self._facets.patches.leader[kept]]
+        return Finer.of(self._band, facets, self._materials, weight, reference=reference, lot=self._lot)
+
+    def _expanded(self, held: Finer) -> tuple[Expansion, FloatArray]:
+        """The expansion that the facets `held` ask for, and the error (surface,) of each surface with it."""
+        known = self._band, held.facets, self._materials, held.weight
+        expansion = self._band.expansion_for(*known[1:], reference=held.reference, apart=self._lot)
+        values = self._band.values(held.facets, self._materials, expansion, held.reference)
+        gains = self._band.combined(expansion, values)
+        telling = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {held.pair}
+        others = [Finer.of(*known, pair, reference=held.reference, lot=self._lot) for pair in sorted(telling)]
+        self._expansion = expansion
+        return expansion, self._noted([each.of_expansion(gains[:, *each.pair], self.level) for each in [held, *others]])
+
+    def _noted(self, found: Sequence[Accuracy]) -> FloatArray:
+        """The error (surface,) of each surface, the worst of those `found`; they are kept in mind."""
+        error = np.max([each.error for each in found], axis=0)
+        # Where the return fades no facets are asked for that it does not need elsewhere.
+        self.level = np.max([self.level, *(each.level for each in found)], axis=0)
+        self.interference = np.max([each.interference for each in found], axis=0)
+        self._error = float(error.max(initial=0.0))
+        return np.asarray(error)
+
+    def _measured(self, look: Look, turn: int) -> float:
+        """Error of the worst surface for one pair, another one from turn to turn. Over the band: where the return fades
+        at one place of it, the error there tells little."""
+        middle, own = len(look.instants) // 2, look.returned
+        gains = self._band.combined(look.expansion, look.lit.whole[middle])
+        weight = look.seen[middle].fraction[own.kept] * look.seen[middle].weight[own.kept]
+        pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
+        given = self._materials, weight, pair, PROBES, look.references[middle], self._lot
+        held = Finer.of(self._band, own.facets[middle], *given)
+        self._last = float(held.of_expansion(gains[:, *pair], self.level).error.max(initial=0.0))
+        return self._last
+
+
+def _middle(instants: FloatArray) -> float:
+    return float(instants[len(instants) // 2])
