@@ -131,6 +131,7 @@ def facet_gains(
     origin: FloatArray | None = None,
     steady: bool = False,
     kinds: Slopes = Slopes.SECOND,
+    outward: NDArray[np.bool_] | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -183,6 +184,9 @@ def facet_gains(
     kinds
         Which slopes are asked for. Those over path lengths of second order stand apart, as displacements of Tx from Rx
         have the same as those of both together.
+    outward
+        (facet,) which flat facets look away by their corners and are not turned round, but return what of them looks
+        at Tx and Rx still, bent as they are. None is none.
 
     Notes
     -----
@@ -225,6 +229,8 @@ def facet_gains(
     if bend is not None:
         arrays |= {"rises": bend.rises, "lifts": bend.lifts}
     given |= {name: upload(Float, values) for name, values in arrays.items() if values is not None and len(values)}
+    if outward is not None and outward.any():
+        given["outward"] = upload(UInt32, outward.astype(np.uint32))
     if parts is not None and int(np.max(parts)) > 1:
         given["parts"] = upload(UInt32, np.asarray(parts, np.uint32))
         # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
@@ -293,6 +299,8 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
         slopes = [dr.cross(upright, p[(k + 2) % 3] - p[(k + 1) % 3]) for k in range(3)]
     # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
     away = dr.dot(cross, middle if "rises" in given and "via" not in given else middle - t) > 0
+    if "outward" in given:
+        away &= whole("outward", facet) == 0
     cross = dr.select(away, -cross, cross)
     rises = None
     if "rises" in given:

@@ -25,7 +25,7 @@ RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
-_IF_THERE = ("curved", "pull", "aim", "grain")
+_IF_THERE = ("curved", "pull", "aim", "grain", "outward")
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,10 @@ class Facets:
     """(facet, 4) of what scatters as one: :attr:`rfgen_sionna.tracing.tessellate.Tessellation.shares`; None where each
     facet does so by itself."""
 
+    outward: NDArray[np.bool_] | None = field(default=None, kw_only=True)
+    """(facet,) which of those that look away return what of them does not, bent as they are
+    (:mod:`rfgen_sionna.tracing.horizon`); None where none does."""
+
     def __len__(self) -> int:
         return len(self.number)
 
@@ -103,6 +107,10 @@ class Facets:
     def bent(self, bend: Bend) -> Facets:
         """The same facets with this :attr:`bend`."""
         return self._with(bend=bend)
+
+    def round_the_rim(self, outward: NDArray[np.bool_]) -> Facets:
+        """The same facets, of which these are :attr:`outward`."""
+        return self._with(outward=outward)
 
     def _with(self, **changed: Any) -> Facets:
         found = replace(self, **changed)
@@ -144,6 +152,7 @@ class Facets:
             pull=_filled(parts, "pull", lambda each: np.zeros((len(each), 3))),
             aim=_filled(parts, "aim", lambda each: each.centroids),
             grain=_filled(parts, "grain", lambda each: _alone(len(each))),
+            outward=_filled(parts, "outward", lambda each: np.zeros(len(each), np.bool_)),
         )
         if all("centroids" in each.__dict__ for each in parts):  # they are known
             found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])
@@ -199,7 +208,7 @@ def _alone(count: int) -> FloatArray:
     return np.tile([1.0, 1 / 3, 1 / 3, 1 / 3], (count, 1))
 
 
-def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], FloatArray]) -> FloatArray | None:
+def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], NDArray[Any]]) -> Any:
     """One after the other, `otherwise` where there is none of this name; None where there is none at all."""
     own = [getattr(each, name) for each in parts]
     if all(each is None for each in own):

@@ -7,13 +7,13 @@ them together would matter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.aslant import loudness, phase_aside
@@ -104,16 +104,22 @@ def silent(material: Material, frequencies: FloatArray) -> bool:
 
 
 def faintest(
-    loud: FloatArray, surface: NDArray[np.integer[Any]], allowed: FloatArray
+    loud: FloatArray,
+    surface: NDArray[np.integer[Any]],
+    allowed: FloatArray,
+    waves: Callable[[NDArray[np.intp]], ComplexArray],
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """(facet,) which facets of each `surface` (facet,) are so faint, by how `loud` (facet,) they are, that all of them
-    together return no more than is `allowed` (surface,) if they do not interfere; and (surface,) what they return."""
+    together return no more than is `allowed` (surface,), whether they do not interfere or add up as those do that
+    look at the radar last all around a ball, by the `waves` (facet,) that some return; and (surface,) what they do."""
     found, left = np.zeros(len(loud), np.bool_), np.zeros(len(allowed))
     for number, most in enumerate(allowed.tolist()):
         some = np.flatnonzero((loud < most) & (loud > 0) & (surface == number))
         some = some[np.argsort(loud[some])]
         energy = np.cumsum(loud[some] ** 2)
-        count = int(np.searchsorted(energy, most**2, "right"))
+        some = some[: int(np.searchsorted(energy, most**2, "right"))]
+        together = np.maximum.accumulate(np.abs(np.cumsum(waves(some))))
+        count = int(np.searchsorted(together, most, "right"))
         found[some[:count]] = True
-        left[number] = np.sqrt(energy[count - 1]) if count else 0.0
+        left[number] = max(np.sqrt(energy[count - 1]), together[count - 1]) if count else 0.0
     return found, left

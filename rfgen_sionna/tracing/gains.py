@@ -408,6 +408,7 @@ class BandTracer:
                 origin=self._origin,
                 steady=steady,
                 kinds=slopes,
+                outward=facets.outward[index] if curved and facets.outward is not None else None,
             )
 
         return by_curvature(facets.curved, of)

@@ -17,6 +17,7 @@ from rfgen_sionna.tracing.faint import LEAST_RTOL
 from rfgen_sionna.tracing.further import FurtherWays
 from rfgen_sionna.tracing.gains import BandTracer, Expansion
 from rfgen_sionna.tracing.glances import BETWEEN_PER_RTOL, Glances, fine_times, moved
+from rfgen_sionna.tracing.horizon import near_the_horizon
 from rfgen_sionna.tracing.knots import Splined
 from rfgen_sionna.tracing.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.outlines import Passing
@@ -90,7 +91,7 @@ class MovingParts:
         kept = surfaces.moving, band, viewpoint, max_range, rtol, further.ghosts
         self._facets = MovingFacets(*kept, self._sight.look_for)
         self._precision = Precision(
-            surfaces, band, rtol, self._facets, further, lambda t, stretch: self._see([t], stretch)[0]
+            surfaces, band, rtol, self._facets, further, lambda t, stretch: self._see([t], stretch, True)[0]
         )
         self._cancelling = np.zeros(len(surfaces.moving))
         self._turn = self._unsteady = 0
@@ -157,6 +158,7 @@ class MovingParts:
         whole = [self._facets.from_all_sides(each.facets) if self.beside else each.facets for each in seen]
         times = instants.tolist(), positions, stretch.rays
         further, seen = self._further.see(stretch.bounces, *times, whole, seen)
+        seen = [self._precision.to_the_horizon(each) for each in seen]
         kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
         pull = self._band.pull(seen[0].facets, kept)
         seen = [replace(each, facets=each.facets.pulled(pull)) for each in seen]
@@ -236,10 +238,11 @@ class MovingParts:
         """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
         return bool(self._further)
 
-    def _see(self, times: Sequence[float], stretch: Stretch) -> list[Seen]:
-        """What is seen directly at several `times` [s] of the stretch, bent where it is seen."""
+    def _see(self, times: Sequence[float], stretch: Stretch, all_around: bool = False) -> list[Seen]:
+        """What is seen directly at several `times` [s] of the stretch, bent where it is seen, and `all_around` or where
+        that counts along the horizon, too."""
         vertices, everything = [stretch.positions(t) for t in times], self.beside
-        facets = self._facets.at(vertices)
+        facets, around = self._facets.at(vertices), self._precision.rims | all_around
         if everything:
             facets = self._facets.bent(facets, vertices)
         # Of what was not seen before nobody knows how it interferes.
@@ -248,8 +251,10 @@ class MovingParts:
         seen = self._sight(stretch.ray_scene, facets, self._facets.places, times, vertices, share)
         if everything:
             return seen
-        kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
-        facets = self._facets.bent([each.facets for each in seen], vertices, kept)
+        shown = np.any([each.fraction > 0 for each in seen], axis=0)
+        if around.any():
+            shown |= np.any([near_the_horizon(each.facets, self._viewpoint, self._band.reach) for each in seen], axis=0)
+        facets = self._facets.bent([each.facets for each in seen], vertices, np.flatnonzero(shown))
         return [replace(each, facets=own) for each, own in zip(seen, facets, strict=True)]
 
     def _paths(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
 from rfgen_sionna.scene.rays import RayScene
@@ -17,6 +17,7 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.faint import BENT_MORE, FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
 from rfgen_sionna.tracing.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
+from rfgen_sionna.tracing.phasors import phasors
 from rfgen_sionna.tracing.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surfaces import Surfaces, lots
 
@@ -143,9 +144,14 @@ class Sight:
             total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
         share = FAINT_PER_RTOL * self._rtol * self._plain * self._bent * share
         found = list[Seen]()
+
+        def waves(some: NDArray[np.intp]) -> ComplexArray:
+            away = lengths(np.take(facets[0].centroids, some, axis=0) - self._viewpoint)
+            return most[some] * phasors(self._wavenumber / np.pi * away)
+
         for _ in range(_ROUNDS):
             looked, sent = (sum(getattr(each, name) for each in found) for name in ("looked_at", "rays"))
-            faint, left = faintest(most, surface, share * self._shown * total)
+            faint, left = faintest(most, surface, share * self._shown * total, waves)
             kept = [there.of(np.flatnonzero(~faint[there.chosen])) for there in facing]
             found = self._at_all_times(rays, facets, places, times, vertices, kept)
             shown = np.full(surfaces, np.inf)

@@ -13,6 +13,7 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.permittivity import Conductor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing import sight
+from rfgen_sionna.tracing.stretch import Stretch
 from rfgen_sionna.tracing.tracer import Tracer
 
 FREQUENCIES = 11
@@ -146,10 +147,10 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     tracer = Tracer(None, radar, [body, disc], rtol)
     run = tracer.follow()
     positions = tracer._vertices
-    run._interference[:] = 1.0
+    run._precision.interference[:] = 1.0
     run._facets.follow(positions, np.zeros(1))
     run._facets.turn_to([positions(0.0)])
-    (seen,) = run._see([0.0], positions, tracer._rays)
+    (seen,) = run._see([0.0], Stretch(np.zeros(1), positions, lambda t: tracer._rays, tracer._rays, []))
     facing = run._sight._facing(seen.facets)
     loud, most = run._sight._loudness.of(seen.facets, facing)
     mine = seen.facets.surface[facing.chosen] == 0

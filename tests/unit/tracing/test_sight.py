@@ -8,6 +8,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing import sight
+from rfgen_sionna.tracing.stretch import Stretch
 from rfgen_sionna.tracing.surfaces import look_outward
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -34,7 +35,8 @@ def looked(radar, actors, times):
     tracer = Tracer(None, radar, actors, 1e-2)
     run = tracer.follow()
     tracer.trace(times[0], times[0], run)
-    return run._see(times, tracer._vertices, tracer._rays), run, tracer
+    stretch = Stretch(np.array(times[:1]), tracer._vertices, lambda t: tracer._rays, tracer._rays, [])
+    return run._see(times, stretch), run, stretch
 
 
 def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
@@ -47,9 +49,9 @@ def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
     monkeypatch.setattr(sight, "FAINT_PER_RTOL", 0.0)
     times = np.linspace(0.0, 0.03, 7).tolist()
     actors = [actor(ball(0.1), "near", 1.5, 4.0), actor(ball(0.3), "far", 2.5)]
-    together, run, tracer = looked(radar, actors, times)
+    together, run, stretch = looked(radar, actors, times)
     for t, each in zip(times, together, strict=True):
-        (alone,) = run._see([t], tracer._vertices, tracer._rays)
+        (alone,) = run._see([t], stretch)
         assert (each.fraction != alone.fraction).mean() < 0.05
         assert np.abs(each.fraction - alone.fraction).sum() < 5 / 3
         assert np.abs(each.level / alone.level - 1).max() < 1e-4
@@ -73,11 +75,11 @@ def test_a_part_that_is_inside_out_hides_what_is_behind(radar):
     both = trimesh.util.concatenate([ball(0.3), ball(0.1, -0.6, inverted=True)])
     outward = look_outward(np.asarray(both.vertices), np.asarray(both.faces))
     assert np.array_equal(outward, np.repeat([True, False], 1280))
-    (seen,), _, tracer = looked(radar, [actor(both, "both", 2.0)], [0.0])
+    (seen,), _, stretch = looked(radar, [actor(both, "both", 2.0)], [0.0])
     assert seen.fraction[seen.facets.face >= 1280].max() == 0.0
     facing = np.flatnonzero(seen.facets.facing & (seen.facets.face < 1280))
     corners = seen.facets.centroids[facing]
-    rays = RayScene([], [(tracer._vertices(0.0)[0], both.faces)])
+    rays = RayScene([], [(stretch.positions(0.0)[0], both.faces)])
     hidden = rays.occluded(np.zeros(3), corners, seen.facets.number[facing])
     clear = np.abs(seen.fraction[facing] - 0.5) > 0.49
     assert np.array_equal(seen.fraction[facing][clear] < 0.5, hidden[clear])
