@@ -26,10 +26,11 @@ from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, Centroids, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.mirror_edges import MirrorEdges
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.plates import FlatPart, Plate, find_flats, least_widths, meeting, wide_plates
 from rfgen_sionna.tracing.roles import BOUNDLESS, role_shares
-from rfgen_sionna.tracing.surfaces import Surfaces
+from rfgen_sionna.tracing.surfaces import Surfaces, lots
 
 SKIPPED = 0.5
 """Share of the tolerance that the returns left out may make up together."""
@@ -53,6 +54,8 @@ class Bounced:
     """Both ways by plates, in either order."""
     looked_at: int
     rays: int
+    left: Callable[[Landing], FloatArray]
+    """(entry,) amplitude that is left at most by what the ways go through."""
 
 
 class Bounces:
@@ -99,6 +102,7 @@ class Bounces:
         self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
         names = surfaces.object_names, surfaces.part_names
         self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, self._band)
+        self._edges = MirrorEdges(radar, [each.material for each in surfaces.moving], lots(surfaces.moving))
 
     def follow(self, positions: Callable[[float], Sequence[FloatArray]], t: float) -> bool:
         """Take the vertices of the moving surfaces from `positions` for a stretch of time that `t` [s] is in; whether
@@ -216,7 +220,7 @@ class Bounces:
                     if other != number:
                         twice.append(found.swapped())
         looked_at = sum(len(each) for each in lit.values())
-        return Bounced(self._joined(once), self._joined(twice), looked_at, shower.sent)
+        return Bounced(self._joined(once), self._joined(twice), looked_at, shower.sent, shower.left)
 
     # What these are is another thing where slabs are seen through.
 
@@ -291,6 +295,7 @@ class Bounces:
         middle, paths, error, used = len(instants) // 2, [], 0.0, set[int]()
         usual = self._shared(usual)
         weak, usual = self._weak(float(instants[middle]), facets[middle], seen[middle], usual)
+        total, knot = np.zeros(1, np.complex128), int(np.abs(knots - instants[middle]).argmin())
         for way in WAYS:
             landings = [each.twice if all(way) else each.once for each in seen]
             keys = np.unique(np.concatenate([each.keys for each in landings]), axis=0)
@@ -305,6 +310,7 @@ class Bounces:
             more, missed = self._returns(way, knots, instants, shown, ones, column, centroids, usual)
             paths.append(more)
             error += missed
+            total = total + self._edges.returned(more, facets[middle].surface[column], knot)
         self._returns.finish(error)
         self._stretch += 1
         idle = [(number,) for number in range(len(self.flats)) if number not in used]
@@ -314,7 +320,25 @@ class Bounces:
                 self._until[key] = self._stretch + REST + sum(key) % REST
                 self._rested[key] = self._shown_by(key).copy()
         self._skipped.clear()
+        # No facets mend what the mirrors' outlines do.
+        if paths:
+            level = np.abs(total)
+            np.maximum.at(level, lots(self._surfaces.moving), usual)
+            beside = self._beside(float(instants[middle]), facets[middle], seen[middle], weak)
+            error = float(np.hypot(error, (beside / np.maximum(level, 1e-300)).max()))
         return paths, error
+
+    def _beside(
+        self, t: float, facets: Facets, seen: Bounced, weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]]
+    ) -> FloatArray:
+        """(lot,) what waves make of the outlines of the plates that show something at `t` [s]."""
+        points = [*self._surfaces.static_vertices, *self._positions(t)]
+        landings = []
+        for landing, those in zip((seen.once, seen.twice), weak, strict=True):
+            groups = _groups(landing.keys, facets).tolist()
+            strong = landing.take(np.array([tuple(group) not in those for group in groups], np.bool_))
+            landings.append((strong, seen.left(strong)))
+        return self._edges(self.flats, self.at(t), points, facets, self.owner[facets.number], self._area, landings)
 
     def _counted(
         self, facets: Sequence[Facets], keys: NDArray[np.int64], landings: Sequence[Landing], swapped: bool

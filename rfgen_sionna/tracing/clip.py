@@ -12,19 +12,27 @@ LEAST_AREA = 1e-9
 
 
 def cut(
-    corners: FloatArray, owner: NDArray[np.intp], sides: FloatArray, offsets: FloatArray
+    corners: FloatArray,
+    owner: NDArray[np.intp],
+    sides: FloatArray,
+    offsets: FloatArray,
+    spared: NDArray[np.intp] | None = None,
 ) -> tuple[FloatArray, NDArray[np.intp]]:
-    """The parts of triangles `corners` (triangle, 3, 3) where sides . x >= offsets for all (side, 3), (side,).
+    """The parts of triangles `corners` (triangle, 3, 3) where sides . x >= offsets for all (side, 3), (side,), but for
+    that side, if any, whose number is `spared` (owner,).
 
     Returns triangles and the `owner` of each, those of the triangle that it is cut from.
     """
     size = areas(corners)
     least = np.zeros(int(owner.max(initial=-1)) + 1)
     np.maximum.at(least, owner, LEAST_AREA * size)
-    for side, offset in zip(sides, offsets, strict=True):
+    for number, (side, offset) in enumerate(zip(sides, offsets, strict=True)):
         if len(corners) == 0:
             break
-        corners, owner = _halve(corners, owner, corners @ side - offset)
+        height = corners @ side - offset
+        if spared is not None:
+            height[spared[owner] == number] = 1.0
+        corners, owner = _halve(corners, owner, height)
     kept = areas(corners) > least[owner]
     return corners[kept], owner[kept]
 

@@ -105,6 +105,11 @@ class FlatPart:
             tuple(points[each] for each in self.windows),
         )
 
+    def triangles(self, points: FloatArray) -> FloatArray:
+        """(triangle, 3, 3) [m] that its windows are made of."""
+        fans = [np.stack([np.broadcast_to(w[0], len(w) - 2), w[1:-1], w[2:]], axis=1) for w in self.windows]
+        return np.asarray(points[np.concatenate(fans)])
+
     def image(self, points: FloatArray, of: FloatArray) -> FloatArray:
         """Mirror images (point, 3) of points `of` [m] in its plane, from whatever side, where the surface's vertices
         are `points` (vertex, 3) [m]."""

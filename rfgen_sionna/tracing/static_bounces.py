@@ -26,6 +26,7 @@ from rfgen_sionna.tracing.ghost_levels import GhostLevels, ghost_levels
 from rfgen_sionna.tracing.image_band import ImageBand
 from rfgen_sionna.tracing.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.mirror_edges import MirrorEdges
 from rfgen_sionna.tracing.mirrors import Mirror
 from rfgen_sionna.tracing.plate_images import PlateImages
 from rfgen_sionna.tracing.plates import Plate, find_flats, meeting, wide_plates
@@ -207,8 +208,12 @@ def trace_shown(
         shares = role_shares(area, shower.owner(landing.facet), landing.first, landing.last)
         return showing.landed(facets, landing, swapped).times(shares)
 
+    def beside(landings: Sequence[Landing], edges: MirrorEdges) -> FloatArray:
+        left = [(landing, shower.left(landing)) for landing in landings]
+        return edges(flats, plates, points, facets, owner[facets.number], area, left)
+
     return _integrated(
-        replace(showing, landed=counted), facets, surfaces, radar, static, rtol, shower, plates, landings
+        replace(showing, landed=counted), facets, surfaces, radar, static, rtol, shower, plates, landings, beside
     )
 
 
@@ -248,6 +253,7 @@ def _integrated(
     shower: Shower,
     plates: Sequence[Plate | None],
     landings: tuple[Landing, Landing],
+    beside: Callable[[Sequence[Landing], MirrorEdges], FloatArray],
 ) -> StaticBounces | None:
     mirrors = tuple(plate or next(each for each in plates if each is not None) for plate in plates)
     names = surfaces.object_names, surfaces.part_names
@@ -255,6 +261,9 @@ def _integrated(
     usual, now = np.full(len(surfaces.static), static.level), np.zeros(1)
     landings, error = _without_faint(showing, facets, returns, shower, landings, FAINT * rtol * static.level)
     paths, error, used = [], error / max(static.level, 1e-300), []
+    # All that stays returns together.
+    edges = MirrorEdges(radar, [each.material for each in surfaces.static], np.zeros(len(usual), np.int32))
+    total = np.zeros(1, np.complex128)
     for way in WAYS:
         landing = landings[1] if all(way) else landings[0]
         if len(landing.facet) == 0:
@@ -268,8 +277,11 @@ def _integrated(
         paths.append(found)
         used.append(landing)
         error += missed
+        total += edges.returned(found, shown.surface)
     if not paths:
         return None
+    level = max(static.level, float(np.abs(total[0])), 1e-300)
+    error = float(np.hypot(error, beside(landings, edges)[0] / level))
     return showing.made(RadarPaths.concatenate(paths), error, shower.sent, tuple(used), shower)
 
 

@@ -76,10 +76,10 @@ class TraceReport:
     It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`), of what is not known of shadows' edges
     (:mod:`rfgen_sionna.tracing.sampling`) and of where pairs see them (:mod:`rfgen_sionna.tracing.parallax`), those of
     actors on the room among them, of direct returns; the tolerance is kept by each of the first two. With further
-    bounces what is left out of these is added, and what geometrical optics may be off by where bent surfaces show one
-    another (:mod:`rfgen_sionna.tracing.glint_doubts`): of a walking person, with two of them, that is 10 to 45 % of its
-    direct return at 77 GHz, as most of its glints are near an edge or a shadow, and a smaller tolerance does not mend
-    it."""
+    bounces what is left out of these is added, and what geometrical optics may be off by: for outlines of flat things
+    that show others (:mod:`rfgen_sionna.tracing.mirror_edges`; not of ghosts in walls), and where bent ones do
+    (:mod:`rfgen_sionna.tracing.glint_doubts`), of a walking person by two bounces 10 to 45 % of its direct return at
+    77 GHz, as most of its glints are near an edge or a shadow. No smaller tolerance mends that."""
     between: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
     gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
