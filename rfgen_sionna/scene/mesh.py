@@ -33,6 +33,11 @@ def lengths(vectors: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
+def unit(vectors: FloatArray) -> FloatArray:
+    """(..., 3) of length 1, as `vectors` (..., 3) point; those of length 0 stay."""
+    return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[..., None])
+
+
 def widest(values: FloatArray) -> FloatArray:
     """(...) largest of three values (..., 3); many times faster than `max(axis=-1)`."""
     return np.asarray(np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2]))

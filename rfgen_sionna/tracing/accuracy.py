@@ -9,10 +9,10 @@ import numpy as np
 
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.tracing.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.fineness import beyond_rise
 from rfgen_sionna.tracing.gains import PROBES, BandTracer
-from rfgen_sionna.tracing.outlines import unit
 from rfgen_sionna.tracing.phasors import phasors
 
 SAFETY = 2.0

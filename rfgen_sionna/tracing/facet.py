@@ -33,12 +33,12 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.bend import Bend
 from rfgen_sionna.tracing.obliquity import Media, drift, media_of_lanes, media_tables
 from rfgen_sionna.tracing.quadratic import Slopes, flattened, lattice_triangle, number_of_terms, summed
 from rfgen_sionna.tracing.reflected import Via, Wall, wall_tables, walls_of_lanes
 from rfgen_sionna.tracing.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.slabs import Crossed, Screens, bulk_length, screen_tables, screens_of_lanes
-from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.triangle import Lanes, triangle
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights, through_knots
 from rfgen_sionna.scene.mesh import lengths, middles, widest
 from rfgen_sionna.scene.transfer import joined
+from rfgen_sionna.tracing.bend import QUARTERS, Bend, divided, pieces
 from rfgen_sionna.tracing.placing import Placed, place_facets
-from rfgen_sionna.tracing.smooth import QUARTERS, Bend, divided, pieces
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tessellate import Tessellation
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths, middles, widest
-from rfgen_sionna.tracing.outlines import unit
-from rfgen_sionna.tracing.smooth import Bend
+from rfgen_sionna.scene.mesh import lengths, middles, unit, widest
+from rfgen_sionna.tracing.bend import Bend
 
 MAX_BULGE = 1.0
 """Phase bulge [rad] up to which an expansion to first order means anything."""

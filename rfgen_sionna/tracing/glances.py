@@ -23,6 +23,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.looks import times_at_once
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.bend import Bend
 from rfgen_sionna.tracing.expansion import Expansion
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.gains import BandTracer
@@ -33,7 +34,6 @@ from rfgen_sionna.tracing.returns import AT_ONCE, FacetReturns, Lit
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.sight import Seen, Sight
 from rfgen_sionna.tracing.slab_edges import carried_on
-from rfgen_sionna.tracing.smooth import Bend
 
 BETWEEN_PER_RTOL = 3.0
 """What a return may err by between instants for shadows that move on, relative to itself [root mean square over time],

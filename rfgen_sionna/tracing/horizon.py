@@ -108,7 +108,7 @@ class _Look(NamedTuple):
     corners: FloatArray
     """[m]"""
     rises: FloatArray
-    """Four times :attr:`rfgen_sionna.tracing.smooth.Bend.rises` [m]."""
+    """Four times :attr:`rfgen_sionna.tracing.bend.Bend.rises` [m]."""
 
     @staticmethod
     def of(facets: Facets, chosen: NDArray[np.intp], viewpoint: FloatArray) -> _Look:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.bend import barycentric
 from rfgen_sionna.tracing.clip import cut
 from rfgen_sionna.tracing.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.plates import Plate
-from rfgen_sionna.tracing.smooth import barycentric
 from rfgen_sionna.tracing.visibility import FINE, GUIDE
 
 DIRECT = -1

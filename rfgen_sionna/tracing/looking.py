@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.targets import Targets
+from rfgen_sionna.tracing.bend import barycentric
 from rfgen_sionna.tracing.shadow_lines import RIM, Lit, crossed, inset, lit_parts, points_of
-from rfgen_sionna.tracing.smooth import barycentric
 
 _BUNDLED = 8
 """Rays to a facet from which they are quicker in packets."""

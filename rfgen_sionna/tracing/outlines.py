@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
-from rfgen_sionna.scene.mesh import columns, lengths, middles
+from rfgen_sionna.scene.mesh import columns, lengths, middles, unit
 from rfgen_sionna.scene.transfer import upload
 
 CLEARANCE = 1e-4
@@ -244,8 +244,3 @@ def _fall(given: dict[str, Any]) -> None:
 
 
 _FALL = Frozen(_fall)
-
-
-def unit(vectors: FloatArray) -> FloatArray:
-    """(..., 3) of length 1, as `vectors` (..., 3) point; those of length 0 stay."""
-    return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[..., None])

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.bend import barycentric
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.sampling import WIDEST, allowed
-from rfgen_sionna.tracing.smooth import barycentric
 from rfgen_sionna.tracing.strips import ASLANT
 
 _TINY = 1e-4

@@ -20,6 +20,7 @@ from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, PathKind, RadarPaths
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.devices import sionna_scene
+from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.tracing.same_path import same_paths
 from rfgen_sionna.tracing.sionna_entries import (
     DIFFRACTION,
@@ -165,8 +166,8 @@ def _unit_gains(paths: Any, entries: Entries, radar: Radar) -> ComplexArray:
     """(entry,) gains for elements of unit gain."""
     points = entries.nodes(radar.tx_world[entries.tx], radar.rx_world[entries.rx])
     before = points[np.arange(len(entries)), entries.depth]
-    sent = _field_gain(paths.tx_array, _unit(points[:, 1] - points[:, 0]) @ radar.rotation)
-    heard = _field_gain(paths.rx_array, _unit(before - points[:, -1]) @ radar.rotation)
+    sent = _field_gain(paths.tx_array, unit(points[:, 1] - points[:, 0]) @ radar.rotation)
+    heard = _field_gain(paths.rx_array, unit(before - points[:, -1]) @ radar.rotation)
     usable = (sent > _NULL) & (heard > _NULL)
     return np.asarray(np.where(usable, entries.a, 0.0) / np.where(usable, sent * heard, 1.0), dtype=np.complex128)
 
@@ -197,14 +198,9 @@ def _directions(entries: Entries, number: NDArray[np.intp], count: int, radar: R
 
     def towards(ends: FloatArray, fallback: FloatArray) -> FloatArray:
         offsets = np.where(direct, fallback, ends - np.asarray(radar.position)) * weight[:, None]
-        return _unit(np.stack([np.bincount(number, weights=part, minlength=count) for part in offsets.T], axis=1))
+        return unit(np.stack([np.bincount(number, weights=part, minlength=count) for part in offsets.T], axis=1))
 
     return towards(points[:, 1], rx - tx), towards(before, tx - rx)
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    """(…, 3) of unit length; the zero vector stays."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
 def _kinds(types: NDArray[np.int64]) -> NDArray[np.uint8]:

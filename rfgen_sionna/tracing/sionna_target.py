@@ -12,7 +12,8 @@ from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.mesh import face_normals, lengths
-from rfgen_sionna.tracing.smooth import QUARTERS, divided, smoothing
+from rfgen_sionna.tracing.bend import QUARTERS, divided
+from rfgen_sionna.tracing.smooth import smoothing
 
 RATE_STEP = 0.5e-3
 """Half the stretch over which the velocity is differenced [s]."""

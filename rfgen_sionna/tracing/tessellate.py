@@ -15,8 +15,9 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import corners_of, lengths, middles, widest
 from rfgen_sionna.scene.transfer import joined, upload
+from rfgen_sionna.tracing.bend import Bend
 from rfgen_sionna.tracing.fineness import MAX_PARTS, SmoothPieces, demand
-from rfgen_sionna.tracing.smooth import Bend, Smoothing
+from rfgen_sionna.tracing.smooth import Smoothing
 
 _ALIKE = 1e-9
 """Edges of grains whose lengths differ by less, relative to them, are as long as each other."""

@@ -17,19 +17,19 @@ from scipy.sparse import csr_array
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.bend import QUARTERS, divided
 from rfgen_sionna.tracing.facet import Nodes
 from rfgen_sionna.tracing.facets import Facets
 from rfgen_sionna.tracing.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.image_returns import STRAIGHT, Centroids, Cut, ImageReturns
 from rfgen_sionna.tracing.mirrors import Mirror
-from rfgen_sionna.tracing.outlines import unit
 from rfgen_sionna.tracing.rims import cut_by_rims
 from rfgen_sionna.tracing.sampling import returns_at_most
 from rfgen_sionna.tracing.shadow_lines import RIM, inset
 from rfgen_sionna.tracing.slab_rims import Through
 from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
-from rfgen_sionna.tracing.smooth import QUARTERS, divided
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.walk import MOST_SLABS, Walk
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
-from rfgen_sionna.tracing.outlines import unit
 from rfgen_sionna.tracing.slabs import NO_SLAB
 from rfgen_sionna.tracing.surfaces import Surface
 

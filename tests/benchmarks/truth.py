@@ -13,7 +13,8 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.smooth import edge_rises, smoothing
+from rfgen_sionna.tracing.bend import edge_rises
+from rfgen_sionna.tracing.smooth import smoothing
 from tests.reference.physical_optics import fresnel, triangle_points
 
 CHUNK = 1 << 18

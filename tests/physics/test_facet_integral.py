@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna.tracing.bend import Bend
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.fineness import FACET_BULGE, allowed_bulge, phase_bulge
 from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.tessellate import tessellate
 from tests.reference.physical_optics import po_gain
 

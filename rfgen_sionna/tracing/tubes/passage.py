@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.tracing.tubes.media import Optics, bases, passed, reflected
 
 STEPS = 3
@@ -129,7 +129,7 @@ def arrive(element: FloatArray, route: Route, optics: Optics) -> Arrival:
             shift *= np.minimum(1.0, limit / np.maximum(np.sqrt((shift**2).sum(axis=1)), 1e-30))[:, None]
             place = [u + shift[:, 2 * i : 2 * i + 2] for i, u in enumerate(place)]
         normals = tuple(
-            _between(*both, _unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u)))
+            _between(*both, unit(mirror.normal + np.einsum("lia,lab,lb->li", t, bend, u)))
             for both, mirror, t, bend, u in zip(pairwise(legs), mirrors, axes, bends, place, strict=True)
         )
         length = np.add.reduce(reach_of)
@@ -228,9 +228,5 @@ def _regular(hessian: FloatArray) -> FloatArray:
 def tangents(normal: FloatArray) -> FloatArray:
     """(lane, 3, 2) two unit vectors across each of `normal` (lane, 3) and each other."""
     helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    one = _unit(np.cross(helper, normal))
+    one = unit(np.cross(helper, normal))
     return np.stack([one, np.cross(normal, one)], axis=2)
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[:, None])

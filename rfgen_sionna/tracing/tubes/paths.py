@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, PathKind, RadarPaths
+from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.tracing.gains import BandTracer
 from rfgen_sionna.tracing.surfaces import Surface
 from rfgen_sionna.tracing.tubes.hits import Hits, Index
@@ -64,7 +65,7 @@ def ends(hits: Hits, rows: Index) -> tuple[FloatArray, FloatArray]:
     while own.before is not None:
         row, own = own.parent[row], own.before
     first, last = own.ray[row].mean(axis=1), place - hits.setting.source
-    return _unit(first), _unit(last)
+    return unit(first), unit(last)
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class Scenery:
         """(tube,) rate of the delay [s/s]: every surface moves the path's length by its velocity along the turn that
         the path takes there."""
         rate, row, own = np.zeros(len(rows)), rows, hits
-        out = _unit(hits.setting.source - own.point[row])
+        out = unit(hits.setting.source - own.point[row])
         while True:
             turn = own.ray[row] - out
             rate += np.einsum("pni,pni->pn", self._speed(own, row), turn)[:, 3:].mean(axis=1)
@@ -157,7 +158,3 @@ class Scenery:
             face = hits.facet[row[at]] - self.surfaces[number].first_facet
             found[at] = np.einsum("rc,rci->ri", hits.weights[row[at]], speed[self.surfaces[number].faces[face]])
         return found
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))

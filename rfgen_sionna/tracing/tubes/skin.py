@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.smooth import edge_rises
+from rfgen_sionna.tracing.bend import edge_rises
 from rfgen_sionna.tracing.surfaces import Surface
 
 _FLAT = 1e-3

@@ -8,11 +8,11 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.materials import material
+from rfgen_sionna.tracing.bend import Bend
 from rfgen_sionna.tracing.expansion import TANGENTS, band_nodes, tangent_weights
 from rfgen_sionna.tracing.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
 from rfgen_sionna.tracing.quadratic import Slopes
-from rfgen_sionna.tracing.smooth import Bend
 from rfgen_sionna.tracing.stretch import Stretch
 from rfgen_sionna.tracing.tracer import Tracer
 

@@ -7,9 +7,9 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.tracing import gains
+from rfgen_sionna.tracing.bend import Bend
 from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.smooth import Bend
 
 
 @pytest.mark.parametrize("runs", [1, 2, 7, 400])

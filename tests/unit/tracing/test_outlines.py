@@ -5,8 +5,9 @@ import pytest
 import trimesh
 
 from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.outlines import APART, CLEARANCE, Outline, Passing, Places, unit
+from rfgen_sionna.tracing.outlines import APART, CLEARANCE, Outline, Passing, Places
 from rfgen_sionna.tracing.sampling import Corners, sampled_fraction, touching
 
 WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT

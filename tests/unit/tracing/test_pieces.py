@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rfgen_sionna.tracing.bend import QUARTERS, Bend, pieces
 from rfgen_sionna.tracing.facets import _places_within
-from rfgen_sionna.tracing.smooth import QUARTERS, Bend, pieces
 
 
 @pytest.mark.parametrize("lifted", [None, False, True])
