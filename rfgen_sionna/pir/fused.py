@@ -15,7 +15,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.tracer import Traced, Tracer, TraceReport
 
 if TYPE_CHECKING:
-    from rfgen_sionna.tracing.moving import MovingParts
+    from rfgen_sionna.tracing.moving.parts import MovingParts
 
 KEY_SPACING = 0.5
 """Time between the images that are refined [s]."""

@@ -13,8 +13,8 @@ from rfgen_sionna.pir.raster import Indices, Raster
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
-from rfgen_sionna.tracing.footprints import Shades, Stage, shade, trace_footprints
-from rfgen_sionna.tracing.gloss import reflections
+from rfgen_sionna.tracing.beams.footprints import Shades, Stage, shade, trace_footprints
+from rfgen_sionna.tracing.beams.gloss import reflections
 from rfgen_sionna.tracing.tubes.shoot import MOST_BOUNCES, shoot_beyond
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def render_pir(
     bounces
         Most surfaces on a path. From 2 on tubes of rays are followed from surface to surface
         (:mod:`rfgen_sionna.tracing.tubes`), and the diffuse returns of rough surfaces that smooth ones show a second
-        time are in (:mod:`rfgen_sionna.tracing.gloss`). Where the tracer sees through slabs, so do tubes.
+        time are in (:mod:`rfgen_sionna.tracing.beams.gloss`). Where the tracer sees through slabs, so do tubes.
     tubes
         False leaves tubes out, which take minutes in a furnished room: the diffuse returns alone are added.
     projection

@@ -1,0 +1,24 @@
+"""The tracer: physical optics on facets, from a scene, actors and a radar to paths.
+
+Packages build on those above them alone; `lint-imports` checks it.
+
+==========  ================================================================================================
+package     what
+==========  ================================================================================================
+`surface`   the smooth surface that a mesh stands for, cut into facets as fine as the tolerance asks for
+`integral`  what a facet returns, in closed form
+`shadows`   what is seen of facets: adaptive rays, shadows' edges, and where each pair of elements sees them
+`gains`     facet gains of all element pairs over the band from few integrals, and what they err by
+`beams`     rays as pixels: diffuse returns of rough surfaces, for images
+`ghosts`    what plane mirrors show of what moves: walls, floor, ceiling
+`bounces`   what flat parts of anything show: corner reflectors, furniture
+`veils`     what is seen through slabs, directly and by further bounces
+`tubes`     the ray mode, a second opinion
+`glints`    what bent surfaces show of one another
+`moving`    all of it for what moves, over stretches of time
+`static`    all of it for what stays, once for each radar pose
+`sionna`    paths of Sionna's solvers as ours, and our actors as its targets
+`relative`  a radar that moves, seen from itself
+`tracer`    scene, radar and actors to paths
+==========  ================================================================================================
+"""

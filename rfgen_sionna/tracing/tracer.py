@@ -15,28 +15,28 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import FloatArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bounces import Bounces
-from rfgen_sionna.tracing.facets import RATE_STEP
-from rfgen_sionna.tracing.further import FurtherWays
-from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.ghosts import Ghosts
-from rfgen_sionna.tracing.instants import choose_instants
-from rfgen_sionna.tracing.knots import Knots, choose_knots
-from rfgen_sionna.tracing.mirrors import Mirror, find_mirrors
-from rfgen_sionna.tracing.moving import MovingParts
+from rfgen_sionna.tracing.bounces.bounces import Bounces
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
+from rfgen_sionna.tracing.ghosts.mirrors import Mirror, find_mirrors
+from rfgen_sionna.tracing.glints.round_bounces import RoundBounces
+from rfgen_sionna.tracing.integral.slabs import warn_of_late_echoes
+from rfgen_sionna.tracing.moving.further import FurtherWays
+from rfgen_sionna.tracing.moving.instants import choose_instants
+from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
+from rfgen_sionna.tracing.moving.parts import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
-from rfgen_sionna.tracing.round_bounces import RoundBounces
-from rfgen_sionna.tracing.shadows import Shadow
-from rfgen_sionna.tracing.slabs import warn_of_late_echoes
-from rfgen_sionna.tracing.static import Dimmed, StaticTrace, trace_static
-from rfgen_sionna.tracing.static_bounces import StaticBounces, trace_static_bounces
-from rfgen_sionna.tracing.static_glances import follow_hidden, missed_between
-from rfgen_sionna.tracing.static_round_bounces import StaticRoundBounces, trace_static_round_bounces
-from rfgen_sionna.tracing.static_veiled_bounces import trace_static_veiled_bounces
-from rfgen_sionna.tracing.static_veils import StaticVeils, beside_static_slabs, static_veils, trace_static_veils
-from rfgen_sionna.tracing.surfaces import collect_surfaces
-from rfgen_sionna.tracing.veiled_bounces import VeiledBounces
-from rfgen_sionna.tracing.veils import Veils
+from rfgen_sionna.tracing.static.bounces import StaticBounces, trace_static_bounces
+from rfgen_sionna.tracing.static.glances import follow_hidden, missed_between
+from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces, trace_static_round_bounces
+from rfgen_sionna.tracing.static.shadows import Shadow
+from rfgen_sionna.tracing.static.trace import Dimmed, StaticTrace, trace_static
+from rfgen_sionna.tracing.static.veiled_bounces import trace_static_veiled_bounces
+from rfgen_sionna.tracing.static.veils import StaticVeils, beside_static_slabs, static_veils, trace_static_veils
+from rfgen_sionna.tracing.surface.facets import RATE_STEP
+from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
+from rfgen_sionna.tracing.veils.bounces import VeiledBounces
+from rfgen_sionna.tracing.veils.veils import Veils
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import Actor, RadarScene
@@ -73,26 +73,28 @@ class TraceReport:
     surface's or to what all of it returns without interfering; whichever is larger. Of an actor that goes behind
     another in the frame it is relative to when it is seen best.
 
-    It is that of the integration (:mod:`rfgen_sionna.tracing.accuracy`), of what is not known of shadows' edges
-    (:mod:`rfgen_sionna.tracing.sampling`) and of where pairs see them (:mod:`rfgen_sionna.tracing.parallax`), those of
-    actors on the room among them, of direct returns; the tolerance is kept by each of the first two. With further
-    bounces what is left out of these is added, and what geometrical optics may be off by: for outlines of flat things
-    that show others (:mod:`rfgen_sionna.tracing.mirror_edges`; not of ghosts in walls), and where bent ones do
-    (:mod:`rfgen_sionna.tracing.glint_doubts`), of a walking person by two bounces 10 to 45 % of its direct return at
+    It is that of the integration (:mod:`rfgen_sionna.tracing.gains.accuracy`), of what is not known of shadows' edges
+    (:mod:`rfgen_sionna.tracing.shadows.sampling`) and of where pairs see them
+    (:mod:`rfgen_sionna.tracing.shadows.parallax`), those of actors on the room among them, of direct returns; the
+    tolerance is kept by each of the first two. With further bounces what is left out of these is added, and what
+    geometrical optics may be off by: for outlines of flat things that show others
+    (:mod:`rfgen_sionna.tracing.bounces.mirror_edges`; not of ghosts in walls), and where bent ones do
+    (:mod:`rfgen_sionna.tracing.glints.doubts`), of a walking person by two bounces 10 to 45 % of its direct return at
     77 GHz, as most of its glints are near an edge or a shadow. No smaller tolerance mends that."""
     between: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
     gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
     squares.
 
-    Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.glances`), where it
-    fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
-    suffice. For gains (:mod:`rfgen_sionna.tracing.instants`) it is reckoned with some faces of a mesh, and
+    Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.moving.glances`), where
+    it fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
+    suffice. For gains (:mod:`rfgen_sionna.tracing.moving.instants`) it is reckoned with some faces of a mesh, and
     above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. For knots
-    (:mod:`rfgen_sionna.tracing.knots`) it is reckoned with some vertices, those of mirror images among them, and above
-    twice `PHASE_PER_RTOL` of the tolerance where things move too fast for any; over the stretch, of which its ends are
-    the worst. Of the static scene it is relative to what its `error` is (:mod:`rfgen_sionna.tracing.static_glances`).
-    The larger of the two; what else mirrors and slabs show of actors is not in it.
+    (:mod:`rfgen_sionna.tracing.moving.knots`) it is reckoned with some vertices, those of mirror images among them, and
+    above twice `PHASE_PER_RTOL` of the tolerance where things move too fast for any; over the stretch, of which its
+    ends are the worst. Of the static scene it is relative to what its `error` is
+    (:mod:`rfgen_sionna.tracing.static.glances`). The larger of the two; what else mirrors and slabs show of actors is
+    not in it.
 
     It is an estimate: of 88 frames of people more was off in six, up to twice as much."""
 
@@ -109,7 +111,7 @@ class Traced:
     """The actors, but for what is in `glanced`."""
     glanced: RadarPaths | None
     """Direct returns of actors' facets that shadows pass over between instants, at more knots
-    (:mod:`rfgen_sionna.tracing.glances`); None where there are none."""
+    (:mod:`rfgen_sionna.tracing.moving.glances`); None where there are none."""
     report: TraceReport
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, go by.
@@ -139,12 +141,12 @@ class Tracer:
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
     and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab,
     and where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a
-    second time, coherently (:mod:`rfgen_sionna.tracing.ghosts`), and so do flat parts of anything: corner reflectors,
-    boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces`, :mod:`~rfgen_sionna.tracing.static_bounces`).
-    Bent surfaces show glints of one another (:mod:`rfgen_sionna.tracing.round_bounces`). Of further bounces those by
-    two bent surfaces and a third one, or through slabs, are not traced, nor, to a radar that moves or behind slabs,
-    actors by two different walls one after the other, nor, to a radar that stands, by two different walls where one of
-    the ways goes through a slab.
+    second time, coherently (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), and so do flat parts of anything: corner
+    reflectors, boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces.bounces`,
+    :mod:`~rfgen_sionna.tracing.static.bounces`). Bent surfaces show glints of one another
+    (:mod:`rfgen_sionna.tracing.glints.round_bounces`). Of further bounces those by two bent surfaces and a third one,
+    or through slabs, are not traced, nor, to a radar that moves or behind slabs, actors by two different walls one
+    after the other, nor, to a radar that stands, by two different walls where one of the ways goes through a slab.
 
     Parameters
     ----------
@@ -158,7 +160,7 @@ class Tracer:
     rtol
         Allowed error of each actor's coherent return, relative to itself, and of the static scene's, relative to its
         strongest surface or to what it returns without interfering; it is measured
-        (:mod:`rfgen_sionna.tracing.accuracy`) and facets are made finer until it is met. Times
+        (:mod:`rfgen_sionna.tracing.gains.accuracy`) and facets are made finer until it is met. Times
         `PHASE_PER_RTOL` and `GAIN_PER_RTOL` it is what splines in time may err by.
     seed
         Seed of the phases of what rough surfaces return diffusely.
@@ -170,8 +172,8 @@ class Tracer:
         out.
     transmission
         Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
-        actors, and between static surfaces, by way of flat parts (:mod:`rfgen_sionna.tracing.veiled_bounces`,
-        :mod:`rfgen_sionna.tracing.static_veiled_bounces`).
+        actors, and between static surfaces, by way of flat parts (:mod:`rfgen_sionna.tracing.veils.bounces`,
+        :mod:`rfgen_sionna.tracing.static.veiled_bounces`).
     """
 
     def __init__(

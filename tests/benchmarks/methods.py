@@ -13,7 +13,7 @@ from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.ray_layer import Layer
-from rfgen_sionna.tracing.footprints import Stage, trace_footprints
+from rfgen_sionna.tracing.beams.footprints import Stage, trace_footprints
 from rfgen_sionna.tracing.tracer import Tracer
 from rfgen_sionna.tracing.tubes.shoot import Sampling, shoot
 from tests.benchmarks.subjects import Subject
@@ -358,7 +358,7 @@ class SionnaPaths:
     def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
         import sionna.rt as rt
 
-        from rfgen_sionna.tracing.sionna_paths import from_sionna
+        from rfgen_sionna.tracing.sionna.paths import from_sionna
 
         scene = self._scene.sionna
         for actor in self.subject.actors:

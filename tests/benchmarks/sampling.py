@@ -1,7 +1,7 @@
 """RF adaptive sampling of visibility: error of an adult's return against the rays sent.
 
-Uniform are n^2 rays to each facet; adaptive those of :mod:`rfgen_sionna.tracing.sampling`, at a ladder of tolerances.
-Truth is a lattice so dense that each facet's share is known to a few tenths of a percent.
+Uniform are n^2 rays to each facet; adaptive those of :mod:`rfgen_sionna.tracing.shadows.sampling`, at a ladder of
+tolerances. Truth is a lattice so dense that each facet's share is known to a few tenths of a percent.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
-from rfgen_sionna.tracing import gains, sampling, tracer
-from rfgen_sionna.tracing.facets import stack_facets
-from rfgen_sionna.tracing.outlines import Outline, Passing, Places
-from rfgen_sionna.tracing.sight import apart_for
-from rfgen_sionna.tracing.tessellate import Tessellation
+from rfgen_sionna.tracing import tracer
+from rfgen_sionna.tracing.gains import band as gains
+from rfgen_sionna.tracing.moving.sight import apart_for
+from rfgen_sionna.tracing.shadows import sampling
+from rfgen_sionna.tracing.shadows.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.surface.facets import stack_facets
+from rfgen_sionna.tracing.surface.tessellate import Tessellation
 from tests.benchmarks.comparison import compare_rays
 from tests.benchmarks.measuring import default_rtol, timed
 from tests.benchmarks.skips import uniform_share

@@ -23,21 +23,17 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.tracing import (
-    bounces,
-    gains,
-    ghosts,
-    instants,
-    sampling,
-    shadow_lines,
-    sight,
-    static,
-    static_bounces,
-    tessellate,
-    tracer,
-    veils,
-    visibility,
-)
+from rfgen_sionna.tracing import tracer
+from rfgen_sionna.tracing.bounces import bounces
+from rfgen_sionna.tracing.gains import band as gains
+from rfgen_sionna.tracing.ghosts import ghosts
+from rfgen_sionna.tracing.moving import instants, sight
+from rfgen_sionna.tracing.shadows import lines as shadow_lines
+from rfgen_sionna.tracing.shadows import sampling, visibility
+from rfgen_sionna.tracing.static import bounces as static_bounces
+from rfgen_sionna.tracing.static import trace as static
+from rfgen_sionna.tracing.surface import tessellate
+from rfgen_sionna.tracing.veils import veils
 from tests.benchmarks.measuring import default_rtol, timed
 from tests.benchmarks.subjects import SPEED, ball, standing
 

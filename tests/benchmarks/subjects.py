@@ -19,7 +19,7 @@ from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene import Actor, RadarScene, RigidMesh, load_scene
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.benchmarks import truth
 from tests.benchmarks.truth import Quadrature
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bend import edge_rises
-from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.surface.bend import edge_rises
+from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.reference.physical_optics import fresnel, triangle_points
 
 CHUNK = 1 << 18
@@ -104,8 +104,8 @@ class Quadrature:
     """Multiplies the density of the points."""
     smooth: bool = False
     """Whether the quadratic surface through the corners and the middles of bowed edges is integrated: where that is, is
-    the package's to define (:mod:`rfgen_sionna.tracing.smooth`); what it returns is found here. What hides its points
-    is the flat mesh."""
+    the package's to define (:mod:`rfgen_sionna.tracing.surface.smooth`); what it returns is found here. What hides its
+    points is the flat mesh."""
 
     @cached_property
     def rises(self) -> FloatArray | None:

@@ -11,8 +11,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.landing import DIRECT
-from rfgen_sionna.tracing.roles import role_shares
+from rfgen_sionna.tracing.bounces.landing import DIRECT
+from rfgen_sionna.tracing.bounces.roles import role_shares
 from rfgen_sionna.tracing.tracer import GAIN_PER_RTOL
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.reference.physical_optics import po_gain
 
 

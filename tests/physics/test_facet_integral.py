@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
-from rfgen_sionna.tracing.bend import Bend
-from rfgen_sionna.tracing.facet import Nodes, facet_gains
-from rfgen_sionna.tracing.fineness import FACET_BULGE, allowed_bulge, phase_bulge
-from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.tessellate import tessellate
+from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.surface.bend import Bend
+from rfgen_sionna.tracing.surface.fineness import FACET_BULGE, allowed_bulge, phase_bulge
+from rfgen_sionna.tracing.surface.tessellate import tessellate
 from tests.reference.physical_optics import po_gain
 
 VERTICAL = np.array([0.0, 0.0, 1.0])

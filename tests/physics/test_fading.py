@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.tracing.fading import brighter, when_seen_best
+from rfgen_sionna.tracing.moving.fading import brighter, when_seen_best
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel as channels
 from tests.physics.test_glances import channel, of, rms, traced_there

@@ -12,8 +12,8 @@ from rfgen_sionna.scene import MATERIALS, Actor
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.permittivity import Conductor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import sight
-from rfgen_sionna.tracing.stretch import Stretch
+from rfgen_sionna.tracing.moving import sight
+from rfgen_sionna.tracing.moving.stretch import Stretch
 from rfgen_sionna.tracing.tracer import Tracer
 
 FREQUENCIES = 11

@@ -5,7 +5,7 @@ import pytest
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import load_scene, tabulated
-from rfgen_sionna.tracing import static_bounces
+from rfgen_sionna.tracing.static import bounces as static_bounces
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel
 

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.faceting import COARSE, faceting
-from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.physics.stressing import one_element, traced
 from tests.reference.physical_optics import po_gain
 

@@ -93,7 +93,7 @@ def test_what_falls_between_rays_past_outlines_is_stated(monkeypatch):
     """Rays that are too far apart: light between arm and body falls on small facets that none of them finds, 0.3 % of
     the return at 1.31 s, which the facets that are found tell of."""
     best, own = walking(1.31, 3e-4)
-    monkeypatch.setattr("rfgen_sionna.tracing.sight.apart_for", lambda *_: 5e-3)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.sight.apart_for", lambda *_: 5e-3)
     value, stated = walking(1.31, 1e-3)
     assert abs(value - best) > 1.5e-3 * abs(best)
     assert abs(value - best) < (stated + own) * abs(best)

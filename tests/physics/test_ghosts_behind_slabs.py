@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MATERIALS, Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.slabs import transmission
+from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.physics.test_corners import corner, placed
 from tests.physics.test_ghosts import ISOTROPIC, SLOW, decibels, sphere
 from tests.physics.test_transmission import channel, pane

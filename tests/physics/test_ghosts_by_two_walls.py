@@ -11,8 +11,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.mirror_sight import MirrorSight
-from rfgen_sionna.tracing.visibility import FINE, seen_by_both
+from rfgen_sionna.tracing.ghosts.sight import MirrorSight
+from rfgen_sionna.tracing.shadows.visibility import FINE, seen_by_both
 from tests.physics.test_ghosts import (
     BALL,
     ISOTROPIC,

@@ -11,7 +11,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, knot_weights
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.ghost_levels import folded_levels
+from rfgen_sionna.tracing.ghosts.levels import folded_levels
 from tests.physics.test_ghosts import (
     ISOTROPIC,
     RADIUS,

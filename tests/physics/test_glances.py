@@ -8,8 +8,9 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import glances, instants, moving
-from rfgen_sionna.tracing.glances import choose, fine_times, left_out, missed_of
+from rfgen_sionna.tracing.moving import glances, instants
+from rfgen_sionna.tracing.moving import parts as moving
+from rfgen_sionna.tracing.moving.glances import choose, fine_times, left_out, missed_of
 from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
 
 

@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import sight
+from rfgen_sionna.tracing.moving import sight
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks.subjects import ball, radar_of
 from tests.physics.test_round_bounces import PLACES, RADIUS, around, at, metal, true_radius

@@ -12,7 +12,7 @@ from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.precision import Precision
+from rfgen_sionna.tracing.moving.precision import Precision
 
 
 @pytest.fixture(scope="module")

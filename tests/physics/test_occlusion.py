@@ -10,8 +10,8 @@ from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import parallax, sampling
-from rfgen_sionna.tracing.static import StaticTrace
+from rfgen_sionna.tracing.shadows import parallax, sampling
+from rfgen_sionna.tracing.static.trace import StaticTrace
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel as channels
 

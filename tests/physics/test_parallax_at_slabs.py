@@ -13,7 +13,7 @@ from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import MATERIALS, Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.slabs import transmission
+from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.sionna.rectangles import scene_of
 
 SLOW = pytest.mark.slow

@@ -9,10 +9,10 @@ import trimesh
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.tracing import fineness
-from rfgen_sionna.tracing.facets import stack_facets
-from rfgen_sionna.tracing.smooth import smoothing
-from rfgen_sionna.tracing.tessellate import tessellate
+from rfgen_sionna.tracing.surface import fineness
+from rfgen_sionna.tracing.surface.facets import stack_facets
+from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.tessellate import tessellate
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import patches, triangle_points
 

@@ -15,8 +15,8 @@ from rfgen_sionna.scene.errors import MaterialError
 from rfgen_sionna.scene.materials import MATERIALS
 from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.diffuse import diffuse_gains
-from rfgen_sionna.tracing.facets import Facets
+from rfgen_sionna.tracing.gains.diffuse import diffuse_gains
+from rfgen_sionna.tracing.surface.facets import Facets
 
 PATTERNS = [
     ScatteringPattern(),

@@ -12,7 +12,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, knot_weights
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.static_round_bounces import StaticRoundBounces
+from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks.subjects import ball, radar_of
 from tests.physics.test_ghosts import channel, decibels

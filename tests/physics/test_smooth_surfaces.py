@@ -11,10 +11,10 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pattern import ElementPattern
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
-from rfgen_sionna.tracing.bend import Bend, edge_rises
-from rfgen_sionna.tracing.facet import Nodes, facet_gains
-from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.smooth import smoothing
+from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.surface.bend import Bend, edge_rises
+from rfgen_sionna.tracing.surface.smooth import smoothing
 from rfgen_sionna.tracing.tracer import Tracer
 
 VERTICAL = np.array([0.0, 0.0, 1.0])

@@ -9,7 +9,8 @@ import trimesh
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing import instants, static_glances
+from rfgen_sionna.tracing.moving import instants
+from rfgen_sionna.tracing.static import glances as static_glances
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_moving_radar_ghosts import scene_with_mesh
 
@@ -68,7 +69,7 @@ def errors(tracer, length, monkeypatch):
     found = []
     for tolerance in (static_glances.BETWEEN_PER_RTOL, np.inf):
         monkeypatch.setattr(static_glances, "BETWEEN_PER_RTOL", tolerance)
-        monkeypatch.setattr("rfgen_sionna.tracing.glances.BETWEEN_PER_RTOL", tolerance)
+        monkeypatch.setattr("rfgen_sionna.tracing.moving.glances.BETWEEN_PER_RTOL", tolerance)
         traced = tracer.trace(0.0, length)
         error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
         found.append((error, traced.report.between + traced.report.error, traced))
@@ -157,5 +158,5 @@ def test_samples_hold_what_is_looked_at_again(radar, monkeypatch):
 
     found = [samples(), samples()]
     assert np.array_equal(*found)
-    monkeypatch.setattr("rfgen_sionna.tracing.glances.BETWEEN_PER_RTOL", np.inf)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.glances.BETWEEN_PER_RTOL", np.inf)
     assert np.linalg.norm(samples() - found[0]) > 0.1 * np.linalg.norm(found[0])

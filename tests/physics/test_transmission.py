@@ -11,7 +11,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import MATERIALS, Actor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.slabs import transmission
+from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.physics.test_ghosts import decibels, sphere
 from tests.sionna.rectangles import scene_of
 
@@ -124,7 +124,7 @@ def test_what_is_opaque_stays_so_and_what_is_not_hides_where_it_is_told_to(radar
 def test_where_nothing_is_in_between_nothing_changes(radar, monkeypatch):
     """To the bit, with a pane beside the ball and without any; but for facets that are too faint, as nobody knows what
     a pane shows of them."""
-    monkeypatch.setattr("rfgen_sionna.tracing.sight.FAINT_PER_RTOL", 0.0)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.sight.FAINT_PER_RTOL", 0.0)
     for scene in (None, scene_with(pane=(pane(y=2.0), "glass", 0.006))):
         here, there = (returned(radar, ball(), scene, transmission=each) for each in (True, False))
         np.testing.assert_array_equal(here.a, there.a)

@@ -25,7 +25,7 @@ from rfgen_sionna.scene import (
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.sionna_target import add_actor
+from rfgen_sionna.tracing.sionna.target import add_actor
 from tests.benchmarks.subjects import radar_of
 from tests.sionna.rectangles import apart, scene_of, wall
 

@@ -8,7 +8,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import add_radar, load_scene
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.slabs import transmission
+from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.sionna.rectangles import add_rectangles, apart, scene_of, wall
 
 DISTANCE = 2.5

@@ -21,7 +21,7 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.scene.furnished.finishes import surface_material
-from rfgen_sionna.tracing.diffuse import reflectance
+from rfgen_sionna.tracing.gains.diffuse import reflectance
 
 _NEAREST = 0.05
 """Faces nearer than this have none [m]."""

@@ -23,9 +23,9 @@ from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntAr
 from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.quadratic import lattice_triangle
-from rfgen_sionna.tracing.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.simplex import moments
+from rfgen_sionna.tracing.integral.quadratic import lattice_triangle
+from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
+from rfgen_sionna.tracing.integral.simplex import moments
 from rfgen_sionna.tracing.tubes.hits import Hits
 from rfgen_sionna.tracing.tubes.media import Optics, bases, reflected
 from rfgen_sionna.tracing.tubes.passage import Arrival, Mirror, Route, Veil, arrive, polarised

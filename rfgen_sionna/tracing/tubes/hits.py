@@ -14,7 +14,7 @@ from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.media import Optics, bases, mirrored
 from rfgen_sionna.tracing.tubes.skin import Skin
-from rfgen_sionna.tracing.veils import MOST_SLABS
+from rfgen_sionna.tracing.veils.veils import MOST_SLABS
 
 _GAP = 2e-6
 """Rays leave a surface this far above it, times the distance from the origin: twenty times what float32 resolves."""

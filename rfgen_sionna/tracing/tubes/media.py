@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.slabs import SlabTable, transmission
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.integral.slabs import SlabTable, transmission
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, PathKind, RadarPaths
 from rfgen_sionna.scene.mesh import unit
-from rfgen_sionna.tracing.gains import BandTracer
-from rfgen_sionna.tracing.surfaces import Surface
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.tubes.hits import Hits, Index
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar.pose import Vector
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
-from rfgen_sionna.tracing.phasors import phasors
+from rfgen_sionna.tracing.bounces.roles import mirror_share
+from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.relative import to_world
-from rfgen_sionna.tracing.roles import mirror_share
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.bands import band_nodes, over_band
 from rfgen_sionna.tracing.tubes.footprints import integrate, landed
@@ -28,7 +28,7 @@ from rfgen_sionna.tracing.tubes.paths import Elements, Scenery, ends
 from rfgen_sionna.tracing.tubes.rims import Rims
 from rfgen_sionna.tracing.tubes.sampling import Pieces, Sampler
 from rfgen_sionna.tracing.tubes.skin import Skin
-from rfgen_sionna.tracing.veils import MOST_SLABS
+from rfgen_sionna.tracing.veils.veils import MOST_SLABS
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.tracer import Tracer
@@ -108,7 +108,7 @@ def shoot(
     curvature, and integrated by physical optics towards all elements; where the tracer has `transmission` they also go
     through slabs. Paths have two ways round: Tx sends by way of the tube and Rx sees the footprint, and the other way
     round. Both count half, but where just one of the first and the last surface is plane the mirror is the plane one,
-    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.roles`).
+    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.bounces.roles`).
 
     Tubes end sharply where mirrors do, however far from there they land. By way of three surfaces what lies between two
     walls is a mirror, too: of a plate, seen by a wall there and back, 7.9 dB (5 cm wide) to 2.5 dB (30 cm) too much

@@ -1,8 +1,8 @@
 """The smooth surface under a mesh, for rays: where they meet it, its normal there and how it bends.
 
 Mitsuba tells the triangle that a ray hits, in single precision. Here the ray meets the quadratic patch over that
-triangle (:mod:`rfgen_sionna.tracing.smooth`) in double precision. Faces that join smoothly are one *sheet*: tubes are
-whole where all of their rays hit the same sheets.
+triangle (:mod:`rfgen_sionna.tracing.surface.smooth`) in double precision. Faces that join smoothly are one *sheet*:
+tubes are whole where all of their rays hit the same sheets.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.bend import edge_rises
-from rfgen_sionna.tracing.surfaces import Surface
+from rfgen_sionna.tracing.surface.bend import edge_rises
+from rfgen_sionna.tracing.surface.surfaces import Surface
 
 _FLAT = 1e-3
 """Sheets whose faces turn by less [rad] are plane."""

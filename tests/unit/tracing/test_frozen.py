@@ -13,15 +13,16 @@ import trimesh
 from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing import facet, placing
-from rfgen_sionna.tracing.bend import Bend
-from rfgen_sionna.tracing.facet import Nodes, by_curvature, facet_gains
-from rfgen_sionna.tracing.obliquity import Media
-from rfgen_sionna.tracing.placing import place_facets
-from rfgen_sionna.tracing.quadratic import Slopes
-from rfgen_sionna.tracing.reflected import Planes, Via
-from rfgen_sionna.tracing.slabs import NO_SLAB, Screens, Slabs, SlabTable
-from rfgen_sionna.tracing.tessellate import Tessellation
+from rfgen_sionna.tracing.integral import facet
+from rfgen_sionna.tracing.integral.facet import Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.integral.quadratic import Slopes
+from rfgen_sionna.tracing.integral.reflected import Planes, Via
+from rfgen_sionna.tracing.integral.slabs import NO_SLAB, Screens, Slabs, SlabTable
+from rfgen_sionna.tracing.surface import placing
+from rfgen_sionna.tracing.surface.bend import Bend
+from rfgen_sionna.tracing.surface.placing import place_facets
+from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
 ACROSS = np.array([0.0, 0.0, 1.0])
 

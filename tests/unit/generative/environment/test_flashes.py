@@ -19,7 +19,7 @@ from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.furnished.finishes import surface_material
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.diffuse import reflectance
+from rfgen_sionna.tracing.gains.diffuse import reflectance
 
 AHEAD = View((64, 64), (90.0, 90.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 FREQUENCY = data_frequency()

@@ -1,0 +1,419 @@
+"""Facet gains for every element pair over the sampled band, from as few integrals as they need.
+
+Without the propagation phase of its centroid a facet's gain changes little from one element to the next and over the
+band. So it is integrated at a few places, and the rest follows (:mod:`rfgen_sionna.tracing.gains.expansion`). With one
+polarisation on both sides reciprocity leaves even powers of the difference of Tx and Rx only.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.gains.beam import Beam
+from rfgen_sionna.tracing.gains.diffuse import diffuse_gains
+from rfgen_sionna.tracing.gains.expansion import ArrayExpansions, Expansion
+from rfgen_sionna.tracing.integral.delays import delays, rates
+from rfgen_sionna.tracing.integral.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.quadratic import Slopes
+from rfgen_sionna.tracing.shadows.parallax import Edges, Parallax
+from rfgen_sionna.tracing.shadows.strips import beside
+from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, sums
+
+MAX_ORDER = 8
+MAX_DEGREE = 6
+PROBES = np.array([-1.0, 0.0, 1.0])
+"""Places in the band at which gains are tried and returns compared."""
+SHARE = 0.3
+"""Share of the tolerance that an expansion may use up; the rest is left to the facets."""
+SLOPED = 0.2
+"""The same for one by slopes, which errs everywhere and not at single pairs alone."""
+ENOUGH, FEW = 20_000, 4_000
+"""Facets that tell which expansion will do, and how many there are of each surface that is judged by itself."""
+MONOSTATIC = 0.5
+"""A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
+WIDE = 0.1
+"""Reach of an array, over the distance of a facet, from which each pair has its own diffuse return: up to it levels at
+the phase centre are right to 0.2 dB."""
+MOST_BESIDE = 4_000_000
+"""Gains beside shadows' edges that are worked out at once."""
+STEADY = 2.0
+"""A band whose square is less than this times the tolerance, against the square of the frequency, is narrow enough to
+try whether what materials reflect may be taken to change linearly over it: 0.1 to 0.2 times that square is missed."""
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Probes:
+    """What an expansion is held against: exact gains of some pairs at places of the band."""
+
+    u: FloatArray
+    """(probe,)"""
+    pairs: IntArray
+    """(probe,)"""
+    gains: ComplexArray
+    """(probe, facet)"""
+    phasors: ComplexArray
+    """(probe, facet) of the propagation, times the facets' weights."""
+    group: IntArray
+    """(facet,) what each is summed up with."""
+    scale: FloatArray
+    """(group,) return that errors are relative to."""
+
+
+class BandTracer:
+    """Facet gains of one radar; positions are taken relative to its phase centre, which keeps their digits."""
+
+    enough = ENOUGH
+    tangents = True
+    """Whether slopes of the gains can be had."""
+
+    def __init__(self, radar: Radar, rtol: float, seed: int = 0) -> None:
+        self.centre = radar.center_frequency
+        self.half_band = 0.5 * radar.waveform.bandwidth
+        self.highest = self.centre + self.half_band
+        self._origin = np.asarray(radar.position)
+        self._tx = radar.tx_world - self._origin
+        self._rx = radar.rx_world - self._origin
+        self.fields = radar.tx_field, radar.rx_field
+        # What fields across each other return is little, and most of it for what lies between the elements.
+        self._alike = bool(np.allclose(*self.fields))
+        self._rtol, self._seed = rtol, seed
+        self._beam = Beam(radar.pattern, radar.rotation)
+        self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
+        self.aperture = self.expansions.aperture
+        self.reach = float(lengths(np.concatenate([self._tx, self._rx])).max())  # from the phase centre [m]
+        self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
+        # The outermost of three nodes are the root of 3 half bands apart.
+        self._steady = 3.0 * self.half_band**2 < STEADY * rtol * self.centre**2
+
+    @property
+    def viewpoint(self) -> FloatArray:
+        """(3,) phase centre of the radar [m]."""
+        return self._origin
+
+    def importance(self, direction: FloatArray) -> FloatArray:
+        """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
+        return self._beam.gains(direction)
+
+    def pull(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray | None:
+        """How :meth:`importance` changes over the facets that `chosen` counts out, as
+        :attr:`rfgen_sionna.tracing.surface.facets.Facets.pull`."""
+        found = self._beam.pulls(facets.centroids[chosen] - self._origin)
+        if found is None:
+            return None
+        pull = np.zeros((len(facets), 3))
+        pull[chosen] = found
+        return pull
+
+    def frequency(self, u: FloatArray) -> FloatArray:
+        """Frequencies [Hz] at places -1 … 1 of the band."""
+        return self.expansions.frequency(u)
+
+    def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
+        places = centroids - self._origin
+        if pair is not None:
+            return delays(places, self._tx[pair[0], None], self._rx[pair[1], None])[0, 0]
+        return delays(places, self._tx, self._rx)
+
+    def rates(self, centroids: FloatArray, velocities: FloatArray) -> FloatArray:
+        """(tx, rx, facet) rates [s/s] of :meth:`delays` by way of points that move with `velocities` (facet, 3)
+        [m/s]."""
+        return rates(centroids - self._origin, velocities, self._tx, self._rx)
+
+    def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
+        """(facet,) delays [s] that the gains of one pair go by."""
+        return self.delays(facets.centroids, pair)
+
+    def __call__(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
+        """(order, tx, rx, facet) gains as polynomials in u; `materials` are those of the facets' surfaces."""
+        return self.combined(expansion, self.values(facets, materials, expansion))
+
+    def combined(self, expansion: Expansion, values: ComplexArray) -> ComplexArray:
+        """(order, tx, rx, ...) gains as polynomials in u from (value, ...) what the `expansion` starts from."""
+        weights = expansion.weights.reshape(-1, len(values))
+        # Real times complex as two real products side by side.
+        joined = weights @ np.ascontiguousarray(values).view(np.float64).reshape(len(values), -1)
+        return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], *values.shape[1:])
+
+    def expansion_for(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        weight: FloatArray,
+        coherent: bool = True,
+        reference: FloatArray | None = None,
+        apart: IntArray | None = None,
+        strength: FloatArray | None = None,
+    ) -> Expansion:
+        """An expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs, than which the
+        next smaller one is not. With numbers of lots that stand `apart` (surface,) that of each is, else that of all.
+
+        A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
+        that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
+        by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
+        and some between, and then for those at the band's ends. Of very many facets the strongest tell it, by what all
+        return that they are judged with. Not `coherent`, the error is relative to what the facets return without
+        interfering, where that is more. `reference` is that of :meth:`values`, and `strength`
+        (facet,) what each returns times its `weight`, up to a factor, if it is known.
+        """
+        if len(facets) > self.enough:
+            if strength is None:
+                once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
+                strength = np.abs(once.a[0] * weight)
+            judged = [np.arange(len(facets))]
+            if apart is not None:
+                lot = apart[facets.surface]
+                judged = [np.flatnonzero(lot == number) for number in np.unique(lot)]
+            most = max(self.enough // len(judged), FEW)
+            strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in judged]))
+            facets, weight = facets.take(strongest), weight[strongest]
+            reference = None if reference is None else reference[strongest]
+        pairs = self.expansions.telling()
+        middle = np.zeros(len(pairs))
+        ends = np.repeat([-1.0, 1.0], len(pairs))
+        order, degree = 1, 0
+
+        def probes(u: FloatArray, at: IntArray) -> _Probes:
+            return self._probes(facets, materials, weight, u, at, coherent, reference, apart)
+
+        def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
+            return (
+                self._error(facets, materials, probes(u, at), self.expansions.through(basis), reference)
+                <= SHARE * self._rtol
+            )
+
+        first = np.zeros(len(PROBES), np.int32)
+        if self.tangents:
+            tried = [probes(PROBES, first), *([probes(ends, np.tile(pairs, 2))] if len(pairs) > 1 else [])]
+
+            def follows(found: Expansion) -> bool:
+                return all(
+                    self._error(facets, materials, each, found, reference) <= SLOPED * self._rtol for each in tried
+                )
+
+            # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
+            # Where what materials do over the band is too much, no slopes mend it; node by node they may do.
+            for steady in (True, False) if self._steady else (False,):
+                dearer, cheaper = self.expansions.tangents(steady)
+                found = next((number for number, each in enumerate(dearer) if follows(each)), None)
+                if found is not None:
+                    best = dearer[found]
+                    # Where second slopes alone were dear they may be spared at other places of the band.
+                    for each in cheaper if best.order == dearer[0].order else ():
+                        if not follows(each):
+                            break
+                        best = each
+                    return best
+        while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
+            order += 1
+        while (
+            degree < MAX_DEGREE
+            and len(pairs) > 1
+            and not fits(middle, pairs, self.expansions.basis(1, degree, full=True))
+        ):
+            degree += 1
+        if order > MAX_ORDER or degree == MAX_DEGREE:
+            _LOG.warning(
+                "rtol %g: facets change too fast over the band or the array for %d coefficients of %d. degree",
+                self._rtol, min(order, MAX_ORDER), degree,
+            )  # fmt: skip
+            order = min(order, MAX_ORDER)
+        basis = self.expansions.basis(order, degree, full=False)
+        if degree and order > 1 and not fits(ends, np.tile(pairs, 2), basis):
+            basis = self.expansions.basis(order, degree, full=True)
+        return self.expansions.through(basis)
+
+    def edges(
+        self,
+        facets: Facets,
+        owner: NDArray[np.intp],
+        pieces: FloatArray,
+        hider: FloatArray,
+        group: NDArray[np.intp],
+        level: FloatArray,
+    ) -> tuple[Edges, FloatArray]:
+        """The shadows' edges on `facets` that matter: :meth:`rfgen_sionna.tracing.shadows.parallax.Edges.of` and
+        :meth:`~rfgen_sionna.tracing.shadows.parallax.Edges.that_matter`, with the `group` (piece,) that pieces are of;
+        and what is missed of each group."""
+        wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
+        found = Edges.of(facets, owner, pieces, hider, self._origin, wavenumber)
+        towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
+        bow = curvature(facets)[found.owner]
+        at_most, unknown, known = found.at_most(self._tx, self._rx, wavenumber, bow)
+        counts = self.importance(towards)
+        at_most, unknown = counts * at_most, counts * unknown
+        bent = np.zeros(len(found.owner), np.bool_) if facets.curved is None else facets.curved[found.owner]
+        found, missed = found.that_matter(at_most, unknown, known, bent, group[found.piece], level, self._rtol)
+        return found.bent(facets), missed
+
+    def parallax(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> Parallax:
+        """What pairs see beside shadows' `edges`, by way of the points `reference` (edge, 3) [m, world]; (value, edge)
+        `values` are those of the edges' small pieces by way of their middles."""
+        shape = *expansion.weights.shape[:3], len(edges.owner)
+        gains, seen = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
+        for some in np.array_split(np.arange(shape[-1]), -(-int(np.prod(shape)) // MOST_BESIDE)) if gains.size else ():
+            small = self.combined(expansion, values[:, some])
+            gains[..., some] = beside(edges.take(some), *seen, small, reference[some] - self._origin)
+        return Parallax(edges.owner, gains)
+
+    def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
+        """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.gains.diffuse`), or (1, 1, facet) the same
+        for every pair; None if none is."""
+        known = self.fields, self.centre, self._seed
+        found = diffuse_gains(facets, materials, (self._origin[None],) * 2, *known)
+        near = np.flatnonzero(self.reach > WIDE * lengths(facets.centroids - self._origin))
+        if found is not None and found[..., near].any():
+            ends = self._origin + self._tx, self._origin + self._rx
+            found = np.repeat(np.repeat(found, len(self._tx), axis=0), len(self._rx), axis=1)
+            of_near = diffuse_gains(facets.take(near), materials, ends, *known)
+            found[..., near] = 0.0 if of_near is None else of_near
+        if found is None or facets.grain is None:
+            return found
+        # As far as the middle of its grain, from wherever on it a facet's path comes.
+        rough = np.flatnonzero(found.any(axis=(0, 1)))
+        middle = np.einsum("fc,fci->fi", facets.grain[rough, 1:], facets.corners[rough])
+        way = self.delays(middle) - self.delays(facets.centroids[rough])
+        every = np.zeros((*way.shape[:2], found.shape[2]), np.complex128)
+        every[..., rough] = found[..., rough] * np.exp(-2j * np.pi * self.centre * way)
+        return every
+
+    def at_probes(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        u: FloatArray,
+        pair: tuple[int, int],
+        parts: IntArray,
+        reference: FloatArray | None = None,
+    ) -> FacetGains:
+        """Gains (probe, facet) of one pair at places `u` of the band without expansion, integrated in `parts`; the
+        `reference` is that of :meth:`values`."""
+        nodes = self.expansions.nodes(u, np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32))
+        if reference is None:
+            return self._gains(facets, materials, nodes, parts)
+        return self._integrated(facets, materials, nodes, parts, reference=reference)
+
+    def values(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        expansion: Expansion,
+        reference: FloatArray | None = None,
+    ) -> ComplexArray:
+        """(value, facet) what the expansion starts from. `reference` (facet, 3) are points [m, world] that delays go by
+        instead of the centroids."""
+        if expansion.axes is None and reference is None:
+            return self._gains(facets, materials, expansion.nodes).a
+        # What expansions are held against is exact, so that it tells what they miss of materials as well.
+        given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes, expansion.steady
+        found = self._integrated(facets, materials, *given)
+        return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
+
+    def _probes(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        weight: FloatArray,
+        u: FloatArray,
+        pairs: IntArray,
+        coherent: bool,
+        reference: FloatArray | None = None,
+        apart: IntArray | None = None,
+    ) -> _Probes:
+        nodes = self.expansions.nodes(u, pairs)
+        if reference is None:
+            exact = self._gains(facets, materials, nodes)
+        else:
+            exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
+        waves = weight * phasors(self.frequency(u)[:, None] * exact.tau)
+        group, count = np.zeros(len(facets), np.int32), 1
+        if apart is not None:
+            group, count = apart[facets.surface], len(materials)
+        single, strongest = np.abs(exact.a * weight), np.zeros(count)
+        np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
+        scale = np.maximum(_rms(sums(exact.a * waves, group, count)), CANCELLED * strongest)
+        # Of a lot of several surfaces, a room, the return is what they return side by side.
+        incoherent = np.full(count, not coherent)
+        if apart is not None:
+            incoherent |= np.bincount(apart, minlength=count) > 1
+        if incoherent.any():
+            alone = np.sqrt(np.bincount(group, (single**2).mean(axis=0), count))
+            scale = np.where(incoherent, np.maximum(scale, alone), scale)
+        return _Probes(u, pairs, exact.a, waves, group, scale)
+
+    def _error(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        probes: _Probes,
+        expansion: Expansion,
+        reference: FloatArray | None = None,
+    ) -> float:
+        """Relative error of the coherent sums at the probes, of the worst of them."""
+        values = self.values(facets, materials, expansion, reference)
+        found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
+        weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
+        rows = np.einsum("pk,kpn->pn", found, weights)
+        missed = _rms(sums((rows @ values - probes.gains) * probes.phasors, probes.group, len(probes.scale)))
+        # Of nothing no tolerance is left.
+        error = np.where(missed > 0, missed / np.where(probes.scale > 0, probes.scale, 1e-300), 0.0)
+        return float(error.max(initial=0.0))
+
+    def _gains(
+        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+    ) -> FacetGains:
+        return self._integrated(facets, materials, nodes, facets.parts if parts is None else parts)
+
+    def _integrated(
+        self,
+        facets: Facets,
+        materials: tuple[Material, ...],
+        nodes: Nodes,
+        parts: IntArray,
+        axes: FloatArray | None = None,
+        reference: FloatArray | None = None,
+        slopes: Slopes = Slopes.SECOND,
+        steady: bool = False,
+    ) -> FacetGains:
+        media = Media.at(materials, nodes.frequency, self.half_band)
+        nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
+        monostatic = self._alike and bool(self._baseline**2 < MONOSTATIC * self._rtol * nearest**2)
+
+        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
+            return facet_gains(
+                facets.corners[index],
+                facets.surface[index],
+                media,
+                nodes,
+                *self.fields,
+                parts[index],
+                monostatic,
+                bend=facets.bend.take(index) if curved and facets.bend is not None else None,
+                axes=axes,
+                reference=None if reference is None else reference[index],
+                pull=None if facets.pull is None else facets.pull[index],
+                aim=None if facets.aim is None else facets.aim[index],
+                into=into,
+                origin=self._origin,
+                steady=steady,
+                kinds=slopes,
+                outward=facets.outward[index] if curved and facets.outward is not None else None,
+            )
+
+        return by_curvature(facets.curved, of)
+
+
+def _rms(values: ComplexArray) -> FloatArray:
+    """(group,) of `values` (probe, group)."""
+    return np.asarray(np.sqrt((np.abs(values) ** 2).mean(axis=0)))

@@ -1,0 +1,231 @@
+"""How facet gains of every element pair over the band follow from a few values.
+
+Either from gains at pairs and frequencies of the radar (nodes), by the polynomial through them,
+
+    a(u, v, w) = sum_b c_b u^k v_y^m v_z^n w_y^p w_z^q
+
+in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight; or from gains in
+the middle of the array and their slopes, which the same integral gives for little more, by Hermite's polynomial in u
+and Taylor's of first or second order in v, and of second in w where that counts. The latter takes a fraction of the
+integrals wherever the array is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.linalg import qr
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.tracing.integral.facet import Nodes
+from rfgen_sionna.tracing.integral.quadratic import Slopes, pairs
+
+TANGENTS = (
+    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (3, 2, Slopes.SECOND),
+    (4, 2, Slopes.FIRST), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
+    (6, 3, Slopes.BOWED),
+)  # fmt: skip
+"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
+USUAL = 3
+"""Which of them is tried first."""
+INNER = 12
+"""Pairs that are tried at most beside the outermost ones."""
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """How the gains of every pair over the band follow from those at a few nodes."""
+
+    nodes: Nodes
+    order: int
+    """Number of coefficients over the band."""
+    weights: FloatArray
+    """(order, tx, rx, value) what takes the values at the nodes to coefficients of powers of u for every pair: the
+    gains at each node, then with `axes` their slopes
+    (:attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`)."""
+    axes: FloatArray | None = None
+    """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
+    slopes: Slopes = Slopes.SECOND
+    """Which of them."""
+    steady: bool = False
+    """Whether what materials reflect is taken to change linearly from node to node, for which they are integrated
+    together."""
+
+
+def band_nodes(count: int) -> FloatArray:
+    """(count,) Chebyshev nodes of the band, -1 … 1."""
+    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
+
+
+def tangent_weights(
+    order: int,
+    count: int,
+    displaced: FloatArray,
+    wavenumbers: float,
+    slopes: Slopes,
+    apart: FloatArray,
+    middle: FloatArray,
+) -> FloatArray:
+    """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes: those of
+    :attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`.
+
+    Parameters
+    ----------
+    order
+        Number of coefficients over the band.
+    count
+        Number of nodes: as many as coefficients, so that slopes over the wavenumber don't count, or half as many,
+        rounded up. If that leaves a coefficient too many, the highest one is left out with Chebyshev's polynomial,
+        which spreads over the band what is missed.
+    displaced
+        (pair, axis) how far along each axis each pair lies.
+    wavenumbers
+        Change of the wavenumber per unit of u [rad/m].
+    slopes
+        Which slopes there are.
+    apart, middle
+        (pair, axis) how far along each axis Tx is from Rx, in the unit of `displaced`, and (axis,) in the middle.
+    """
+    u = band_nodes(count)
+    known = count if order == count else 2 * count
+    powers = np.arange(known)
+    values = u[:, None] ** powers
+    rates = powers * u[:, None] ** np.maximum(powers - 1, 0)
+    through = np.zeros((known, 2 * count))  # (power, value or rate)
+    through[:, :known] = np.linalg.inv(np.concatenate([values, rates])[:known])
+    through[:, count:] *= wavenumbers
+    if order < known:
+        highest = np.polynomial.chebyshev.cheb2poly(np.eye(known)[-1])
+        through = (through - np.outer(highest / highest[-1], through[-1]))[:order]
+    across = np.zeros((order, count))
+    across[:count] = np.linalg.inv(values[:, :count])
+    moved = [displaced[:, axis] for axis in range(displaced.shape[1])]
+    each_two = [(one, other, 0.5 if one == other else 1.0) for one, other in pairs(len(moved))]
+    squares = [by * moved[one] * moved[other] for one, other, by in each_two]
+    if slopes >= Slopes.SECOND:
+        moved += squares
+    if slopes == Slopes.BOWED:
+        more = [by * (apart[:, one] * apart[:, other] - middle[one] * middle[other]) for one, other, by in each_two]
+        moved += [square + beside for square, beside in zip(squares, more, strict=True)]
+    weights = np.empty((order, len(displaced), count * (2 + len(moved))))
+    weights[..., : 2 * count] = through[:, None]
+    for number, by in enumerate(moved, 2):
+        weights[..., number * count : (number + 1) * count] = by[:, None] * across[:, None]
+    return weights
+
+
+class ArrayExpansions:
+    """Expansions for the element pairs of a radar, positions relative to its phase centre.
+
+    `powers` is 2 where exchanging Tx and Rx changes nothing, which leaves even powers of their difference only.
+    """
+
+    def __init__(self, radar: Radar, powers: int) -> None:
+        self.powers = powers
+        self._centre, self._half_band = radar.center_frequency, 0.5 * radar.waveform.bandwidth
+        origin = np.asarray(radar.position)
+        self._tx, self._rx = radar.tx_world - origin, radar.rx_world - origin
+        # Across the boresight, in units of half the array's width; along it elements hardly differ.
+        tx, rx = radar.tx_positions[:, None, 1:], radar.rx_positions[None, :, 1:]
+        total, apart = (
+            np.reshape(np.broadcast_to(each, (*np.broadcast_shapes(tx.shape, rx.shape),)), (-1, 2))
+            for each in (tx + rx, tx - rx)
+        )
+        self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
+        # The middle of the array, and what a unit of the sum is.
+        middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
+        self.aperture = size  # of Tx and Rx displacements added up, from the middle to the outermost [m]
+        # Tx and Rx there, each as far from their own mean, so that they may be changed over.
+        ends = np.stack([radar.tx_positions.mean(axis=0), radar.rx_positions.mean(axis=0)])
+        ends[:, 1:] += 0.5 * (middle - ends[:, 1:].sum(axis=0))
+        self._middle = ends @ radar.rotation.T
+        self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
+        self._axes = size * radar.rotation.T[1:][self._spanned]
+        # How far Tx and Rx are from each other along these, and in the middle, in the same unit.
+        between = ends[0, 1:] - ends[1, 1:]
+        self._apart, self._between = (each[..., self._spanned] / max(size, 1e-9) for each in (apart, between))
+
+    def frequency(self, u: FloatArray) -> FloatArray:
+        """Frequencies [Hz] at places -1 … 1 of the band."""
+        return np.asarray(self._centre + self._half_band * u)
+
+    def nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
+        """Element `pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
+        tx, rx = np.divmod(pairs, len(self._rx))
+        return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
+
+    def telling(self) -> IntArray:
+        """Pairs at the corners of the array and furthest apart, at most nine, and some others; all of a small one."""
+        found = set()
+        for angle in np.arange(8) * (np.pi / 4):
+            found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
+        found.add(int(np.argmax((self._difference**2).sum(axis=1))))
+        # What goes through the outermost ones may stray between them.
+        found.update(np.random.default_rng(0).permutation(len(self._sum))[:INNER].tolist())
+        return np.array(sorted(found), dtype=np.int32)
+
+    def basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:
+        """Exponents (u, v_y, v_z, w_y, w_z); not `full` leaves the mixed ones of high degree out."""
+        found: list[tuple[int, ...]] = []
+        for k, m, n, p, q in product(range(order), *[range(degree + 1)] * 4):
+            if (p + q) % self.powers or m + n + p + q > degree:
+                continue
+            if full or k / (order - 0.5) + (m + n + p + q) / (degree + 0.5) <= 1.0:
+                found.append((k, m, n, p, q))
+        return found
+
+    def tangents(self, steady: bool) -> tuple[list[Expansion], list[Expansion]]:
+        """The usual expansion by slopes and dearer ones, and cheaper ones, each from there on, all of them `steady` or
+        not. Without axes all slopes over them are the same."""
+        kinds = [(order, count, kind if len(self._axes) else Slopes.FIRST) for order, count, kind in TANGENTS]
+        usual, kinds = kinds[USUAL], list(dict.fromkeys(kinds))
+        some = [self.tangent(*each, steady) for each in kinds]
+        return some[kinds.index(usual) :], some[: kinds.index(usual)][::-1]
+
+    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND, steady: bool = False) -> Expansion:
+        """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
+        over it."""
+        u = band_nodes(count)
+        tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
+        nodes = Nodes(tx, rx, self.frequency(u))
+        wavenumbers = 2 * np.pi * self._half_band / SPEED_OF_LIGHT
+        across = self._sum[:, self._spanned], wavenumbers, slopes, self._apart, self._between
+        weights = tangent_weights(order, count, *across)
+        shape = order, len(self._tx), len(self._rx), -1
+        return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes, steady=steady)
+
+    def through(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
+        """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
+
+        Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
+        (all elements on a line) falls out of the basis.
+        """
+        order = 1 + max(each[0] for each in basis)
+        u = band_nodes(order)
+        powers = np.vander(u, order, increasing=True)
+        coordinates = np.hstack([self._sum, self._difference])
+        spatial = {each[1:]: np.prod(coordinates ** np.array(each[1:]), axis=1) for each in basis}
+        columns = np.stack([np.outer(powers[:, each[0]], spatial[each[1:]]).ravel() for each in basis], axis=1)
+        _, r, pivots = qr(columns, mode="economic", pivoting=True)
+        rank = int(np.count_nonzero(np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0])))
+        kept = np.sort(pivots[:rank])
+        basis, columns = [basis[each] for each in kept], columns[:, kept]
+        _, _, rows = qr(columns.T, mode="economic", pivoting=True)
+        rows = np.sort(rows[:rank])
+        inverse = np.linalg.inv(columns[rows])
+        weights = np.zeros((order, len(self._sum), rank))
+        for number, each in enumerate(basis):
+            weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
+        nodes = self.nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
+        return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank))
+
+
+def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:
+    """(pair, 2) positions in -1 … 1; without `centred` zero stays where it is."""
+    if centred:
+        positions = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
+    return np.asarray(positions / max(float(np.abs(positions).max()), 1e-9))

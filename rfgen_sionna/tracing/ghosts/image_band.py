@@ -1,0 +1,142 @@
+"""Facet gains by way of plane mirrors, for every element pair over the sampled band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.ghosts.mirrors import Folded, Mirror, Unfolding
+from rfgen_sionna.tracing.integral.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.integral.reflected import Planes, Via
+from rfgen_sionna.tracing.surface.facets import Facets
+
+
+@dataclass(frozen=True)
+class MirroredFacets(Facets):
+    """Facets, each as one mirror shows it, or one on the way there and one back: what several show is there several
+    times."""
+
+    first: IntArray
+    """(facet,) index of the mirror on the way from Tx."""
+    last: IntArray
+    """(facet,) index of that on the way to Rx."""
+
+    @classmethod
+    def of(cls, facets: Facets, index: NDArray[np.intp], first: IntArray, last: IntArray) -> MirroredFacets:
+        """The facets that `index` counts out, each by its mirrors."""
+        chosen = facets.take(index).pulled(None)
+        return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, first=first, last=last)
+
+    def between(self, after: MirroredFacets, share: float) -> MirroredFacets:
+        """What leads to them, a `share` of the way from here to what leads there `after`: the same mirrors."""
+        return self
+
+    def take(self, index: NDArray[np.intp]) -> MirroredFacets:
+        """The facets that `index` counts out."""
+        return MirroredFacets.of(super().take(index), np.arange(len(index)), self.first[index], self.last[index])
+
+
+class ImageBand(BandTracer):
+    """As :class:`~rfgen_sionna.tracing.gains.band.BandTracer`, for :class:`MirroredFacets`.
+
+    Parameters
+    ----------
+    radar, rtol
+        As there.
+    mirrors
+        What `MirroredFacets.first` and `last` count out of.
+    tx, rx
+        Whether the way from Tx, and that to Rx, goes by a mirror.
+    """
+
+    enough = 4000
+    tangents = False
+
+    def __init__(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> None:
+        super().__init__(radar, rtol)
+        self.tx, self.rx = tx, rx
+        self._mirrors = tuple(mirrors)
+        self._normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
+        self._offsets = np.array([float(mirror.height(self._origin)) for mirror in mirrors])
+        self._unfolded = Unfolding(mirrors, self._origin)
+        if tx != rx:  # Tx and Rx changed over make another path
+            self.expansions.powers = 1
+
+    def lengths(self, centroids: FloatArray, shown: MirroredFacets) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets."""
+        place = centroids - self._origin
+        by_tx = self._unfolded(place, shown.first) if self.tx else place
+        by_rx = self._unfolded(place, shown.last) if self.rx else place
+        to_tx = np.linalg.norm(by_tx - self._tx[:, None], axis=2)
+        to_rx = np.linalg.norm(by_rx - self._rx[:, None], axis=2)
+        return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
+
+    def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
+        """(facet,) delays [s] that the gains of one pair go by."""
+        if not isinstance(facets, MirroredFacets):
+            raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
+        return np.asarray(self.lengths(facets.centroids, facets)[pair])
+
+    def by_way_of(
+        self, places: FloatArray, facets: MirroredFacets, materials: tuple[Material, ...], nodes: Nodes
+    ) -> ComplexArray:
+        """(node, facet) gains whose delays go by `places` (facet, 3) [m, world]."""
+        return self._at(facets, materials, nodes, facets.parts, places - self._origin).a
+
+    def _gains(
+        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+    ) -> FacetGains:
+        if not isinstance(facets, MirroredFacets):
+            raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
+        return self._at(facets, materials, nodes, facets.parts if parts is None else parts)
+
+    def _at(
+        self,
+        facets: MirroredFacets,
+        materials: tuple[Material, ...],
+        nodes: Nodes,
+        parts: IntArray,
+        reference: FloatArray | None = None,
+    ) -> FacetGains:
+        """Gains whose delays go by points `reference` (facet, 3) [m] from the phase centre; None is the centroids."""
+        corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
+
+        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
+            return facet_gains(
+                corners[index],
+                facets.surface[index],
+                media,
+                nodes,
+                *self.fields,
+                parts[index],
+                reference=None if reference is None else reference[index],
+                bend=facets.bend.take(index) if curved and facets.bend is not None else None,
+                into=into,
+                **self._by(facets, nodes, index),
+            )
+
+        return by_curvature(facets.curved, of)
+
+    def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
+        """What the facets `index` are seen by."""
+        return {"via": self._via(nodes, facets.first[index], facets.last[index])}
+
+    def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> Via:
+        def planes(mirrors: Sequence[Mirror]) -> Planes:
+            normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
+            offsets = -np.array([float(mirror.height(self._origin)) for mirror in mirrors])
+            materials = [mirror.material for mirror in mirrors]
+            return Planes(normals, offsets, Media.at(materials, nodes.frequency, self.half_band))
+
+        before = [mirror.before for mirror in self._mirrors if isinstance(mirror, Folded)]
+        ways = first if self.tx else None, last if self.rx else None
+        return Via(planes(self._mirrors), planes(before) if before else None, *ways)

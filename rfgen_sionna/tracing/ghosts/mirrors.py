@@ -1,0 +1,222 @@
+"""Plane mirrors among the static surfaces: walls, floor, ceiling, table tops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from rfgen_sionna.records import FloatArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.surface.surfaces import Surface
+
+FLAT = 1e-4
+"""How far from its plane a mirror's vertex may lie [m]: 0.3 rad of two-way phase at 77 GHz."""
+ALONG = 1e-3
+"""Angle between neighbouring triangles of a plane [rad]; those of thin triangles are rounded that much."""
+WIDTH = 2.0
+"""How many radii of the first Fresnel zone a mirror is wide at least."""
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """A flat, connected part of one static object."""
+
+    name: str
+    """The object's."""
+    material: Material
+    faces: NDArray[np.int64]
+    """(face,) numbers among all faces of the ray scene."""
+    normal: FloatArray
+    """(3,) unit vector, towards the side that the radar is on."""
+    offset: float
+    """normal . x of its points [m], world."""
+    axes: FloatArray
+    """(2, 3) unit vectors in the plane."""
+    low: FloatArray
+    """(2,) where it begins along the axes [m]."""
+    high: FloatArray
+    """(2,) where it ends."""
+    bounces: ClassVar[int] = 1
+    """Of what goes by way of it."""
+
+    def height(self, points: FloatArray) -> FloatArray:
+        """Distance (...) of `points` (..., 3) from the plane [m], positive on the radar's side."""
+        return np.asarray(points @ self.normal - self.offset)
+
+    def image(self, points: FloatArray) -> FloatArray:
+        """Mirror images (..., 3) [m]."""
+        return np.asarray(points - 2.0 * self.height(points)[..., None] * self.normal)
+
+    def unfolded(self, points: FloatArray) -> FloatArray:
+        """Where `points` (..., 3) appear to the radar by way of it [m]."""
+        return self.image(points)
+
+    def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
+        """(point, 3) where the ways from the viewpoint to `points` meet the plane [m]; both lie on the same side."""
+        here, there = self.height(viewpoint), self.height(points)[:, None]
+        foot_here, foot_there = viewpoint - here * self.normal, points - there * self.normal
+        return np.asarray((there * foot_here + here * foot_there) / np.maximum(here + there, 1e-12))
+
+    def spans(self, points: FloatArray, margin: FloatArray | float = 0.0) -> NDArray[np.bool_]:
+        """(point,) whether points of the plane lie in the rectangle around the mirror, widened by `margin` [m]."""
+        place = points @ self.axes.T
+        margin = np.broadcast_to(np.asarray(margin), len(points))[:, None]
+        return np.asarray(((place > self.low - margin) & (place < self.high + margin)).all(axis=1))
+
+
+@dataclass(frozen=True)
+class Folded(Mirror):
+    """A mirror that the radar sees by way of another one, which comes `before`."""
+
+    before: Mirror
+    bounces: ClassVar[int] = 2
+
+    @staticmethod
+    def of(before: Mirror, mirror: Mirror) -> Folded:
+        """The way by the one, then by the other."""
+        return Folded(**{each.name: getattr(mirror, each.name) for each in fields(Mirror)}, before=before)
+
+    def image(self, points: FloatArray) -> FloatArray:
+        """Images (..., 3) of the radar's elements [m], as the mirror shows them."""
+        return super().image(self.before.image(points))
+
+    def unfolded(self, points: FloatArray) -> FloatArray:
+        """Where `points` (..., 3) appear to the radar by way of both [m]."""
+        return self.before.image(super().image(points))
+
+    def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
+        """(point, 3) where the ways from the viewpoint to `points` meet the mirror [m]."""
+        return super().crossings(self.before.image(viewpoint), points)
+
+
+class Unfolding:
+    """Tells where mirrors show things; `mirrors` are all of one kind, places relative to an `origin` (3,) [m]."""
+
+    def __init__(self, mirrors: Sequence[Mirror], origin: FloatArray) -> None:
+        ways = [[mirror] + ([mirror.before] if isinstance(mirror, Folded) else []) for mirror in mirrors]
+        self._steps = [_planes(step, origin) for step in zip(*ways, strict=True)]
+
+    def __call__(self, places: FloatArray, mirror: NDArray[np.integer[Any]]) -> FloatArray:
+        """(facet, 3) [m] where the radar sees `places` (facet, 3) [m], each by way of one of the mirrors."""
+        for normals, heights in self._steps:
+            height = np.einsum("fi,fi->f", places, normals[mirror]) + heights[mirror]
+            places = places - 2.0 * height[:, None] * normals[mirror]
+        return places
+
+
+def _planes(mirrors: Sequence[Mirror], origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(mirror, 3) normals, and (mirror,) how far an origin is before them [m]."""
+    return np.stack([each.normal for each in mirrors]), np.array([float(each.height(origin)) for each in mirrors])
+
+
+def find_mirrors(
+    surfaces: Sequence[Surface],
+    vertices: Sequence[FloatArray],
+    seen: NDArray[np.int64],
+    viewpoint: FloatArray,
+    wavelength: float,
+    max_range: float,
+) -> tuple[Mirror, ...]:
+    """Flat parts that the radar sees and that are wide against the Fresnel zone.
+
+    Parameters
+    ----------
+    surfaces, vertices
+        Static objects and their (vertex, 3) positions [m].
+    seen
+        Numbers of the faces, among all of the ray scene, of which the radar sees something.
+    viewpoint
+        (3,) phase centre of the radar [m].
+    wavelength
+        [m].
+    max_range
+        Where the radar's range window ends [m].
+    """
+    least = fresnel_width(vertices, viewpoint, wavelength, max_range)
+    found = []
+    for surface, points in zip(surfaces, vertices, strict=True):
+        numbers = seen[(seen >= surface.first_facet) & (seen < surface.first_facet + len(surface.faces))]
+        if len(numbers) == 0:
+            continue
+        group, _ = flat_groups(points, surface)
+        for label in np.unique(group[numbers - surface.first_facet]):
+            mirror = _mirror(points, surface, np.flatnonzero(group == label), viewpoint, least)
+            if mirror is not None:
+                found.append(mirror)
+    return tuple(found)
+
+
+def fresnel_width(vertices: Sequence[FloatArray], viewpoint: FloatArray, wavelength: float, max_range: float) -> float:
+    """Least width of a mirror [m] in a scene of such (vertex, 3) positions [m]: half way on the longest way that there
+    is, as far as the range window, the zone is widest."""
+    corners = np.concatenate([viewpoint[None], *vertices])
+    reach = min(max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
+    return float(WIDTH * 0.5 * np.sqrt(wavelength * reach))
+
+
+def flat_groups(points: FloatArray, surface: Surface, crease: float = np.pi) -> tuple[NDArray[np.int32], FloatArray]:
+    """(face,) number of the connected flat part that each face belongs to, and (part,) the length of its outline
+    [m] across which the surface goes on at an angle below `crease` [rad]."""
+    faces, count = surface.faces, len(surface.faces)
+    cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
+    # Meshes often hold a corner once for each face: what is in one place is one corner.
+    _, merged = np.unique(np.round(points * 1e6).astype(np.int64), axis=0, return_inverse=True)
+    corners = merged.reshape(-1)[faces].astype(np.int64)
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    owner = np.repeat(np.arange(count), 3)
+    key = edges[:, 0] * (int(merged.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, other = owner[order][same], owner[order][same + 1]
+    bend = np.linalg.norm(np.cross(normal[one], normal[other]), axis=1)
+    flat = bend < ALONG
+    graph = coo_matrix((np.ones(int(flat.sum())), (one[flat], other[flat])), shape=(count, count))
+    group = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)[order][same]
+    length = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+    # Faces that lie on each other turn their backs, or not, as their mesh has it: only the angle counts.
+    smooth = (bend >= ALONG) & (bend < np.sin(min(crease, 0.5 * np.pi)))
+    smooth &= np.einsum("fi,fi->f", normal[one], normal[other]) > 0
+    bent = np.bincount(group[one[smooth]], length[smooth], int(group.max(initial=-1)) + 1)
+    bent += np.bincount(group[other[smooth]], length[smooth], len(bent))
+    return group, np.asarray(bent, np.float64)
+
+
+def _mirror(
+    points: FloatArray, surface: Surface, faces: NDArray[np.intp], viewpoint: FloatArray, least: float
+) -> Mirror | None:
+    """The mirror that `faces` make; None where they are bent, too narrow, or seen edge on."""
+    corners = points[surface.faces[faces]]
+    used = points[np.unique(surface.faces[faces])]
+    centre = used.mean(axis=0)
+    _, _, axes = np.linalg.svd(used - centre, full_matrices=False)
+    normal, axes = axes[2], axes[:2]
+    if np.abs((used - centre) @ normal).max() > FLAT:
+        return None
+    place = used @ axes.T
+    low, high = place.min(axis=0), place.max(axis=0)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    if area < least * float((high - low).max()) or float((high - low).min()) < least:
+        return None
+    offset = float(centre @ normal)
+    height = float(viewpoint @ normal) - offset
+    if abs(height) < FLAT:
+        return None
+    side = 1.0 if height > 0 else -1.0
+    return Mirror(
+        surface.name,
+        surface.material,
+        faces.astype(np.int64) + surface.first_facet,
+        side * normal,
+        side * offset,
+        axes,
+        low,
+        high,
+    )

@@ -1,0 +1,14 @@
+"""What bent surfaces show of one another, by geometrical optics.
+
+===============  =================================================
+module           what
+===============  =================================================
+`pieces`         pieces of bent faces, and where rays go from them
+`pairs`          pairs of them that may show one another
+`places`         where on both a ray comes back: Newton's method
+`glints`         what a wave is like there
+`search`         all glints at an instant
+`doubts`         what geometrical optics may be wrong by
+`round_bounces`  returns by way of them, over time
+===============  =================================================
+"""

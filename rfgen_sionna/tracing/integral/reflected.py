@@ -1,0 +1,212 @@
+"""Physical optics of a facet that is lit, or looked at, by way of a plane mirror: the kernel's part.
+
+Behind a plane wall an element has an image. Towards a facet it radiates as the element does towards the wall, with the
+wall's r_s and r_p in the plane of incidence. In the image's own terms (its field f - 2 (f . n) n, its direction k, both
+as mirrored in the wall of normal n) what arrives is, with a = k x n,
+
+    -r_p e + (r_s + r_p) (e . a) a / |a|^2
+
+where e is the transverse part of the image's field. That is smooth through normal incidence, where r_s = -r_p, and the
+same for both senses of k: what the wall does on the way out it does on the way back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.integral.obliquity import Media, Medium, media_of_lanes, media_tables, reflection, transverse
+from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
+from rfgen_sionna.tracing.integral.slabs import Crossed, screened
+
+
+class Planes(NamedTuple):
+    """Mirrors."""
+
+    normal: FloatArray
+    """(mirror, 3) unit vectors."""
+    offset: FloatArray
+    """(mirror,) normal . x of the mirror's points [m], in the frame of the facets' corners."""
+    media: Media
+    """What the mirrors are made of, one material to a mirror."""
+
+
+@dataclass(frozen=True)
+class Via:
+    """By which mirrors facets are lit and looked at."""
+
+    mirrors: Planes
+    """Those next to the facets."""
+    before: Planes | None
+    """Of each the one that comes before it, seen from the elements; None where there is none."""
+    tx: IntArray | None
+    """(facet,) index of the mirror by which the way from Tx goes; None is straight."""
+    rx: IntArray | None
+    """(facet,) that of the way to Rx."""
+
+
+class Wall(NamedTuple):
+    """The mirror of each lane, and the one that comes before it, seen from the elements, if any does."""
+
+    normal: Any
+    offset: Any
+    medium: Medium
+    before: Wall | None = None
+
+    def image(self, dr: Any, point: Any) -> Any:
+        """The image of an element."""
+        if self.before is not None:
+            point = self.before.image(dr, point)
+        return point - 2.0 * (dr.dot(point, self.normal) - self.offset) * self.normal
+
+    def turned(self, dr: Any, field: Any) -> Any:
+        """The image of the direction of an element's field."""
+        if self.before is not None:
+            field = self.before.turned(dr, field)
+        return field - 2.0 * dr.dot(field, self.normal) * self.normal
+
+    def surfaces(self, dr: Any) -> list[tuple[Any, Medium]]:
+        """Normals, as the images are turned, and media of what a wave is reflected by, one after the other."""
+        own = [(self.normal, self.medium)]
+        if self.before is None:
+            return own
+        first = self.before.normal
+        return [(first - 2.0 * dr.dot(first, self.normal) * self.normal, self.before.medium), *own]
+
+
+class _Field(NamedTuple):
+    """A complex vector."""
+
+    re: Any
+    im: Any
+
+    def dot(self, dr: Any, other: _Field) -> ComplexPair:
+        return ComplexPair(
+            dr.dot(self.re, other.re) - dr.dot(self.im, other.im), dr.dot(self.re, other.im) + dr.dot(self.im, other.re)
+        )
+
+
+def wall_tables(dr: Any, types: Any, via: Via) -> dict[str, Any]:
+    """`via` on the device, for :func:`walls_of_lanes`."""
+    Float, UInt32 = types.Float64, types.UInt32
+
+    def table(planes: Planes) -> dict[str, Any]:
+        return {
+            "normal": upload(Float, planes.normal),
+            "offset": upload(Float, planes.offset),
+            "media": media_tables(dr, types, planes.media),
+        }
+
+    found = {"mirrors": table(via.mirrors)}
+    if via.before is not None:
+        found["before"] = table(via.before)
+    ways = {"tx": via.tx, "rx": via.rx}
+    return found | {name: upload(UInt32, np.asarray(way, np.uint32)) for name, way in ways.items() if way is not None}
+
+
+def walls_of_lanes(
+    dr: Any, types: Any, via: dict[str, Any], facet: Any, node: Any, wavenumber: Any
+) -> tuple[Wall | None, Wall | None]:
+    """The mirrors of Tx and Rx, from :func:`wall_tables`."""
+
+    def wall(way: str) -> Wall | None:
+        if way not in via:
+            return None
+        mirror = dr.gather(types.UInt32, via[way], facet)
+
+        def of(planes: dict[str, Any], before: Wall | None) -> Wall:
+            normal = (dr.gather(types.Float64, planes["normal"], mirror * 3 + axis) for axis in range(3))
+            offset = dr.gather(types.Float64, planes["offset"], mirror)
+            medium = media_of_lanes(dr, types, planes["media"], node, mirror, wavenumber)
+            return Wall(types.Array3f64(*normal), offset, medium, before)
+
+        return of(via["mirrors"], of(via["before"], None) if "before" in via else None)
+
+    return wall("tx"), wall("rx")
+
+
+class Strength:
+    """Obliquity over the product of the distances, at the points of a facet; `surface` holds the elements' images.
+
+    The Fresnel coefficients of wall and facet are those at the `centre`, where it has this `normal`: how they change
+    over a facet is less than directions and distances do, and weaker by the wall's reflection.
+    """
+
+    def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any, normal: Any) -> None:
+        self._dr, self._vector, self._surface, self._complex = dr, vector, surface, complex_type
+        first, last = surface.walls
+
+        def coefficients(medium: Medium, k: Any, n: Any) -> tuple[Any, Any]:
+            across = dr.cross(k, n)
+            sin2 = dr.minimum(dr.dot(across, across), 1.0)
+            return reflection(dr, complex_type, medium, dr.sqrt(1.0 - sin2), sin2)
+
+        k_in, k_out, _ = self._ways(centre)
+
+        def by(wall: Wall | None, k: Any) -> list[tuple[Any, Any, Any]]:
+            surfaces = [] if wall is None else wall.surfaces(dr)
+            return [(across, *coefficients(medium, k, across)) for across, medium in surfaces]
+
+        self._walls_in, self._walls_out = by(first, k_in), by(last, k_out)
+        self._there = coefficients(surface.medium, k_in, normal)
+        self._back = coefficients(surface.medium, k_out, normal)
+
+    def _ways(self, point: Any) -> tuple[Any, Any, Any]:
+        dr = self._dr
+        from_tx, to_rx = point - self._surface.tx, self._surface.rx - point
+        distance_tx, distance_rx = dr.maximum(dr.norm(from_tx), 1e-4), dr.maximum(dr.norm(to_rx), 1e-4)
+        return from_tx / distance_tx, to_rx / distance_rx, distance_tx * distance_rx
+
+    def at(self, point: Any, normal: Any) -> ComplexPair:
+        """At a point of the facet, whose surface has this `normal` there."""
+        dr, surface = self._dr, self._surface
+        k_in, k_out, spread = self._ways(point)
+
+        weights = [1.0 / 3.0 + dr.dot(slope, point - surface.middle) for slope in surface.slopes]  # as slabs need
+
+        def field(of_element: Any, k: Any, by: list[tuple[Any, Any, Any]], crossed: Crossed) -> _Field:
+            own = transverse(dr, of_element, k), self._vector(0, 0, 0)
+            own = screened(dr, self._complex, crossed.before, weights, k, *own)
+            for across, r_s, r_p in by:
+                own = _reflected(dr, _Field(*own), dr.cross(k, across), r_s, r_p)
+            return _Field(*screened(dr, self._complex, crossed.behind, weights, k, *own))
+
+        e_tx = field(surface.tx_field, k_in, self._walls_in, surface.crossed[0])
+        e_rx = field(surface.rx_field, k_out, self._walls_out, surface.crossed[1])
+        there = _obliquity(dr, normal, k_in, e_tx, k_out, e_rx, self._there)
+        back = _obliquity(dr, normal, -k_out, e_rx, -k_in, e_tx, self._back)
+        total = (there + back).scaled(0.5 / spread)
+        return total if surface.turn is None else total.times(surface.turn)
+
+
+def _reflected(dr: Any, mirrored: _Field, across: Any, r_s: Any, r_p: Any) -> _Field:
+    """What a surface makes of a wave, from the wave's mirror image in it; `across` is k x n."""
+    both = r_s + r_p
+    share = ComplexPair(dr.dot(mirrored.re, across), dr.dot(mirrored.im, across))
+    share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
+    return _Field(
+        r_p.imag * mirrored.im - r_p.real * mirrored.re + share.re * across,
+        -r_p.real * mirrored.im - r_p.imag * mirrored.re + share.im * across,
+    )
+
+
+def _obliquity(
+    dr: Any, normal: Any, k_in: Any, e_in: _Field, k_out: Any, e_out: _Field, coefficients: tuple[Any, Any]
+) -> ComplexPair:
+    """As :class:`rfgen_sionna.tracing.integral.obliquity.Way`, for complex fields."""
+    cos = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
+    k_reflected = k_in + 2.0 * cos * normal
+    image = _Field(*(each - 2.0 * dr.dot(each, normal) * normal for each in e_in))
+    returned = _reflected(dr, image, dr.cross(k_in, normal), *coefficients)
+    # What a field E that travels along d leaves at the receiver: E . (n x (e x k) + (n x e) x d) / 2.
+    electric = [dr.cross(normal, dr.cross(e, k_out)) for e in e_out]
+    current = [dr.cross(normal, e) for e in e_out]
+
+    def received(field: _Field, direction: Any) -> ComplexPair:
+        return field.dot(dr, _Field(*(e + dr.cross(j, direction) for e, j in zip(electric, current, strict=True))))
+
+    return (received(e_in, k_in) + received(returned, k_reflected)).scaled(0.5)

@@ -1,0 +1,341 @@
+"""Transmission through slabs: the kernel's part.
+
+A surface of a material with a thickness is a slab without extent: a wave goes straight on through it, times (ITU-R
+P.2040, eq. 43, as in Sionna)
+
+    T = (1 - r^2) exp(-j q) / (1 - r^2 exp(-2 j q)),   q = k d sqrt(eps mu - sin^2)
+
+with Fresnel's r of one face, per polarisation, and the path's length is not shortened by the slab's thickness. The
+delay of the bulk, d sqrt(Re eps mu - sin^2) / c at the middle of the band, counts as length; what is left of the phase
+is the gain's.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.integral.obliquity import MAX_FRINGE
+from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
+
+NO_SLAB = -1
+LATE = 0.02
+"""Echo of a slab's back face over its front's, above which it is told that it is left out."""
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SlabTable:
+    """What may be gone through: materials with a thickness."""
+
+    materials: tuple[Material, ...]
+    thickness: FloatArray
+    """(material,) [m]; 0 for those without."""
+    index2: FloatArray
+    """(material,) square of the refractive index that the bulk's delay is reckoned with."""
+    echoes: FloatArray
+    """(material,) 1 where the echoes between the slab's faces are part of its return, 0 where they are later than the
+    band blurs."""
+
+    @staticmethod
+    def of(materials: Sequence[Material], centre: float, half_band: float) -> SlabTable:
+        """For a band `half_band` [Hz] to both sides of `centre` [Hz]."""
+        count = len(materials)
+        thickness, index2, echoes = np.zeros(count), np.ones(count), np.ones(count)
+        for number, material in enumerate(materials):
+            square = complex(material.relative_permittivity(centre)) * complex(material.permeability)
+            if material.thickness is None or not np.isfinite(square):
+                continue
+            thickness[number], index2[number] = material.thickness, max(square.real, 1.0)
+            fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * abs(square) ** 0.5 * material.thickness
+            echoes[number] = float(fringe <= MAX_FRINGE)
+        return SlabTable(tuple(materials), thickness, index2, echoes)
+
+    @property
+    def echo_lengths(self) -> FloatArray:
+        """(material,) by how much later the first echo between a slab's faces is, at normal incidence [m]."""
+        return np.asarray(2.0 * self.echoes * np.sqrt(self.index2) * self.thickness)
+
+    def strength(self, frequency: float) -> FloatArray:
+        """(material,) |T| at normal incidence; 0 for what is opaque."""
+        found = np.zeros(len(self.materials))
+        for number, material in enumerate(self.materials):
+            eps = complex(material.relative_permittivity(frequency))
+            if material.thickness is None or not np.isfinite(eps):
+                continue
+            ones = np.ones(1)
+            found[number] = float(np.abs(transmission(eps, complex(material.permeability), material.thickness, ones,
+                                                      frequency, self.echoes[number])[0][0]))  # fmt: skip
+        return found
+
+    def lengths(self, crossed: IntArray, normals: FloatArray, k: FloatArray) -> FloatArray:
+        """(..., facet) delay in slabs [m] along unit vectors `k` (..., facet, 3), through the slabs `crossed` (facet,
+        depth) with `normals` (facet, depth, 3)."""
+        cos = np.einsum("fdi,...fi->...fd", normals, k)
+        sin2 = np.maximum(1.0 - cos * cos, 0.0)
+        bulk = self.thickness[crossed] * np.sqrt(np.maximum(self.index2[crossed] - sin2, 0.0))
+        return np.asarray(np.where(crossed == NO_SLAB, 0.0, bulk).sum(axis=-1))
+
+
+def transmission(
+    eps: complex, mu: complex, thickness: float, cos: FloatArray, frequency: float, echoes: float = 1.0
+) -> tuple[ComplexArray, ComplexArray]:
+    """T of s and p polarisation at incidence `cos`, in NumPy."""
+    root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
+    root = np.where(root.imag > 0, -root, root)
+    cos = np.maximum(cos, 1e-9)
+    once = np.exp(-2j * np.pi * frequency / SPEED_OF_LIGHT * thickness * root)
+    found = []
+    for face in (mu, eps):
+        r = (face * cos - root) / (face * cos + root)
+        found.append((1.0 - r * r) * once / (1.0 - echoes * r * r * once * once))
+    return found[0], found[1]
+
+
+def late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> FloatArray:
+    """(material,) the echo of each slab's back face at normal incidence, over what its front returns, where the band
+    tells both apart and the echo is left out; 0 of others. What is seen through it lacks |r|^2 of that in turn."""
+    late = np.flatnonzero(SlabTable.of(materials, centre, half_band).echoes == 0)
+    found = np.zeros(len(materials))
+    for number in late.tolist():
+        material = materials[number]
+        eps, mu = complex(material.relative_permittivity(centre)), complex(material.permeability)
+        root = np.sqrt(eps * mu)
+        r = (mu - root) / (mu + root)
+        decay = abs(root.imag) * 4 * np.pi * centre / SPEED_OF_LIGHT * (material.thickness or 0.0)
+        found[number] = abs(1.0 - r * r) * np.exp(-decay) if abs(r) > 1e-6 else 0.0  # of air neither is there
+    return found
+
+
+def warn_of_late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> None:
+    """Tell of slabs whose back face's echo is more than `LATE` and left out, each once in a process."""
+    for material, share in zip(materials, late_echoes(materials, centre, half_band).tolist(), strict=True):
+        if share > LATE:
+            _tell(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
+
+
+@cache
+def _tell(name: str, millimetres: str, percent: int) -> None:
+    _LOG.warning(
+        "the back face of %s mm of %s returns an echo of its own, up to %d %% of the front's, which is left out, as is "
+        "what it adds to what is seen through it", millimetres, name, percent,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Slabs:
+    """Slabs on a leg of the way to each facet."""
+
+    table: SlabTable
+    crossed: IntArray
+    """(facet, depth) which material of the table, or `NO_SLAB`."""
+    normals: FloatArray
+    """(facet, depth, corner, 3) unit vectors across the slabs where the ways to the facet's corners meet them."""
+
+    def __post_init__(self) -> None:
+        if self.normals.shape != (*self.crossed.shape, 3, 3):  # kernels would read beyond them
+            raise ValueError(f"normals: shape {self.normals.shape}, {(*self.crossed.shape, 3, 3)} is needed")
+
+
+@dataclass(frozen=True)
+class Screens:
+    """Slabs between an element and each facet."""
+
+    before: Slabs | None
+    """Those between the element and the mirror by way of which it sees the facet."""
+    behind: Slabs | None
+    """Those between the mirror, or the element itself where there is none, and the facet."""
+
+
+def over_instants(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
+    """(entry, ..., 3) unit normals of `count` entries at each instant: a slab may turn.
+
+    `sums` (row, ..., 3) are theirs at each instant, of any length, of which `places` (row,) counts out the entries;
+    -1 is none. Where an entry is not seen at an instant its normals are those of the nearest one at which it is.
+    """
+    shape = (len(places), count, *sums[0].shape[1:])
+    total, there = np.zeros(shape), np.zeros(shape[:2], np.bool_)
+    for own, seen, place, each in zip(total, there, places, sums, strict=True):
+        np.add.at(own, place[place >= 0], each[place >= 0])
+        seen[place[place >= 0]] = True
+    total /= np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
+    entry, gaps = np.arange(count), np.arange(len(places))
+    found = []
+    for k in range(len(places)):
+        order = np.argsort(np.abs(gaps - k), kind="stable")
+        found.append(total[order[there[order].argmax(axis=0)], entry])
+    return found
+
+
+def turned(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
+    """(..., 3) unit normals a `share` of the way from those `before` to those `after`."""
+    between = before + share * (after - before)
+    return np.asarray(between / np.maximum(np.linalg.norm(between, axis=-1, keepdims=True), 1e-12))
+
+
+class Slab(NamedTuple):
+    """One slab of each lane."""
+
+    normals: list[Any]
+    """Unit vectors across it on the ways to the facet's corners."""
+    eps: Any
+    mu: Any
+    electric: Any
+    """Wavenumber times thickness; 0 where there is none, which changes nothing."""
+    thickness: Any
+    index2: Any
+    echoes: Any
+    there: Any
+
+    def across(self, dr: Any, weights: Sequence[Any] | None = None) -> Any:
+        """Unit vector across it on the way to barycentric coordinates `weights` of the facet, to its middle if None."""
+        one, other, third = self.normals
+        if weights is not None:
+            one, other, third = weights[0] * one, weights[1] * other, weights[2] * third
+        total = one + other + third
+        return total / dr.maximum(dr.norm(total), 1e-12)  # of no slab it is nothing
+
+
+class Crossed(NamedTuple):
+    """:class:`Screens` of each lane, those before the mirror as mirror images: where the element's image is."""
+
+    before: list[Slab]
+    behind: list[Slab]
+
+
+def screen_tables(dr: Any, types: Any, screens: Screens, frequencies: FloatArray) -> dict[str, Any]:
+    """`screens` on the device, at nodes of these `frequencies` (node,) [Hz], for :func:`screens_of_lanes`."""
+    sides = {"before": screens.before, "behind": screens.behind}
+    return {name: _slab_tables(dr, types, slabs, frequencies) for name, slabs in sides.items() if slabs is not None}
+
+
+def _slab_tables(dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray) -> dict[str, Any]:
+    Float, UInt32 = types.Float64, types.UInt32
+    table = slabs.table
+    eps = np.stack([each.relative_permittivity(frequencies) for each in table.materials], axis=1)
+    eps = np.where(np.isfinite(eps), eps, 1.0)
+    mu = np.array([complex(each.permeability) for each in table.materials])
+    levels = slabs.crossed.shape[1]
+    return {
+        "count": dr.opaque(UInt32, len(table.materials)),
+        "eps_re": upload(Float, eps.real),
+        "eps_im": upload(Float, eps.imag),
+        "mu_re": upload(Float, mu.real),
+        "mu_im": upload(Float, mu.imag),
+        "thickness": upload(Float, table.thickness),
+        "index2": upload(Float, table.index2),
+        "echoes": upload(Float, table.echoes),
+        "levels": [
+            {
+                "crossed": upload(UInt32, np.maximum(slabs.crossed[:, level], 0).astype(np.uint32)),
+                "present": upload(Float, slabs.crossed[:, level] != NO_SLAB),
+                "normals": upload(Float, slabs.normals[:, level]),
+            }
+            for level in range(levels)
+        ],
+    }
+
+
+def screens_of_lanes(
+    dr: Any,
+    types: Any,
+    screens: dict[str, Any],
+    mirrored: Callable[[Any], Any],
+    facet: Any,
+    node: Any,
+    wavenumber: Any,
+) -> Crossed:
+    """Slabs of each lane, from :func:`screen_tables`; `mirrored` makes the mirror image of a direction."""
+
+    def of(side: str) -> list[Slab]:
+        return _slabs_of_lanes(dr, types, screens[side], facet, node, wavenumber) if side in screens else []
+
+    before = [slab._replace(normals=[mirrored(each) for each in slab.normals]) for slab in of("before")]
+    return Crossed(before, of("behind"))
+
+
+def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, node: Any, wavenumber: Any) -> list[Slab]:
+    def values(numbers: Any, index: Any) -> Any:
+        return dr.gather(types.Float64, numbers, index)
+
+    found = []
+    for level in tables["levels"]:
+        material, there = dr.gather(types.UInt32, level["crossed"], facet), values(level["present"], facet)
+        entry = node * tables["count"] + material
+        thickness = values(tables["thickness"], material) * there
+        found.append(
+            Slab(
+                [
+                    types.Array3f64(*(values(level["normals"], facet * 9 + 3 * corner + axis) for axis in range(3)))
+                    for corner in range(3)
+                ],
+                types.Complex2f64(values(tables["eps_re"], entry), values(tables["eps_im"], entry)),
+                types.Complex2f64(values(tables["mu_re"], material), values(tables["mu_im"], material)),
+                wavenumber * thickness,
+                thickness,
+                values(tables["index2"], material),
+                values(tables["echoes"], material),
+                there > 0.5,
+            )
+        )
+    return found
+
+
+def bulk_length(dr: Any, crossed: Crossed, k: Any) -> Any:
+    """Delay in slabs [m] along unit vectors `k`."""
+    total = 0.0
+    for slab in (*crossed.before, *crossed.behind):
+        cos = dr.dot(slab.across(dr), k)
+        sin2 = dr.maximum(1.0 - cos * cos, 0.0)
+        total = total + slab.thickness * dr.sqrt(dr.maximum(slab.index2 - sin2, 0.0))
+    return total
+
+
+def _coefficients(dr: Any, complex_type: Any, slab: Slab, across: Any) -> tuple[Any, Any]:
+    """T of s and p polarisation for a wave along k, with `across` = k x n; 1 where there is no slab."""
+    sin2 = dr.minimum(dr.dot(across, across), 1.0)
+    cos = dr.maximum(dr.sqrt(1.0 - sin2), 1e-9)
+    root = dr.sqrt(slab.eps * slab.mu - sin2)
+    root = dr.select(root.imag > 0, -root, root)
+    size = dr.exp(slab.electric * root.imag)
+    sin, cos_q = dr.sincos(slab.electric * root.real)
+    once = complex_type(size * cos_q, -size * sin)
+    found = []
+    for face in (slab.mu, slab.eps):
+        r = (face * cos - root) / (face * cos + root)
+        below = 1.0 - r * r * once * once * slab.echoes
+        t = (1.0 - r * r) * once / below
+        found.append(dr.select(slab.there, t, complex_type(1.0, 0.0)))
+    return found[0], found[1]
+
+
+def _passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
+    """A wave's field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
+    both = t_s - t_p
+    share = ComplexPair(dr.dot(field_re, across), dr.dot(field_im, across))
+    share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
+    return (
+        t_p.real * field_re - t_p.imag * field_im + share.re * across,
+        t_p.real * field_im + t_p.imag * field_re + share.im * across,
+    )
+
+
+def screened(
+    dr: Any, complex_type: Any, slabs: list[Slab], weights: Sequence[Any], k: Any, field_re: Any, field_im: Any
+) -> tuple[Any, Any]:
+    """A wave's field, real and imaginary part, after slabs that it goes through along `k`, to or from the barycentric
+    coordinates `weights` of the facet."""
+    for slab in slabs:
+        across = dr.cross(k, slab.across(dr, weights))
+        t_s, t_p = _coefficients(dr, complex_type, slab, across)
+        field_re, field_im = _passed(dr, field_re, field_im, across, t_s, t_p)
+    return field_re, field_im

@@ -1,0 +1,172 @@
+"""What the facets of moving surfaces return at the instants of a stretch, those in half shadow piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.transfer import joined
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.expansion import Expansion
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.sight import Seen
+from rfgen_sionna.tracing.shadows.parallax import Parallax
+from rfgen_sionna.tracing.surface.facets import Facets
+
+AT_ONCE = 200_000
+"""Facets that are integrated at once."""
+
+
+class Lit(NamedTuple):
+    """What facets return at some instants."""
+
+    whole: list[ComplexArray]
+    """(value, facet) as if all of them were seen."""
+    values: list[ComplexArray]
+    """(value, facet) of what is seen from the phase centre."""
+    parallax: list[Parallax | None]
+    """What pairs see more or less of the facets kept; None where no shadow's edge falls on them."""
+    missed: FloatArray
+    """(surface,) estimated error of that, relative to what each returns without interfering when it returns most."""
+
+
+def relative_to_best(missed: FloatArray, level: FloatArray, best: FloatArray) -> FloatArray:
+    """(surface,) the largest of errors `missed` (instant, surface) that are relative to a `level` (instant, surface),
+    relative to the `best` one (surface,): what is hidden for a while is not told to the last digit meanwhile."""
+    return np.asarray((missed * level).max(axis=0) / np.where(best > 0, best, np.inf))
+
+
+class FacetReturns:
+    """Integrates facets of surfaces made of `materials`.
+
+    An `expansion` says what is integrated, its values; `references` are the points (facet, 3) [m] that delays go by,
+    one array an instant. Surfaces of one `lot` (surface,) share a tolerance.
+    """
+
+    def __init__(self, band: BandTracer, materials: tuple[Material, ...], lot: IntArray) -> None:
+        self._band, self._materials, self._lot = band, materials, lot
+
+    def values(
+        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
+    ) -> list[ComplexArray]:
+        """(value, facet) of each of `parts`, as if all were seen. They are integrated together, as far as memory
+        allows: to set a kernel up takes as long as it takes ten thousand facets."""
+        found: list[ComplexArray] = []
+        batch = np.cumsum([len(each) for each in parts]) // AT_ONCE
+        for number in np.unique(batch):
+            first, last = np.searchsorted(batch, [number, number + 1])
+            some, reference = parts[first:last], joined(references[first:last])
+            values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
+            found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
+        return found
+
+    def seen(
+        self,
+        seen: Sequence[Seen],
+        kept: NDArray[np.intp],
+        facets: Sequence[Facets],
+        references: Sequence[FloatArray],
+        expansion: Expansion,
+        times: int = 1,
+    ) -> Lit:
+        """Those of the `facets` kept, which `kept` counts out of all, at each instant, as they are `seen`. Of those in
+        half shadow the pieces that are seen count, each with its own phase. Each of `seen` may have facets of several
+        `times`, one time's after the other's."""
+        cut = [number for number, each in enumerate(seen) if len(each.owner)]
+        parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
+        if cut:
+            # To cut facets takes a kernel, too: those of all instants are cut at once.
+            owners = [np.unique(seen[number].owner, return_inverse=True) for number in cut]
+            first = np.cumsum([0, *(len(owner) for owner, _ in owners)])
+            parents = Facets.joined([seen[n].facets.take(owner) for n, (owner, _) in zip(cut, owners, strict=True)])
+            place = np.concatenate([index + start for (_, index), start in zip(owners, first[:-1], strict=True)])
+            pieces, hider = (np.concatenate([getattr(seen[n], name) for n in cut]) for name in ("pieces", "hider"))
+            surfaces = len(self._materials)
+            of = np.repeat(np.arange(len(cut)), [len(seen[n].owner) for n in cut])
+            group = surfaces * of + self._lot[parents.surface[place]]
+            level = np.stack([seen[n].level for n in cut])
+            edges, of_cut = self._band.edges(parents, place, pieces, hider, group, np.sqrt(times) * level.ravel())
+            best = np.max([each.level for each in seen], axis=0)
+            missed = relative_to_best(of_cut.reshape(level.shape)[:, self._lot], level, best)
+            parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
+            own = np.concatenate(
+                [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]
+            )
+            theirs.append(np.concatenate([own[place], edges.middle + self._band.viewpoint]))
+        found = self.values(parts, expansion, theirs)
+        whole = found[: len(facets)]
+        lit = [own * each.fraction[kept] for own, each in zip(whole, seen, strict=True)]
+        parallax: list[Parallax | None] = [None for _ in seen]
+        if cut:
+            starts = np.flatnonzero(np.diff(place, prepend=-1))
+            sums = np.split(np.add.reduceat(found[-1][:, : len(place)], starts, axis=1), first[1:-1], axis=1)
+            every = self._band.parallax(edges, found[-1][:, len(place) :], own[edges.owner], expansion)
+            for n, (owner, _), of_pieces, start in zip(cut, owners, sums, first.tolist(), strict=False):
+                at = np.searchsorted(kept, owner)
+                lit[n][:, at] = of_pieces
+                there = every.take(slice(*np.searchsorted(edges.owner, [start, start + len(owner)])))
+                parallax[n] = there._replace(owner=at[there.owner - start])
+        return Lit(whole, lit, parallax, missed)
+
+    def coefficients(
+        self,
+        facets: Sequence[Facets],
+        shares: FloatArray,
+        values: Sequence[ComplexArray],
+        expansion: Expansion,
+        leader: NDArray[np.intp],
+        parallax: Sequence[Parallax | None],
+        pattern: Sequence[FloatArray] | None = None,
+    ) -> tuple[ComplexArray, NDArray[np.intp]]:
+        """(order, tx, rx, path, instant) of the paths that facets with the same `leader` (facet,) make together, and
+        the (path,) leaders. `shares` (facet, instant) of the area are seen; of what rough ones scatter that share of
+        the energy counts, and at each instant the `parallax`. `pattern` (facet,) is at each instant what the antennas
+        make of a facet, over what they make of its leader; None is 1."""
+        order = np.argsort(leader, kind="stable")
+        led, first = np.unique(leader[order], return_index=True)
+        if len(led) == len(leader):
+            gathered = values if np.array_equal(led, leader) else [np.take(each, order, axis=1) for each in values]
+            if pattern is not None:
+                gathered = [each * gain[order] for each, gain in zip(gathered, pattern, strict=True)]
+            of_paths = np.stack(gathered, axis=-1)
+        else:
+            of_paths = np.empty((len(values[0]), len(led), len(values)), np.complex128)
+            ends = np.append(first, len(order))
+            for k, each in enumerate(values):
+                weights = np.ones(len(order)) if pattern is None else pattern[k][order]
+                rows = csr_array((weights, order, ends), shape=(len(led), len(order)))
+                # Real times complex as two real products side by side.
+                columns = np.ascontiguousarray(each.T).view(np.float64)
+                of_paths[:, :, k] = np.asarray(rows @ columns).view(np.complex128).T
+        found = self._band.combined(expansion, of_paths)
+        path = np.searchsorted(led, leader)
+        for k, beside in enumerate(parallax):
+            if beside is not None:
+                weight = 1.0 if pattern is None else pattern[k][beside.owner]
+                Parallax(path[beside.owner], beside.gains * weight).add_to(found[..., k])
+        for k, there in enumerate(facets):
+            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
+                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
+        return found, led
+
+    def cancelling(
+        self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
+    ) -> FloatArray:
+        """(surface,) what paths of each lot by way of points, `by_way` (path, 3) [m] at each instant, with `gains`
+        (path, instant) of the first pair, return without interfering, over what they do, over all instants; 0 where
+        nothing comes. `surface` (path,) is that of each, one of so many `surfaces`."""
+        alone, together = np.zeros((2, surfaces))
+        surface = self._lot[surface]
+        for own, there in zip(gains.T, by_way, strict=True):
+            waves = own * phasors(self._band.centre * self._band.delays(there, (0, 0)))
+            real, imaginary = (np.bincount(surface, part, surfaces) for part in (waves.real, waves.imag))
+            alone += np.bincount(surface, own.real**2 + own.imag**2, surfaces)
+            together += real**2 + imaginary**2
+        return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))[self._lot]

@@ -1,0 +1,406 @@
+"""What the radar sees of moving facets at some instants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.looks import Looks, before, times_at_once
+from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.faint import BENT_MORE, FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
+from rfgen_sionna.tracing.shadows.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
+from rfgen_sionna.tracing.shadows.sampling import Corners, Sampled, sampled_fraction
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
+
+NEAREST_APART = 2.5e-4
+"""Least angle between rays past one edge [rad]."""
+_ROUNDS, _FAINTER = 2, 2.0
+"""How often it is reckoned anew which facets are too faint, at most, and by what factor they may return more than is
+allowed for less to be seen of a surface than was thought."""
+_PER_FACET, _SMALL = 0.3, 0.1
+"""Angle between them at a tolerance of 1 %, over the width of facets such that smaller ones make up so small a share of
+the view."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Facets at an instant and how much of them is seen."""
+
+    facets: Facets
+    fraction: FloatArray
+    """(facet,) share of the area."""
+    weight: FloatArray
+    """(facet,) the antennas' two-way field gain towards each, over the largest; 0 for those that were not looked at, as
+    they look away, are too far or too faint."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that a piece is of: what is seen of those hidden in part."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of its corners."""
+    hider: FloatArray
+    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.hider`."""
+    outline: FloatArray
+    """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
+    level: FloatArray
+    """(surface,) what the facets of its lot (:func:`rfgen_sionna.tracing.surface.surfaces.lots`) may return without
+    interfering, in units of :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.returned`."""
+    missed: FloatArray
+    """(surface,) estimated error of what those return for what is not known of shadows' edges, and for those that
+    are too faint to be looked at, relative to what they return without interfering."""
+    looked_at: int
+    rays: int
+
+    def of(self, chosen: NDArray[np.intp]) -> Seen:
+        """The facets that `chosen` counts out, in ascending order."""
+        place = np.minimum(np.searchsorted(chosen, self.owner), max(len(chosen) - 1, 0))
+        mine = chosen[place] == self.owner if len(chosen) else np.zeros(len(self.owner), np.bool_)
+        return replace(
+            self,
+            facets=self.facets.take(chosen),
+            fraction=self.fraction[chosen],
+            weight=self.weight[chosen],
+            owner=place[mine],
+            pieces=self.pieces[mine],
+            hider=self.hider[mine],
+            outline=self.outline[chosen],
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Seen]) -> Seen:
+        """One after the other; of `level` and `missed` the least and the largest."""
+        first = np.cumsum([0, *(len(each.fraction) for each in parts)])
+        fraction, weight, pieces, hider, outline = (
+            np.concatenate([getattr(each, name) for each in parts])
+            for name in ("fraction", "weight", "pieces", "hider", "outline")
+        )
+        return Seen(
+            Facets.joined([each.facets for each in parts]),
+            fraction,
+            weight,
+            np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)]),
+            pieces,
+            hider,
+            outline,
+            np.min([each.level for each in parts], axis=0),
+            np.max([each.missed for each in parts], axis=0),
+            sum(each.looked_at for each in parts),
+            sum(each.rays for each in parts),
+        )
+
+
+class Sight:
+    """Looks at moving surfaces from one place, as far as the range window."""
+
+    def __init__(
+        self, surfaces: Surfaces, band: BandTracer, viewpoint: FloatArray, max_range: float, rtol: float
+    ) -> None:
+        self._surfaces, self._viewpoint, self._max_range, self._rtol = surfaces, viewpoint, max_range, rtol
+        self._wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
+        self._importance, self._reach = band.importance, band.reach
+        self._outlines = [Outline(surface.faces) for surface in surfaces.moving]
+        self._passed: dict[float, Passing] = {}
+        self._apart = APART
+        self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._loudness = Loudness(viewpoint, self._wavenumber, band.aperture)
+        self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
+        self._silent = np.array([silent(surface.material, band.frequency(PROBES)) for surface in surfaces.moving], bool)
+        self._bent = np.array([1.0 if surface.smooth is None else BENT_MORE for surface in surfaces.moving])
+        self._flat = any(surface.smooth is None for surface in surfaces.moving)  # facets in rows
+        self._lot = lots(surfaces.moving)
+        self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
+
+    def __call__(
+        self,
+        rays: RayScene,
+        facets: Sequence[Facets],
+        places: IntArray,
+        times: Sequence[float],
+        vertices: Sequence[Sequence[FloatArray]],
+        share: FloatArray | None = None,
+    ) -> list[Seen]:
+        """What is seen at several `times` [s] of `facets`, at each all those of the moving surfaces, which have their
+        `vertices` (vertex, 3) [m] then; `places` are those of :func:`rfgen_sionna.tracing.shadows.sampling.touching`,
+        and `rays` is the ray scene at any time. With a `share` (surface,) of what faint facets may come to, those that
+        return next to nothing at all these times (:mod:`rfgen_sionna.tracing.moving.faint`) are not looked at; None is
+        0. But for these, nothing is told of times by one another: together they are quicker."""
+        facing = [self._facing(each) for each in facets]
+        if share is None or not share.any():
+            return self._at_all_times(rays, facets, places, times, vertices, facing)
+        surfaces, surface = len(self._surfaces.moving), facets[0].surface
+        louds, most = [], np.zeros(len(surface))
+        total = np.full(surfaces, np.inf)
+        for each, there in zip(facets, facing, strict=True):
+            loud, there_most = self._loudness.of(each, there)
+            louds.append(loud)
+            most[there.chosen] = np.maximum(most[there.chosen], there_most)
+            total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], loud**2, surfaces)))
+        share = FAINT_PER_RTOL * self._rtol * self._plain * self._bent * share
+        found = list[Seen]()
+
+        def waves(some: NDArray[np.intp]) -> ComplexArray:
+            away = lengths(np.take(facets[0].centroids, some, axis=0) - self._viewpoint)
+            return most[some] * phasors(self._wavenumber / np.pi * away)
+
+        for _ in range(_ROUNDS):
+            looked, sent = (sum(getattr(each, name) for each in found) for name in ("looked_at", "rays"))
+            faint, left = faintest(most, surface, share * self._shown * total, waves)
+            kept = [there.of(np.flatnonzero(~faint[there.chosen])) for there in facing]
+            found = self._at_all_times(rays, facets, places, times, vertices, kept)
+            shown = np.full(surfaces, np.inf)
+            for seen, there, loud in zip(found, facing, louds, strict=True):
+                energy = np.bincount(surface[there.chosen], (loud * seen.fraction[there.chosen]) ** 2, surfaces)
+                shown = np.minimum(shown, np.sqrt(energy))
+            enough = left <= _FAINTER * share * shown
+            self._shown = np.minimum(np.where(total > 0, shown / np.where(total > 0, total, 1.0), 1.0), 1.0)
+            if enough.all():
+                break
+        beyond = np.where(shown > 0, left / np.where(shown > 0, shown, 1.0), 0.0)
+        found[0] = replace(found[0], looked_at=found[0].looked_at + looked, rays=found[0].rays + sent)
+        return [replace(each, missed=np.hypot(each.missed, beyond)) for each in found]
+
+    def _facing(self, facets: Facets) -> Facing:
+        chosen = np.flatnonzero(facets.facing)
+        if self._silent.any():
+            chosen = chosen[~self._silent[facets.surface[chosen]]]
+        offset = np.take(facets.centroids, chosen, axis=0) - self._viewpoint
+        distance = lengths(offset)
+        near = distance < self._max_range
+        if not near.all():
+            chosen, offset, distance = chosen[near], offset[near], distance[near]
+        return Facing(chosen, self._importance(offset / np.maximum(distance, 1e-12)[:, None]))
+
+    def _at_all_times(
+        self,
+        rays: RayScene,
+        facets: Sequence[Facets],
+        places: IntArray,
+        times: Sequence[float],
+        vertices: Sequence[Sequence[FloatArray]],
+        facing: Sequence[Facing],
+    ) -> list[Seen]:
+        """:meth:`__call__` of those `facing`, as many times at once as there may be."""
+        self._passed.clear()
+        step, found = times_at_once(rays.num_facets, self._viewpoint, vertices[0]), list[Seen]()
+        for first in range(0, len(facets), step):
+            some = slice(first, first + step)
+            seen, passing = self._together(rays, facets[some], places, vertices[some], facing[some])
+            found += seen
+            self._passed |= zip(times[some], passing, strict=True)
+        return found
+
+    def _together(
+        self,
+        rays: RayScene,
+        facets: Sequence[Facets],
+        places: IntArray,
+        vertices: Sequence[Sequence[FloatArray]],
+        looked: Sequence[Facing],
+    ) -> tuple[list[Seen], list[Passing]]:
+        """:meth:`__call__` at once of what is to be `looked` at, and the rays that just pass outlines."""
+        count, surfaces = len(facets), len(self._surfaces.moving)
+        offsets = [[points - self._viewpoint for points in there] for there in vertices]
+        turned = [
+            [outline.towards(each) for outline, each in zip(self._outlines, there, strict=True)] for there in offsets
+        ]
+        hiding = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
+        looks = rays.looks(self._viewpoint, vertices, hiding)
+        passing = self._past(looks, offsets, turned)
+        facing = [each.chosen for each in looked]
+        starts = np.cumsum([0, *(len(each) for each in facing)])
+        time = np.repeat(np.arange(count, dtype=np.int32), np.diff(starts))
+        corners = np.empty((starts[-1], 3, 3))
+        for each, some, first in zip(facets, facing, starts.tolist(), strict=False):
+            np.take(each.corners, some, axis=0, out=corners[first : first + len(some)])
+
+        def every(name: str) -> IntArray:
+            return np.concatenate([getattr(each, name)[some] for each, some in zip(facets, facing, strict=True)])
+
+        number, group = (
+            every("number") + np.int64(rays.num_facets) * time,
+            self._lot[every("surface")] + surfaces * time,
+        )
+        place = np.concatenate([places[some] for some in facing]) + (int(places.max(initial=-1)) + 1) * time[:, None]
+        weight = np.concatenate([each.weight for each in looked])
+        # By all that falls on them at their time.
+        hit = [np.where(each.hit < 0, -1, each.hit + rays.num_facets * k) for k, each in enumerate(passing)]
+        fallen = Passing(
+            np.concatenate([each.directions for each in passing]),
+            np.concatenate(hit),
+            np.concatenate([each.span for each in passing]),
+        )
+        # Of what stays, which is looked at once, rays to facets before outlines find edges all the same.
+        outline = Places(corners - self._viewpoint, number).holding(fallen)[1]
+        found, guides, missed, level = self._sampled(
+            looks, corners, number, place, outline, weight, group, count * surfaces, 0.0, count
+        )
+        cuts, every_seen = np.searchsorted(found.owner, starts), list[Seen]()
+        for k, (there, some) in enumerate(zip(facets, facing, strict=True)):
+            own, cut = slice(starts[k], starts[k + 1]), slice(cuts[k], cuts[k + 1])
+            fraction, weights, outlines = np.zeros((3, len(there)))
+            fraction[some], weights[some], outlines[some] = found.fraction[own], weight[own], outline[own]
+            sent = len(passing[k].hit) + (0 if k else guides + found.rays)  # those of all times with the first
+            mine = surfaces * k + self._lot
+            every_seen.append(
+                Seen(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut],
+                     found.hider[cut], outlines, level[mine], missed[mine], len(some), sent)
+            )  # fmt: skip
+        return every_seen, passing
+
+    def _hiding(self, turned: Sequence[NDArray[np.bool_]], offsets: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """The moving faces that a ray from the viewpoint may come to first: of what looks outward and is not around it
+        those that look at it, `turned` (face,) that way."""
+        found, first = [np.zeros(0, np.intp)], 0
+        for surface, towards, points in zip(self._surfaces.moving, turned, offsets, strict=True):
+            found.append(first + np.flatnonzero(towards | ~surface.outward | _surrounds(points)))
+            first += len(towards)
+        return np.concatenate(found)
+
+    def looks(self, rays: RayScene, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Looks:
+        """What may hide some facets at several times, at which the moving surfaces have their `vertices` (vertex, 3)
+        [m] and the facets their `corners` (time, facet, 3, 3) [m]: of what comes before them, the faces that a ray may
+        come to first then. `rays` is the ray scene at any time."""
+        offsets = [[points - self._viewpoint for points in there] for there in vertices]
+        placed = [np.concatenate([np.zeros((0, 3)), *there]) for there in offsets]
+        found = before(rays.moving_faces, placed, corners - self._viewpoint)
+        ends, surfaces = rays.moving_faces[found], self._surfaces.moving
+        owner = np.repeat(np.arange(len(surfaces)), [len(each.faces) for each in surfaces])[found]
+        outward, hiding = np.concatenate([each.outward for each in surfaces])[found], []
+        for points, there in zip(placed, offsets, strict=True):
+            around = np.array([_surrounds(each) for each in there])
+            hiding.append(found[~outward | around[owner] | look_at_the_viewpoint(points, ends)])
+        return rays.looks(self._viewpoint, vertices, hiding, corners)
+
+    def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
+        """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
+        `outline` (facet,) [rad] falls on each, and `level` (surface,) is that of all facets. `facets` are those of one
+        time after the other, and so is what is seen; of what is `missed`, relative to that, the largest counts."""
+        near = np.flatnonzero(lengths(facets.centroids - self._viewpoint) < self._max_range)
+        times, surfaces = len(facets) // len(outline), len(self._surfaces.moving)
+        time = np.arange(times, dtype=np.int32)[:, None]
+        own, local = np.unique(places, return_inverse=True)
+        every = (local.ravel().astype(np.int32) + np.int32(len(own)) * time).reshape(-1, 3)
+        group = self._lot[facets.surface] + surfaces * np.repeat(time, len(outline))
+        number = looks.numbered(facets.number[: len(outline)], times)
+        outlines = np.tile(outline, times)
+        weight = self._importance(facets.directions(self._viewpoint, near))
+        found, guides, missed, least = self._sampled(
+            looks, np.take(facets.corners, near, axis=0), number[near], every[near], outlines[near], weight,
+            group[near], times * surfaces, np.tile(level, times), times,
+        )  # fmt: skip
+        fraction, weights = np.zeros((2, len(facets)))
+        fraction[near], weights[near] = found.fraction, weight
+        error = (missed * least).reshape(times, surfaces).max(axis=0)[self._lot]
+        sent = guides + found.rays
+        cut = near[found.owner], found.pieces, found.hider
+        of_all = np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0)
+        return Seen(facets, fraction, weights, *cut, outlines, level, of_all, len(near), sent)
+
+    def _sampled(
+        self,
+        looks: Looks,
+        corners: FloatArray,
+        number: NDArray[np.int64],
+        places: IntArray,
+        outline: FloatArray,
+        weight: FloatArray,
+        group: NDArray[np.integer[Any]],
+        groups: int,
+        least: FloatArray | float,
+        times: int,
+    ) -> tuple[Sampled, int, FloatArray, FloatArray]:
+        """What is seen of facets that face the radar, and the guiding rays; of each of the `groups`, one surface at one
+        of so many `times`, what is missed, relative to what it may return without interfering, and that."""
+        guided, guides = Corners(self._viewpoint, corners, number, places).seen(looks)
+        found = sampled_fraction(
+            looks, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, outline, weight, group,
+            level=least, times=times, apart=self._apart, places=places if self._flat else None,
+            reach=self._reach,
+        )  # fmt: skip
+        error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
+        return found, guides, np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0), level
+
+    def look_for(self, corners: Sequence[FloatArray], of_bent: NDArray[np.intp]) -> None:
+        """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface, of
+        which `of_bent` are pieces of bent faces."""
+        self._loudness.form(corners, of_bent)
+        apart = apart_for(corners, self._viewpoint, self._rtol)
+        if apart != self._apart:
+            self._apart, self._static = apart, None
+
+    def passing(self, t: float) -> Passing:
+        """Rays that just pass the outlines of what moves, and of what stands before it, at one of the times [s] that
+        were looked at last."""
+        return self._passed[t]
+
+    def _past(
+        self, looks: Looks, offsets: Sequence[Sequence[FloatArray]], turned: Sequence[Sequence[NDArray[np.bool_]]]
+    ) -> list[Passing]:
+        """These rays at every time, at which vertices are at `offsets` [m] from the viewpoint and faces `turned` to
+        it."""
+        if self._static is None:
+            # Directions (ray, 3) as long as the way there (ray,) [m], and what each stands for.
+            past, stands_for = static_outlines(self._surfaces, self._viewpoint, self._apart)
+            self._static = past, stands_for, lengths(past)
+        static, span, distance = self._static
+        found = []
+        for there, towards in zip(offsets, turned, strict=True):
+            before = np.zeros(len(static), np.bool_)
+            for each in there if len(static) else ():
+                far = np.maximum(lengths(each), 1e-12)
+                axis = (each / far[:, None]).mean(axis=0)
+                axis /= max(float(np.linalg.norm(axis)), 1e-12)
+                opening = float((each @ axis / far).min())
+                before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
+            placed = zip(self._outlines, there, towards, strict=True)
+            passing = [outline.passing(points, self._apart, looking) for outline, points, looking in placed]
+            directions, spans = (np.concatenate(e) for e in zip((static[before], span[before]), *passing, strict=True))
+            found.append((directions, spans, int(np.count_nonzero(before))))
+        time = np.repeat(np.arange(len(found)), [len(directions) for directions, _, _ in found])
+        hits = looks.first_facet(np.concatenate([directions for directions, _, _ in found]), time)
+        return [
+            Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
+        ]
+
+
+def _surrounds(points: FloatArray) -> bool:
+    """Whether the viewpoint may be within something with these `points` (vertex, 3) [m], seen from there."""
+    low, high = bounds(points)
+    return not bool((low > 0).any() or (high < 0).any())
+
+
+def static_outlines(
+    surfaces: Surfaces, viewpoint: FloatArray, apart: float = STILL_APART
+) -> tuple[FloatArray, FloatArray]:
+    """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
+    outline (ray,) [rad] that each stands for, `apart` at most."""
+    placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
+    found = [Outline(surface.faces).passing(points - viewpoint, apart) for surface, points in placed]
+    rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
+    return rays, span
+
+
+def apart_for(corners: Sequence[FloatArray], viewpoint: FloatArray, rtol: float) -> float:
+    """Angle [rad] between rays past an edge, so close that few of the facets with `corners` (facet, 3, 3) [m], those of
+    each surface, lie between two of them: where light through a gap crosses a facet and reaches no corner, such a ray
+    alone tells."""
+    apart = APART
+    for each in corners:
+        if not len(each):
+            continue
+        edges = each - each[:, [1, 2, 0]]
+        away = np.maximum(lengths(middles(each) - viewpoint), 1e-9)
+        size, area = widest(lengths(edges)) / away, lengths(np.cross(edges[:, 0], edges[:, 1])) / away**2
+        order = np.argsort(size)
+        share = np.cumsum(area[order])
+        typical = float(size[order[np.searchsorted(share, _SMALL * share[-1])]])
+        # What lies between two rays goes with the square of their distance.
+        apart = min(apart, max(_PER_FACET * typical * np.sqrt(rtol / 1e-2), NEAREST_APART))
+    return float(apart)

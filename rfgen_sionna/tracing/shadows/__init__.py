@@ -1,0 +1,17 @@
+"""What is seen of facets, and from where.
+
+============  ===================================================
+module        what
+============  ===================================================
+`outlines`    rays that just pass the outlines of bodies
+`cones`       what actors may hide, at a glance
+`horizon`     where round things turn out of sight
+`lines`       the lit parts of facets that a shadow's edge passes
+`looking`     points on lattices tell what is seen
+`sampling`    RF adaptive sampling: rays where they matter
+`visibility`  what mirrors show of facets
+`rims`        what the rims of slabs and mirrors leave of facets
+`strips`      integrals over strips beside shadows' edges
+`parallax`    what each pair of elements sees of these
+============  ===================================================
+"""

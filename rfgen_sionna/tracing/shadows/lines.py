@@ -1,0 +1,349 @@
+"""The lit parts of facets that a shadow's edge passes.
+
+Points of a lattice on the facet are looked at; where two neighbours differ, the shadow's edge between them is found by
+halving, and straight lines join what is found (marching triangles). What is cut off where the edge is bent falls
+with the square of the lattice's spacing. As the facet moves its lit part changes with the shadow, not cell by cell.
+
+Most facets have one edge on them that is straight as far as the lattice tells, such as that of a table: their lit part
+is a triangle or two instead of dozens, which all that follows is spared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray
+
+SPACINGS = (1, 2, 4, 8, 16, 32)
+"""Cells along a facet's edge, level by level."""
+_HALVINGS = (5, 5, 6, 7, 8, 9)
+"""How often the edge of a cell is halved at least to find the shadow's edge on it, level by level: so often that three
+of them tell whether the edge is straight to `_BOWED`."""
+_MOST_HALVINGS = 9
+_STRAY = 0.05
+"""Phase that the place found may be off by before it is halved again [rad, root mean square]."""
+
+_BOWED = 0.1
+"""How far an edge may be from straight on its way over a facet, times the square of the cells along its edge: as much
+counts for what lines from cell to cell miss (:mod:`rfgen_sionna.tracing.shadows.sampling`)."""
+
+RIM = 0.05
+"""Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
+the rim of its body, the very corner may be taken for seen."""
+_INSET = 5e-4
+_AIM = np.array([0.36, 0.31, 0.33])
+"""Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
+it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
+
+
+class Look(Protocol):
+    """Tells what is seen of facets: :class:`rfgen_sionna.scene.targets.Targets` does, by rays."""
+
+    def seen(self, of: NDArray[np.intp], places: FloatArray, /) -> NDArray[np.bool_]:
+        """(ray,) whether the points at barycentric `places` (ray, 3) on facets `of` (ray,) are seen."""
+
+    def edges(
+        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: NDArray[np.intp], /
+    ) -> tuple[FloatArray, FloatArray]:
+        """(ray, 3) where on facets `of` (ray,) the shadow's edge is between the points `lit` (ray, 3), which are seen,
+        and `dark` (ray, 3), after so many `halvings` (ray,); and (ray,) how far it is to what casts it, over the way
+        there."""
+
+
+class Lit(NamedTuple):
+    """What is seen of facets."""
+
+    fraction: FloatArray
+    """(facet,) share of the area."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that each piece is of; those that are seen as a whole, or not at all, have none."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of the triangles that are seen."""
+    hider: FloatArray
+    """(piece, 2) how far it is to what casts the shadow whose edge goes from the second corner of a piece to the third,
+    over the way there, 0 … 1, at either end; NaN where none does. The lit side is the left one, seen from where the
+    corners go round counterclockwise."""
+    rays: int
+
+
+class _Lattice(NamedTuple):
+    points: FloatArray
+    """(point, 3) barycentric."""
+    cells: NDArray[np.intp]
+    """(cell, 3) points at the corners, in the facet's sense; four by four they make up a cell of the level above."""
+    edges: NDArray[np.intp]
+    """(edge, 2) points."""
+    sides: NDArray[np.intp]
+    """(cell, 3) edge from each corner to the next."""
+    rim: NDArray[np.intp]
+    """(edge,) corner of the facet opposite the side that an edge lies on, -1 within the facet."""
+    tips: NDArray[np.intp]
+    """(3,) points in the facet's corners."""
+
+
+@cache
+def _aimed(level: int, share: float) -> FloatArray:
+    """(point, 3) where rays go that look at the points of the lattice of a `level`, by that share nearer to the
+    middle."""
+    return inset(_lattice(level).points, share)
+
+
+@cache
+def _lattice(level: int) -> _Lattice:
+    cells = np.eye(3)[None]
+    for _ in range(level):
+        a, b, c = (cells[:, i] for i in range(3))
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (bc, ca, ab))
+        cells = np.stack([np.stack(each, axis=1) for each in four], axis=1).reshape(-1, 3, 3)
+    n = SPACINGS[level]
+    points, index = np.unique(np.rint(n * cells.reshape(-1, 3)), axis=0, return_inverse=True)
+    index = index.reshape(-1, 3)
+    pairs = np.sort(np.stack([index, np.roll(index, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    edges, sides = np.unique(pairs, axis=0, return_inverse=True)
+    rim = np.full(len(edges), -1)
+    for corner in range(3):
+        rim[(points[edges, corner] == 0).all(axis=1)] = corner
+    return _Lattice(points / n, index, edges, sides.reshape(-1, 3), rim, points.argmax(axis=0))
+
+
+class _Group(NamedTuple):
+    """Facets of one level that are seen in part."""
+
+    facets: NDArray[np.intp]
+    lattice: _Lattice
+    level: int
+    lit: NDArray[np.bool_]
+    """(facet, point)"""
+    corners: tuple[NDArray[np.bool_], ...]
+    """(facet, cell) whether the first, the second and the third corner of each cell is seen."""
+    row: NDArray[np.intp]
+    """(crossing,) facet of the group, and the edge that the shadow's edge crosses."""
+    edge: NDArray[np.intp]
+
+    @staticmethod
+    def of(facets: NDArray[np.intp], level: int, lit: NDArray[np.bool_]) -> _Group:
+        lattice = _lattice(level)
+        corners = tuple(np.take(lit, each, axis=1) for each in lattice.cells.T)
+        first, second = (np.take(lit, each, axis=1) for each in lattice.edges.T)
+        return _Group(facets, lattice, level, lit, corners, *np.nonzero(first != second))
+
+
+def inset(places: FloatArray, share: float = _INSET) -> FloatArray:
+    """Barycentric coordinates of where rays go that look at `places` (ray, 3)."""
+    return np.asarray(places + share * (_AIM - places))
+
+
+def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
+    """How many points lattices of the `level` have."""
+    cells = np.array(SPACINGS)[level]
+    return np.asarray((cells + 1) * (cells + 2) // 2, np.intp)
+
+
+def lit_parts(look: Look, level: NDArray[np.intp], width: FloatArray) -> Lit:
+    """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`. Between the
+    ends of each the phase differs by its `width` (facet,) [rad]."""
+    groups, sent = [], 0
+    fraction = np.zeros(len(level))
+    for each, facets, lit in _points(look, level):
+        sent += lit.size
+        seen = lit.sum(axis=1)
+        fraction[facets[seen == lit.shape[1]]] = 1.0
+        if len(mixed := np.flatnonzero((seen > 0) & (seen < lit.shape[1]))):
+            groups.append(_Group.of(facets[mixed], each, lit[mixed]))
+    if not groups:
+        return Lit(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), np.zeros((0, 2)), sent)
+    # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
+    stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _STRAY)
+    asked = np.ceil(np.log2(np.maximum(stray, 1.0)))
+    halvings = np.clip(asked, np.array(_HALVINGS)[level], _MOST_HALVINGS).astype(np.intp)
+    crossings, hider, halved = _crossings(look, groups, halvings)
+    owners, pieces, hiders, first = [], [], [], 0
+    for group in groups:
+        last = first + len(group.row)
+        own, before = crossings[first:last], hider[first:last]
+        straight, found = _straight(group, own, before)
+        if not straight.all():
+            rest = np.flatnonzero(~straight)
+            bent = _Group.of(group.facets[rest], group.level, group.lit[rest])
+            others = ~straight[group.row]
+            more = (*_whole(bent), *_cut(bent, own[others], before[others]))
+            found += [(rest[owner], piece, ends) for owner, piece, ends in more]
+        owners += [group.facets[owner] for owner, _, _ in found]
+        pieces += [piece for _, piece, _ in found]
+        hiders += [ends for _, _, ends in found]
+        first = last
+    owner, piece = np.concatenate(owners), np.concatenate(pieces)
+    # The third coordinate follows from the others, whose determinant is the share of the area.
+    (a, b), (c, d) = (piece[:, k, :2].T - piece[:, 0, :2].T for k in (1, 2))
+    fraction += np.bincount(owner, np.abs(a * d - b * c), len(level))
+    return Lit(np.minimum(fraction, 1.0), owner, piece, np.concatenate(hiders), sent + halved)
+
+
+def halved(
+    seen: Callable[[NDArray[np.intp], FloatArray], NDArray[np.bool_]],
+    of: NDArray[np.intp],
+    lit: FloatArray,
+    dark: FloatArray,
+    halvings: NDArray[np.intp],
+) -> tuple[FloatArray, FloatArray]:
+    """:meth:`Look.edges` by whether points are :meth:`Look.seen`, where nobody knows what casts a shadow."""
+    lit, dark = lit.copy(), dark.copy()
+    for step in range(int(halvings.max(initial=0))):
+        some = np.flatnonzero(halvings > step)
+        middle = 0.5 * (lit[some] + dark[some])
+        light = seen(of[some], middle)
+        lit[some[light]], dark[some[~light]] = middle[light], middle[~light]
+    return 0.5 * (lit + dark), np.full(len(of), np.nan)
+
+
+def crossed(look: Look, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(facet,) whether there are points on each one's lattice, of its `level`, that are not what it is `taken` (facet,)
+    for, seen or not."""
+    found = np.zeros(len(level), np.bool_)
+    for _, facets, lit in _points(look, level, RIM):
+        found[facets] = (lit != taken[facets, None]).any(axis=1)
+    return found
+
+
+def _points(
+    look: Look, level: NDArray[np.intp], share: float = _INSET
+) -> Iterator[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
+    """Level by level the facets of it, and (facet, point) which of their lattice's points are seen, each by that
+    `share` nearer to the middle."""
+    members = [(int(each), np.flatnonzero(level == each)) for each in np.flatnonzero(np.bincount(level))]
+    sizes = [(len(facets), len(_lattice(each).points)) for each, facets in members]
+    of, places = np.empty(sum(n * m for n, m in sizes), np.intp), np.empty((sum(n * m for n, m in sizes), 3))
+    first = 0
+    for (each, facets), (count, points) in zip(members, sizes, strict=True):
+        own = slice(first, first + count * points)
+        of[own].reshape(count, points)[...] = facets[:, None]
+        places[own].reshape(count, points, 3)[...] = _aimed(each, share)
+        first = own.stop
+    seen = look.seen(of, places)
+    first = 0
+    for (each, facets), (count, points) in zip(members, sizes, strict=True):
+        yield each, facets, seen[first : first + count * points].reshape(count, points)
+        first += count * points
+
+
+def _crossings(look: Look, groups: list[_Group], halvings: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, int]:
+    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, (crossing,) how far off
+    what casts it is, and the rays sent, with so many `halvings` (facet,)."""
+    of, lit, dark = [], [], []
+    for group in groups:
+        ends, points = np.take(group.lattice.edges, group.edge, axis=0), group.lattice.points
+        start = group.lit[group.row, ends[:, 0]]
+        of.append(group.facets[group.row])
+        lit.append(np.take(points, np.where(start, ends[:, 0], ends[:, 1]), axis=0))
+        dark.append(np.take(points, np.where(start, ends[:, 1], ends[:, 0]), axis=0))
+    owner = np.concatenate(of)
+    often = halvings[owner]
+    found = look.edges(owner, inset(np.concatenate(lit)), inset(np.concatenate(dark)), often)
+    return *found, int(often.sum()) + len(owner)
+
+
+def _straight(
+    group: _Group, crossings: FloatArray, hider: FloatArray
+) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.intp], FloatArray, FloatArray]]]:
+    """(facet,) which facets a single straight edge, through the `crossings` (crossing, 3), cuts in two, and what is
+    seen of those, in triangles, with their :attr:`Lit.hider`."""
+    lattice, cells = group.lattice, SPACINGS[group.level]
+    side = lattice.rim[group.edge]
+    ends = np.flatnonzero(side >= 0)
+    of = group.row[ends]  # ascending
+    if not len(ends):  # islands alone
+        return np.zeros(len(group.facets), np.bool_), []
+    count = np.bincount(of, minlength=len(group.facets))
+    begin = np.searchsorted(of, np.arange(len(group.facets)))
+    first, second = (ends[np.minimum(begin + k, len(ends) - 1)] for k in (0, 1))
+    straight = np.asarray((count == 2) & (side[first] != side[second]))
+    # Distances from the line through both, in two of the barycentric coordinates.
+    start = np.take(crossings, first, axis=0)
+    along = np.take(crossings, second, axis=0) - start
+    size = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)
+    offset, line = crossings - start[group.row], along[group.row]
+    away = (offset[:, 0] * line[:, 1] - offset[:, 1] * line[:, 0]) / size[group.row]
+    far = np.zeros(len(group.facets))
+    np.maximum.at(far, group.row, np.abs(away))
+    straight &= far <= _BOWED / cells**2
+    # The line that leaves as much on either side: its ends move along the sides that they are on.
+    mean = np.bincount(group.row, away, len(group.facets)) / np.bincount(group.row, minlength=len(group.facets))
+    ends_moved = []
+    for end in (first, second):
+        run = np.eye(3)[side[end] - 2] - np.eye(3)[side[end] - 1]  # of the side
+        turn = (run[:, 0] * along[:, 1] - run[:, 1] * along[:, 0]) / size
+        step = np.divide(mean, turn, out=np.full(len(mean), np.inf), where=np.abs(turn) > 1e-6)
+        moved = crossings[end] + np.where(np.abs(step) < 1.0, step, 0.0)[:, None] * run
+        straight &= (np.abs(step) < 1.0) & (moved > -1e-3).all(axis=1)
+        ends_moved.append(np.clip(moved, 0.0, 1.0))
+    row = np.flatnonzero(straight)
+    # The corner that both sides share, and those that come after it.
+    tip = 3 - side[first[row]] - side[second[row]]
+    turned = side[first[row]] == (tip + 1) % 3
+    one, other = (each[row] for each in ends_moved)
+    ab, ca = np.where(turned[:, None], other, one), np.where(turned[:, None], one, other)
+    off = np.stack([hider[first[row]], hider[second[row]]], axis=1)
+    off = np.where(turned[:, None], off[:, ::-1], off)  # at ab, at ca
+    none = np.full(off.shape, np.nan)
+    a, b, c = (np.eye(3)[(tip + k) % 3] for k in range(3))
+    alone = group.lit[row, lattice.tips[tip]]
+    found = []
+    for some, triangle, there in (
+        (alone, (a, ab, ca), off), (~alone, (b, c, ca), none), (~alone, (b, ca, ab), off[:, ::-1]),
+    ):  # fmt: skip
+        found.append((row[some], np.stack([corner[some] for corner in triangle], axis=1), there[some]))
+    return straight, found
+
+
+def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
+    """Cells that are seen as a whole, as large ones as there are."""
+    one, two, three = group.corners
+    full: NDArray[np.bool_] = one & two & three
+    tree = [full]
+    for _ in range(group.level):
+        quarters = tree[-1].reshape(len(full), -1, 4)
+        tree.append(quarters[..., 0] & quarters[..., 1] & quarters[..., 2] & quarters[..., 3])
+    found = []
+    for level, cells in enumerate(reversed(tree)):
+        if level:  # those whose larger one is not seen as a whole
+            cells = (cells.reshape(len(full), -1, 4) & ~tree[group.level - level + 1][..., None]).reshape(len(full), -1)
+        row, cell = np.nonzero(cells)
+        lattice = _lattice(level)
+        found.append((row, np.take(lattice.points[lattice.cells], cell, axis=0), np.full((len(row), 2), np.nan)))
+    return found
+
+
+def _cut(
+    group: _Group, crossings: FloatArray, hider: FloatArray
+) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
+    """What is seen of cells that the shadow's edge cuts, in triangles, with their :attr:`Lit.hider`."""
+    lattice = group.lattice
+    number = np.full((len(group.facets), len(lattice.edges)), -1)
+    number[group.row, group.edge] = np.arange(len(group.row))
+    one, two, three = group.corners
+    count = one.astype(np.int8) + two + three
+    found = []
+    for corners in (1, 2):
+        row, cell = np.nonzero(count == corners)
+        # The corner that differs from the two others, and those that come after it.
+        odd = np.where(two[row, cell] == (corners == 1), 1, np.where(three[row, cell] == (corners == 1), 2, 0))
+        turns = [(odd + k) % 3 for k in range(3)]
+        a, b, c = (np.take(lattice.points, lattice.cells[cell, each], axis=0) for each in turns)
+        at = [number[row, lattice.sides[cell, turns[i]]] for i in (0, 2)]
+        ab, ca = (np.take(crossings, each, axis=0) for each in at)
+        off = np.stack([hider[each] for each in at], axis=1)
+        none = np.full(off.shape, np.nan)
+        for triangle, ends in (
+            (((a, ab, ca), off),) if corners == 1 else (((b, c, ca), none), ((b, ca, ab), off[:, ::-1]))
+        ):
+            piece = np.empty((len(row), 3, 3))
+            for k, corner in enumerate(triangle):
+                piece[:, k] = corner
+            found.append((row, piece, ends))
+    return found

@@ -1,0 +1,474 @@
+"""The part of a scene that stays: traced once per radar pose."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.gains.accuracy import SAFETY, Finer, finer
+from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
+from rfgen_sionna.tracing.moving.sight import static_outlines
+from rfgen_sionna.tracing.shadows.cones import Spheres, behind, spheres
+from rfgen_sionna.tracing.shadows.outlines import Passing, Places
+from rfgen_sionna.tracing.shadows.parallax import Edges, Parallax
+from rfgen_sionna.tracing.shadows.sampling import Corners, Sampled, sampled_fraction, touching
+from rfgen_sionna.tracing.static.facets import static_facets
+from rfgen_sionna.tracing.static.shadows import Shadow, cast
+from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
+from rfgen_sionna.tracing.surface.surfaces import Surfaces
+
+MAX_ROUNDS = 4
+"""How often the facets are made finer before the tolerance is given up with a warning."""
+MAX_EFFORT = 10_000_000
+"""Triangles to integrate at each node, beyond which the tolerance is given up as well."""
+_MIDDLE = slice(1, 2)
+"""The probe in the middle of the band."""
+_LOG = logging.getLogger(__name__)
+
+
+class Dimmed(NamedTuple):
+    """What actors leave of static facets, at one time."""
+
+    left: FloatArray
+    """(facet,) share of what is seen without actors."""
+    owner: NDArray[np.intp]
+    """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of their corners."""
+    edges: Edges | None
+    """Shadows' edges on these; None where there are none."""
+    missed: float
+    """Estimated error for what is not known of shadows' edges, relative to what that of :class:`StaticTrace` is."""
+    outline: FloatArray
+    """(facet,) length of actors' outlines that fall on each [rad], as rays' points tell."""
+    nearest: float
+    """How far the nearest outline of an actor is [m]; infinity where there is none."""
+    values: ComplexArray
+    """(value, cut) what the expansion starts from of each facet that is hidden in part, in their order: the sum over
+    its pieces. None of them before :meth:`StaticTrace.integrated`."""
+    parallax: Parallax | None
+    """What pairs see more or less of these; None before that, and where there is nothing."""
+
+    def only(self, chosen: NDArray[np.bool_]) -> Dimmed:
+        """The same as if actors hid nothing but the `chosen` (facet,)."""
+        cut = np.unique(self.owner)
+        mine = chosen[self.owner]
+        edges, beside = self.edges, self.parallax
+        return Dimmed(
+            np.where(chosen, self.left, 1.0),
+            self.owner[mine],
+            self.pieces[mine],
+            None if edges is None else edges.take(np.flatnonzero(chosen[edges.owner])),
+            self.missed,
+            self.outline,
+            self.nearest,
+            self.values[:, chosen[cut]] if self.values.size else self.values,
+            None if beside is None else beside.take(np.flatnonzero(chosen[beside.owner])),
+        )
+
+
+@dataclass(frozen=True)
+class Returns:
+    """What static facets return, and what tells it of pieces of them."""
+
+    band: BandTracer
+    materials: tuple[Material, ...]
+    expansion: Expansion
+    rough: ComplexArray | None
+    """(tx, rx, facet) what roughness adds, or (1, 1, facet) the same for every pair; None where nothing is rough."""
+    wavenumber: float
+    """At the highest frequency [rad/m]."""
+    rtol: float
+    level: float
+    """What all return without interfering, in units of
+    :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.returned`."""
+
+    def of_pieces(self, facets: Facets, parts: Sequence[Dimmed]) -> list[Dimmed]:
+        """The same with their values; all are integrated together."""
+        owner, pieces = (np.concatenate([getattr(each, k) for each in parts]) for k in ("owner", "pieces"))
+        values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, facets.centroids[owner])
+        found, first = [], 0
+        for each in parts:
+            last = first + len(each.owner)
+            starts = np.unique(each.owner, return_index=True)[1]
+            found.append(each._replace(values=np.add.reduceat(values[:, first:last], starts, axis=1)))
+            first = last
+        known = [each.edges for each in parts if each.edges is not None]
+        if not known:
+            return found
+        edges = Edges.joined(known)
+        beside = self.beside(facets.cut(edges.owner, edges.tiny), edges, facets.centroids[edges.owner])
+        first = 0
+        for number, each in enumerate(parts):
+            if each.edges is not None:
+                last = first + len(each.edges.owner)
+                found[number] = found[number]._replace(parallax=beside.take(slice(first, last)))
+                first = last
+        return found
+
+    def beside(self, tiny: Facets, edges: Edges, reference: FloatArray) -> Parallax:
+        """What pairs see beside shadows' `edges`, of which `tiny` facets tell, by way of the points `reference`
+        (edge, 3) [m]."""
+        middle = edges.middle + self.band.viewpoint
+        values = self.band.values(tiny, self.materials, self.expansion, middle)
+        return self.band.parallax(edges, values, reference, self.expansion)
+
+
+@dataclass(frozen=True)
+class StaticTrace:
+    """Paths of the static scene without actors, and what is needed to know what actors hide of them."""
+
+    paths: RadarPaths
+    """One path per facet of `facets`, a single knot."""
+    facets: Facets
+    """Those that are seen; of such as are seen in part the pieces that are."""
+    fraction: FloatArray
+    """(facet,) visible share without actors, above 0."""
+    scene: RayScene | None
+    """The static surfaces; None where there are none."""
+    viewpoint: FloatArray
+    rays: int
+    """Rays sent."""
+    error: float
+    """Estimated error of the coherent return, relative to what `tracing.gains.accuracy.Accuracy.total` says."""
+    level: float
+    """What that is."""
+    levels: FloatArray
+    """(surface,) coherent return of each surface."""
+    whole: int
+    """So many of `facets` come first; the others are pieces of such as are seen in part."""
+    hidden: Facets
+    """Facets that are hidden, or in part."""
+    hidden_fraction: FloatArray
+    """(hidden,) visible share of those."""
+    tolerance: FloatArray
+    """(surface,) that facets are made for."""
+    returns: Returns
+
+    @cached_property
+    def lit(self) -> NDArray[np.int64]:
+        """Faces of the ray scene of which something is seen."""
+        return np.unique(self.facets.number).astype(np.int64)
+
+    @cached_property
+    def _guides(self) -> tuple[Corners, NDArray[np.bool_], int]:
+        """Rays to the facets' corners, (facet, 3) which are seen without actors, and the number of rays: looked up
+        where there are any."""
+        # Corners of pieces lie on shadows' edges: they are looked at as they will be with actors.
+        facets = self.facets
+        places = touching(facets.corners, facets.surface)
+        guides = Corners(self.viewpoint, facets.corners, facets.number, places)
+        if self.scene is None:
+            return guides, np.zeros((len(facets), 3), np.bool_), 0
+        return guides, *guides.seen(self.scene)
+
+    @cached_property
+    def _spheres(self) -> Spheres:
+        return spheres(self.facets, self.viewpoint)
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """(facet,) the antennas' field gain towards each."""
+        return self.returns.band.importance(self.facets.directions(self.viewpoint))
+
+    @cached_property
+    def _shown(self) -> Places:
+        return Places(self.facets.corners - self.viewpoint, self.facets.number)
+
+    @property
+    def bright(self) -> Dimmed:
+        """What is left where there are no actors."""
+        count = len(self.facets)
+        return Dimmed(
+            np.ones(count),
+            np.zeros(0, np.intp),
+            np.zeros((0, 3, 3)),
+            None,
+            0.0,
+            np.zeros(count),
+            np.inf,
+            np.zeros((0, 0), np.complex128),
+            None,
+        )
+
+    def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """Facets that may be hidden by the `actors`, each of which takes up (point, 3) places [m]."""
+        if not len(self.facets):
+            return np.zeros(0, np.intp)
+        return np.flatnonzero(behind(self._spheres, self.viewpoint, actors))
+
+    def visible(self, rays: RayScene, index: NDArray[np.intp], passing: Passing) -> tuple[Dimmed, int]:
+        """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
+
+        `index` counts those out that may be hidden, `passing` are rays that just pass the actors' outlines. What static
+        things hide is known: nothing but actors is looked for, and a facet that none of them touches keeps its share to
+        the bit.
+        """
+        past = passing.of_actors
+        nearest = float(lengths(past.directions).min(initial=np.inf))
+        return self.glance(rays, index, self._shown.holding(past)[0], nearest)
+
+    def glance(
+        self, rays: RayScene, index: NDArray[np.intp], outline: FloatArray, nearest: float
+    ) -> tuple[Dimmed, int]:
+        """:meth:`visible` where so much `outline` (facet,) [rad] falls on each facet, the `nearest` of it so far off
+        [m]."""
+        every, outline = outline, outline[index]
+        known = "_guides" in self.__dict__
+        guides, lit, first = self._guides
+        now, sent = guides.seen(rays, index, moving=True)
+        sent += 0 if known else first
+        now &= lit[index]
+        changed, passed = (now != lit[index]).any(axis=1), outline > 0
+        left = np.ones(len(self.facets))
+        dark = index[changed & ~passed & ~now.any(axis=1)]
+        left[dark] = 0.0
+        some = np.flatnonzero(passed | (changed & now.any(axis=1)))
+        chosen = index[some]
+        found = sampled_fraction(
+            rays,
+            self.viewpoint,
+            self.facets.corners[chosen],
+            self.facets.number[chosen],
+            now[some],
+            self.returns.wavenumber,
+            self.returns.rtol,
+            outline[some],
+            self.weight[chosen],
+            before=lit[chosen],
+            level=self.returns.level,
+            moving=True,
+            places=guides.places[chosen],
+            dark=guides.places[dark],
+            reach=self.returns.band.reach,
+            nearest=nearest,
+        )
+        left[chosen] = found.fraction
+        missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
+        nothing = np.zeros((0, 0), np.complex128)
+        cut, edges = chosen[found.owner], None
+        if len(cut) and self.returns.level > 0:
+            group, level = np.zeros(len(cut), np.intp), np.array([self.returns.level])
+            edges, beyond = self.returns.band.edges(self.facets, cut, found.pieces, found.hider, group, level)
+            missed = float(np.hypot(missed, SAFETY * beyond[0]))
+        return Dimmed(left, cut, found.pieces, edges, missed, every, nearest, nothing, None), sent + found.rays
+
+    def integrated(self, dimmed: Sequence[Dimmed]) -> list[Dimmed]:
+        """The same with their values."""
+        cut = [each for each in dimmed if len(each.owner)]
+        found = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
+        return [next(found) if len(each.owner) else each for each in dimmed]
+
+    def shadows(
+        self, knots: FloatArray, dimmed: Sequence[Dimmed], index: NDArray[np.intp] | None = None
+    ) -> tuple[Shadow, Shadow]:
+        """What is missing of static paths with what is left at each of the `knots` [s], integrated: as it changes, and
+        as it is. `index` (facet,) are the facets that shares are of, ascending; None is all."""
+        every = np.arange(len(self.facets)) if index is None else index
+        left = np.stack([each.left for each in dimmed], axis=1)
+        paths = self.paths if index is None else self.paths.select(index)
+        within = np.searchsorted(every, np.concatenate([each.owner for each in dimmed]))
+        changing, steady = (shadow.at(every) for shadow in cast(paths, left, knots, within))
+        a, dispersion = changing.paths.a, changing.paths.dispersion  # its own, to be written to
+        for knot, each in enumerate(dimmed):
+            if not len(each.owner):
+                continue
+            owner = np.unique(each.owner)
+            gains = self.returns.band.combined(self.returns.expansion, each.values[..., None])[..., 0]
+            row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
+            if (beside := each.parallax) is not None:
+                beside.within(owner).add_to(gains)
+            gains *= share
+            if self.returns.rough is not None:
+                seen = share * each.left[np.searchsorted(every, owner)]
+                gains[0] += np.sqrt(seen) * self.returns.rough[..., owner]  # of energy, half of a facet returns half
+            a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
+            if dispersion is not None and self.paths.dispersion is not None:
+                dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
+        return changing, steady
+
+
+Beside = Callable[[RayScene, Facets, Sampled], tuple[FloatArray, int]]
+"""What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
+:attr:`rfgen_sionna.tracing.shadows.parallax.Edges.of` takes it, and the number of rays sent."""
+
+
+def trace_static(
+    surfaces: Surfaces,
+    rays: RayScene | None,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    rtol: float,
+    max_range: float,
+    beside: Beside | None = None,
+) -> StaticTrace:
+    """Trace the static surfaces; facets beyond `max_range` [m] are left out, as the radar's IF filter removes them.
+
+    `rays` holds the static scene alone; None where there is no static surface. `beside` tells what slabs let through
+    beside their shadows' edges; None: nothing.
+    """
+    materials = tuple(surface.material for surface in surfaces.static)
+    fineness, rays_sent = np.ones(len(materials)), 0
+    before = [np.inf, np.inf]  # error of the facets by themselves, and with an expansion
+    passing = None
+    if rays is not None:
+        past, span = static_outlines(surfaces, viewpoint)
+        passing, rays_sent = Passing(past, rays.first_facet(viewpoint, past), span), len(past)
+    for attempt in range(MAX_ROUNDS):
+        seen = _seen_facets(surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, passing, beside)
+        facets, rays_sent = seen.facets, rays_sent + seen.rays
+        weight = seen.fraction * band.importance(facets.directions(viewpoint))
+        held = Finer.of(band, facets, materials, weight)
+        # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
+        found, exact = held.of_facets(places=_MIDDLE)
+        effort = float((facets.parts.astype(np.float64) ** 2).sum())
+        # More of the same is no use where the error hardly falls, or where it would take too long.
+        last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
+        before[0] = found.total
+        if last or found.total <= rtol:
+            strength = np.abs(exact[0]) * weight
+            expansion = band.expansion_for(facets, materials, weight, coherent=False, strength=strength)
+            values = band.values(facets, materials, expansion)
+            one = replace(expansion, weights=expansion.weights[:, :1, :1])
+            found = held.of_expansion(band.combined(one, values)[:, 0, 0])
+            if found.total <= rtol:
+                break
+            last = last or found.total > 0.5 * before[1] or effort * found.total / rtol > MAX_EFFORT
+            before[1] = found.total
+        if last:
+            _LOG.warning(
+                "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
+            )
+            break
+        fineness[found.share > 0.1 / len(materials)] *= finer(np.array(found.total), rtol)
+    gains = band.combined(expansion, values)
+    gains *= seen.fraction
+    returns = Returns(band, materials, expansion, None, _wavenumber(band), rtol, seen.level)
+    if len(seen.edges.owner):
+        returns.beside(seen.tiny, seen.edges, facets.centroids[seen.edges.owner]).add_to(gains)
+    if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
+        gains[0] += np.sqrt(seen.fraction) * rough  # of energy, half of a facet returns half
+    tau = band.delays(facets.centroids)[..., None]
+    paths = facet_paths(
+        surfaces.static,
+        facets,
+        np.array([0.0]),
+        gains[..., None],
+        tau,
+        np.zeros_like(tau),
+        facets.directions(viewpoint)[:, None],
+        band.centre,
+        band.half_band,
+        (surfaces.object_names, surfaces.part_names),
+    )
+    return StaticTrace(
+        paths,
+        facets,
+        seen.fraction,
+        rays,
+        viewpoint,
+        rays_sent,
+        float(np.hypot(found.total, SAFETY * seen.missed)),
+        found.scale,
+        found.level,
+        seen.whole,
+        seen.hidden,
+        seen.hidden_fraction,
+        rtol * fineness,
+        replace(returns, rough=rough),
+    )
+
+
+def _wavenumber(band: BandTracer) -> float:
+    return 2 * np.pi * band.highest / SPEED_OF_LIGHT
+
+
+class _Seen(NamedTuple):
+    facets: Facets
+    fraction: FloatArray
+    """(facet,)"""
+    whole: int
+    """So many facets come first, then pieces of others."""
+    edges: Edges
+    """Shadows' edges on these pieces."""
+    tiny: Facets
+    """What tells of them."""
+    hidden: Facets
+    hidden_fraction: FloatArray
+    """(hidden,)"""
+    level: float
+    """What all return without interfering, in units of
+    :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.returned`."""
+    missed: float
+    """Estimated error of that for what is not known of shadows' edges, relative to it."""
+    rays: int
+
+
+def _seen_facets(
+    surfaces: Surfaces,
+    rays: RayScene | None,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    rtol: float,
+    tolerance: FloatArray,
+    max_range: float,
+    passing: Passing | None,
+    beside: Beside | None,
+) -> _Seen:
+    """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
+    the pieces that are; and those that are hidden, or in part, with their visible share."""
+    facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
+    near = lengths(facets.centroids - viewpoint) < max_range
+    facets = facets.take(np.flatnonzero(facets.facing & near))
+    facets = facets.pulled(band.pull(facets))
+    if rays is None:
+        nothing = np.zeros(len(facets))
+        none = np.zeros(0, np.intp)
+        edges, _ = band.edges(facets, none, np.zeros((0, 3, 3)), np.zeros((0, 4)), none, np.zeros(1))
+        return _Seen(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
+    places = touching(facets.corners, facets.surface)
+    guided, sent = Corners(viewpoint, facets.corners, facets.number, places).seen(rays)
+    outline, past = (
+        (None, None) if passing is None else Places(facets.corners - viewpoint, facets.number).holding(passing)
+    )
+    weight = band.importance(facets.directions(viewpoint))
+    found = sampled_fraction(
+        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, outline, weight, search=True,
+        places=places, reach=band.reach, past=past,
+    )  # fmt: skip
+    cut = np.zeros(len(facets), np.bool_)
+    cut[found.owner] = True
+    whole = np.flatnonzero((found.fraction > 0) & ~cut)
+    seen = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
+    seen = seen.pulled(band.pull(seen))
+    level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
+    missed = missed / level if level > 0 else 0.0
+    group = np.zeros(len(found.owner), np.intp)
+    hider, walked = (found.hider, 0) if beside is None else beside(rays, facets, found)
+    edges, beyond = band.edges(facets, found.owner, found.pieces, hider, group, np.array([level]))
+    tiny, edges = facets.cut(edges.owner, edges.tiny), replace(edges, owner=len(whole) + edges.piece)
+    if seen.pull is not None:
+        tiny = replace(tiny, pull=seen.pull[edges.owner], aim=seen.centroids[edges.owner])
+    hidden = np.flatnonzero(found.fraction < 1)
+    return _Seen(
+        seen,
+        np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
+        len(whole),
+        edges,
+        tiny,
+        facets.take(hidden),
+        found.fraction[hidden],
+        level,
+        float(np.hypot(missed, beyond[0])),
+        sent + found.rays + walked,
+    )

@@ -1,0 +1,165 @@
+"""Knots: as many as the motion asks for, whatever its rhythm, for each mesh by itself."""
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna.tracing.moving.knots import choose_knots, spline_error
+
+FREQUENCY = 77e9
+K = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT
+LENGTH = 27.648e-3
+STILL = np.array([[2.0, 0.5, 0.0], [2.1, 0.5, 0.0], [2.0, 0.6, 0.1]])
+
+
+def everywhere(directions):
+    """Gain of isotropic elements."""
+    return np.ones(directions.shape[:-1])
+
+
+def knots_of(*shifts, tolerance=3e-3, stop=27.648e-3, spacing=7e-3):
+    """Knots for meshes of three vertices that are shifted along x by functions of the time [m]."""
+
+    def positions(t):
+        return [STILL + np.array([shift(t), 0, 0]) for shift in shifts]
+
+    return choose_knots(positions, np.zeros(3), 0.0, stop, FREQUENCY, tolerance, spacing, everywhere, 0.01).times
+
+
+def error_of(shift, knots):
+    t = np.linspace(0, 27.648e-3, 301)
+    truth, values = (np.array([shift(x) for x in times]) for times in (t, knots))
+    return K * np.abs(knot_weights(knots, t) @ values - truth).max()
+
+
+def test_nothing_moves_one_knot():
+    assert len(knots_of(lambda t: 0.0)) == 1
+    assert len(knots_of()) == 1
+
+
+def test_steady_motion_gets_the_widest_gaps():
+    """At constant speed a cubic's four, and no more than what visibility asks for: here 5 ms at most."""
+    assert len(knots_of(lambda t: 1.5 * t, spacing=1.0)) == 4
+    assert len(knots_of(lambda t: 1.5 * t, spacing=5e-3)) == 7
+
+
+@pytest.mark.parametrize("frequency", [20.0, 60.0, 284.35, 288.85, 8 / 27.648e-3, 11 / 27.648e-3])
+def test_vibration_is_followed_whatever_its_rhythm(frequency):
+    """0.1 mm, in step with evenly spaced knots or not."""
+
+    def shift(t):
+        return 1e-4 * np.sin(2 * np.pi * frequency * t)
+
+    knots = knots_of(shift)
+    assert len(knots) > 3
+    assert error_of(shift, knots) < 0.03
+
+
+def test_a_still_crowd_hides_no_mover():
+    """A fast mesh gets its knots beside any number of still ones."""
+
+    def fast(t):
+        return 0.05 * np.sin(2 * np.pi * 12 * t)
+
+    alone = knots_of(fast)
+    np.testing.assert_array_equal(knots_of(*[lambda t: 0.0] * 50, fast), alone)
+    assert error_of(fast, alone) < 0.03
+
+
+def test_a_kink_is_said_and_costs_no_more_than_it_may(caplog):
+    knots = knots_of(lambda t: 2.0 * min(t, 0.011))
+    assert len(knots) <= 193
+    assert "not smooth" in caplog.text
+
+
+@pytest.mark.parametrize("rate", [50.0, 300.0, 1000.0, 1500.0])
+def test_what_knots_miss_is_said(rate):
+    """Of 1 mm, met or not: the spline's own error over the stretch, told at one place between each two."""
+
+    def shift(t):
+        return 1e-3 * np.sin(2 * np.pi * rate * t)
+
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3, everywhere, 0.0
+    knots, error = choose_knots(lambda t: [STILL + np.array([shift(t), 0, 0])], *given)
+    times = np.linspace(0, LENGTH, 5001)
+    missed = K * np.sqrt(np.mean((knot_weights(knots, times) @ shift(knots) - shift(times)) ** 2))
+    assert 0.5 < error / missed < 1.5
+    assert (error > 1e-3) == (rate >= 1000)
+
+
+def circling(rate):
+    """Ways about the radar, in which no distance changes."""
+
+    def positions(t):
+        cos, sin = np.cos(rate * t), np.sin(rate * t)
+        return [STILL @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])]
+
+    return positions
+
+
+def cosine_eighth(directions):
+    """Gain of a beam 34 degrees wide."""
+    return np.maximum(directions[..., 0], 0.0) ** 8
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0, 60.0])
+def test_the_beam_passes_what_keeps_its_distance(rate):
+    """Gains by splines through the knots are right to the tolerance; who walks by gets no more for it than a cubic's
+    four."""
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
+    knots, error = choose_knots(circling(rate), *given, cosine_eighth, 0.0)
+    assert (len(knots) == 4) == (rate < 60)
+
+    def gains(times):
+        there = np.stack([circling(rate)(t)[0] for t in times])
+        return cosine_eighth(there / np.linalg.norm(there, axis=-1, keepdims=True))
+
+    times = np.linspace(0, LENGTH, 1001)
+    truth = gains(times)
+    missed = knot_weights(knots, times) @ gains(knots) - truth
+    assert np.sqrt(np.mean(missed**2) / np.mean(truth**2)) < 2 * max(error, 1e-6)
+    assert error < 1e-3
+
+
+def test_a_pattern_that_jumps_does_not_drive_knots_to_their_limit(caplog):
+    """A table whose ends differ jumps behind the radar: knots end where more don't halve what is missed, a quarter as
+    many as there may be, and what is missed of the gain is said."""
+
+    def jumping(directions):
+        return np.where(directions[..., 1] > 0, 0.1, 0.063)  # -20 and -24 dB
+
+    def past(t):
+        return [STILL * [-1, 0, 1] + np.array([0, 0.1 * (t - 0.4 * LENGTH), 0])]
+
+    knots, error = choose_knots(past, np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3, jumping, 0.0)
+    assert len(knots) == 49
+    assert 0.01 < error < 0.37  # no more than the jump, over what is the larger of both
+    assert "not smooth" not in caplog.text
+
+
+@pytest.mark.parametrize("rate", [1.0, 60.0])
+def test_elements_beside_the_middle_see_it_come_nearer(rate):
+    """A pair of elements 1 cm beside the phase centre has its phase to the tolerance."""
+    reach = 0.01
+    given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
+    knots, error = choose_knots(circling(rate), *given, everywhere, reach)
+    assert (len(knots) == 4) == (rate == 1.0)
+    times = np.linspace(0, LENGTH, 1001)
+    truth, values = (
+        K * np.stack([np.linalg.norm(circling(rate)(t)[0] - [0, reach, 0], axis=-1) for t in when])
+        for when in (times, knots)
+    )
+    missed = np.sqrt(np.mean((knot_weights(knots, times) @ values - truth) ** 2))
+    assert missed < 2 * max(error, 1e-5)
+    assert error < 1e-3
+
+
+@pytest.mark.parametrize(("gaps", "most"), [(2, 1.1), (3, 1.4), (5, 1.1), (12, 2.0), (40, 1.1)])
+@pytest.mark.parametrize("swing", [0.1, 0.3, 0.6])
+def test_what_splines_miss_of_a_phasor(gaps, most, swing):
+    """The law that instants are chosen by is that of the spline through them."""
+    instants, times = np.arange(gaps + 1.0), np.linspace(0.0, gaps, 40 * gaps + 1)
+    found = knot_weights(instants, times) @ np.exp(1j * swing * instants)
+    missed = np.sqrt(np.mean(np.abs(found - np.exp(1j * swing * times)) ** 2))
+    assert missed < most * spline_error(np.array(swing), gaps)
+    assert missed > 0.3 * spline_error(np.array(swing), gaps)
