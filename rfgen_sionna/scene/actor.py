@@ -85,7 +85,7 @@ class Actor:
         cls,
         mesh: Any,
         *,
-        material: str | Material,
+        material: str | Material = "",
         position: ArrayLike = (0.0, 0.0, 0.0),
         velocity: ArrayLike = (0.0, 0.0, 0.0),
         orientation: ArrayLike = (0.0, 0.0, 0.0),
@@ -97,7 +97,7 @@ class Actor:
         Args:
             mesh: `trimesh.Trimesh`, `trimesh.Scene` (all of it), path of a file that trimesh reads (in metres), or a
                 pair (vertices, faces).
-            material: a material or its name.
+            material: a material or its name; there is none that would be taken without.
             position: world position of the mesh's origin at t = 0 [m].
             velocity: [m/s].
             orientation: (yaw, pitch, roll) [rad].
@@ -106,7 +106,7 @@ class Actor:
 
         Raises:
             MeshError: the mesh is not usable (see :func:`rfgen_sionna.scene.mesh.check_mesh`).
-            MaterialError: unknown material.
+            MaterialError: no material, or an unknown one.
             FileNotFoundError: there is no such file.
             IsADirectoryError: the path is that of a directory.
             TypeError: `mesh` is none of the above.

@@ -181,8 +181,7 @@ def material(name: str, frequency: float | None = None, outside: Outside = "extr
     """
     if not isinstance(name, str):
         raise TypeError(
-            f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; "
-            f"known are {', '.join(sorted(MATERIALS))}"
+            f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; {_choices(frequency)}"
         )
     _check_policy(outside)
     key = canonical_name(name)
@@ -190,7 +189,7 @@ def material(name: str, frequency: float | None = None, outside: Outside = "extr
         close = get_close_matches(key, [*MATERIALS, *ALIASES], n=1)
         hint = f", did you mean {close[0]!r}?" if close else ""
         shown = "no material given" if not name.strip() else f"unknown material {name!r}{hint}"
-        raise MaterialError(f"{_prefix(owner)}{shown}; known are {', '.join(sorted(MATERIALS))}")
+        raise MaterialError(f"{_prefix(owner)}{shown}; {_choices(frequency)}")
     found = replace(MATERIALS[key], outside=outside)
     if frequency is not None:
         if outside == "raise":
@@ -198,6 +197,17 @@ def material(name: str, frequency: float | None = None, outside: Outside = "extr
         elif not found.covers(float(_frequencies(frequency))):
             warn_uncovered([found], float(frequency), stacklevel=3)
     return found
+
+
+def _choices(frequency: float | None) -> str:
+    """The materials there are, and at what frequencies, or which of them are defined at a `frequency` [Hz]."""
+    if frequency is None:
+        return (
+            f"known are {', '.join(f'{name} ({each.describe_ranges()})' for name, each in sorted(MATERIALS.items()))}"
+        )
+    there = sorted(name for name, each in MATERIALS.items() if each.covers(float(frequency)))
+    others = sorted(set(MATERIALS) - set(there))
+    return f"known at {frequency / 1e9:g} GHz are {', '.join(there)}, and at others {', '.join(others)}"
 
 
 def warn_uncovered(materials: list[Material], frequency: float, stacklevel: int = 2) -> None:

@@ -47,6 +47,11 @@ def test_vertices_keep_micrometres_10_km_away():
     np.testing.assert_allclose(far.vertices(0.1) - [1e4, 0, 0], near.vertices(0.1), atol=1e-11)
 
 
+def test_a_mesh_without_a_material_is_told_what_there_is():
+    with pytest.raises(MaterialError, match=r"crate: no material given; known are .*skin \("):
+        Actor.from_mesh(BOX, name="crate")
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [

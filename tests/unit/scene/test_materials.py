@@ -129,8 +129,10 @@ def test_names_and_aliases():
         assert canonical_name(name) == "metal"
         assert material(name).name == "metal"
     assert material("Ceiling board").name == "ceiling_board"
-    with pytest.raises(MaterialError, match=r"wall: unknown material 'granite'.*known are asphalt_concrete, brick"):
+    with pytest.raises(MaterialError, match=r"wall: unknown .*'granite'.*known are asphalt_concrete \(1-40 GHz\)"):
         material("granite", owner="wall")
+    with pytest.raises(MaterialError, match=r"wall: .*known at 77 GHz are .*skin.*, and at others .*brick"):
+        material("granite", 77e9, owner="wall")
     with pytest.raises(MaterialError, match="allowed are 'extrapolate', 'clamp', 'raise'"):
         material("metal", outside="guess")
 
