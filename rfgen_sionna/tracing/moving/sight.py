@@ -113,7 +113,6 @@ class Sight:
         self._plain = np.array([plain(surface.material, band.frequency(PROBES)) for surface in surfaces.moving])
         self._silent = np.array([silent(surface.material, band.frequency(PROBES)) for surface in surfaces.moving], bool)
         self._bent = np.array([1.0 if surface.smooth is None else BENT_MORE for surface in surfaces.moving])
-        self._flat = any(surface.smooth is None for surface in surfaces.moving)  # facets in rows
         self._lot = lots(surfaces.moving)
         self._shown = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
@@ -321,7 +320,7 @@ class Sight:
         guided, guides = Corners(self._viewpoint, corners, number, places).seen(looks)
         found = sampled_fraction(
             looks, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, outline, weight, group,
-            level=least, times=times, apart=self._apart, places=places if self._flat else None,
+            level=least, times=times, apart=self._apart, places=places,
             reach=self._reach,
         )  # fmt: skip
         error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
