@@ -20,7 +20,8 @@ from rfgen_sionna.tracing.surface.fineness import MAX_PARTS, SmoothPieces, deman
 from rfgen_sionna.tracing.surface.smooth import Smoothing
 
 _ALIKE = 1e-9
-"""Edges of grains whose lengths differ by less, relative to them, are as long as each other."""
+"""Edges whose lengths differ by less, relative to them, are as long as each other: which is halved is not rounding's to
+tell."""
 _MAX_SPLITS = 64
 
 
@@ -283,8 +284,7 @@ def tessellate(
                 f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
                 "near surfaces that the radar does not need to see"
             )
-        alike = 0.0 if grain is None else _ALIKE
-        edge = (sides >= (1.0 - alike) * widest(sides)[:, None]).argmax(axis=1)
+        edge = (sides >= (1.0 - _ALIKE) * widest(sides)[:, None]).argmax(axis=1)
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
         middle = 0.5 * (left + right)
