@@ -12,16 +12,21 @@ from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tracing.moving.parts import MEASURED_EVERY, MovingParts
 from rfgen_sionna.tracing.moving.precision import Precision
+
+
+def one_element(device: str) -> Radar:
+    """One isotropic element of a device, which sends and hears."""
+    radar = Radar.load(device, position=(0, 0, 0), look_at=(1, 0, 0))
+    place, waveform = np.zeros((1, 3)), replace(radar.waveform, tx_order=(0,), num_loops=4)
+    one = replace(radar, tx_positions=place, tx_names=("T",), rx_positions=place, rx_names=("R",), waveform=waveform)
+    return replace(one, pattern=ElementPattern(0.0))
 
 
 @pytest.fixture(scope="module")
 def radar() -> Radar:
-    """One isotropic element that sends and hears."""
-    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 0), look_at=(1, 0, 0))
-    place, waveform = np.zeros((1, 3)), replace(radar.waveform, tx_order=(0,), num_loops=4)
-    one = replace(radar, tx_positions=place, tx_names=("T",), rx_positions=place, rx_names=("R",), waveform=waveform)
-    return replace(one, pattern=ElementPattern(0.0))
+    return one_element("awr1843")
 
 
 def of_a_ball(radius: float, distance: float, wavenumber: float) -> complex:
@@ -66,30 +71,57 @@ def test_strips_are_traced_where_they_count(radar: Radar, monkeypatch: pytest.Mo
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.05)
     true = of_a_ball(0.05, 3.0, 2 * np.pi * radar.center_frequency / SPEED_OF_LIGHT)
     gain, stated, count = traced(radar, mesh, 3.0, 1e-3)
-    _, loose, few = traced(radar, mesh, 3.0, 3e-2)
+    _, _, few = traced(radar, mesh, 3.0, 3e-2)
     monkeypatch.setattr(Precision, "to_the_horizon", lambda self, seen, everywhere=False: seen)
     without, told, fewer = traced(radar, mesh, 3.0, 1e-3)
     assert count > fewer
     assert abs(gain / true - 1.0) < 0.1 * abs(without / true - 1.0)
     assert abs(without / true - 1.0) > told  # as it was: in no stated error
     assert abs(gain / true - 1.0) < stated
-    assert loose < 3e-2 * 1.5
-    assert few <= fewer
+    assert traced(radar, mesh, 3.0, 3e-2)[2] == few
 
 
-def test_a_ring_seen_along_its_axis_adds_up_in_phase(radar: Radar) -> None:
-    """All of a torus' outer and inner rims are equally far: 12 % of what a leather one returned at 24 GHz. Against
-    rings of the true torus, by the angle around its tube."""
+def test_a_ring_seen_along_its_axis_adds_up_in_phase(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of a torus' outer rim, and all of its inner one, is equally far. Against rings of the true torus, by the
+    angle around its tube, at 24 GHz: 0.012 % off, 0.08 % without the strips."""
+    radar = one_element("position2go")
     major, minor, distance = 0.1, 0.03, 2.0
     mesh = trimesh.creation.torus(major, minor, major_sections=96, minor_sections=48)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))  # the axis along x
-    gain, stated, _ = traced(radar, mesh, distance, 1e-3)
     angle = np.pi * (np.arange(200_000) + 0.5) / 100_000
     around, towards = major + minor * np.cos(angle), minor * np.sin(angle)  # from the axis, and towards the radar
     along, away = distance - towards, np.hypot(around, distance - towards)
     falls = (np.sin(angle) * along - np.cos(angle) * around) / away
-    # What looks at the radar near the axis is seen past the tube's far side: the hole is wide.
     k = 2 * np.pi * radar.center_frequency / SPEED_OF_LIGHT
     terms = np.where(falls > 0, -falls * np.exp(-2j * k * away) / away**2 * around, 0.0)
     true = 0.5j * minor * (np.pi / 100_000) * terms.sum()
-    assert abs(gain / true - 1.0) < max(stated, 2.5e-3)
+    gain, stated, _ = traced(radar, mesh, distance, 1e-3)
+    assert abs(gain / true - 1.0) < stated
+    monkeypatch.setattr(Precision, "to_the_horizon", lambda self, seen, everywhere=False: seen)
+    without, told, _ = traced(radar, mesh, distance, 1e-3)
+    assert abs(without / true - 1.0) > 3.0 * told
+
+
+def test_rims_are_weighed_again_where_a_thing_turns() -> None:
+    """A torus turns from aside to its axis: what its rims come to is told as well as in a run that begins there."""
+    radar = one_element("position2go")
+    mesh = trimesh.creation.torus(0.1, 0.03, major_sections=64, minor_sections=32)
+
+    def turned(t: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        return (2.0, 0.0, 0.0), (0.0, 0.9 + t, 0.0)
+
+    ring = Actor.from_mesh(mesh, material="pec", trajectory=turned, name="ring")
+    tracer = Simulator(None, radar, [ring], rtol=1e-2).tracer
+
+    def rim(run: MovingParts) -> float:
+        """What is stated of rims; infinity where they are traced."""
+        return np.inf if run._precision.rims.any() else run._precision._rim
+
+    run, again = tracer.follow(), []
+    for t in np.linspace(0.0, np.pi / 2 - 0.9, 2 * MEASURED_EVERY + 1).tolist():
+        tracer.trace(t, t, run)
+        again.append(rim(run))
+    fresh = tracer.follow()
+    tracer.trace(t, t, fresh)
+    assert again[-1] >= rim(fresh) > 0.0  # relative to a return that was weaker when it was measured
+    assert len(set(again)) > 1  # weighed again in every few

@@ -53,6 +53,10 @@ ANGLES = np.linspace(0.0, 1.0, 33)
 """Cosines of incidence at which reflection coefficients are looked up."""
 
 
+BENT = DIRECT - 1
+"""Stands for what is bent, in place of a flat part's number: another one than the straight way's."""
+
+
 class MirrorEdges:
     """Estimates what the outlines of plates add to returns by way of them, and take from them.
 
@@ -142,7 +146,9 @@ class MirrorEdges:
                     found *= role_shares(area, targets.flat, np.full(len(found), first), np.full(len(found), last))
                     each = zip(targets.surface.tolist(), targets.flat.tolist(), found.tolist(), strict=True)
                     for surface, flat, value in each:
-                        together[int(self._lot[surface]), frozenset((first, last, flat))] += value
+                        together[int(self._lot[surface]), frozenset((first, last, flat if flat >= 0 else BENT))] += (
+                            value
+                        )
         energy = np.zeros(self._count)
         for (lot, _), value in together.items():
             energy[lot] += value**2

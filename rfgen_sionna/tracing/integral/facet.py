@@ -15,7 +15,7 @@ small on a facet, but neighbouring facets repeat the same residue: a grating, wh
 quadratic part of the phase is kept to first order, with its variance, and the strength to second
 (:mod:`rfgen_sionna.tracing.integral.quadratic`), which leaves an error of second order.
 
-A bent facet is a quadratic patch (:mod:`rfgen_sionna.tracing.surface.smooth`): its path length is quadratic all the
+A bent facet is a quadratic patch (:mod:`rfgen_sionna.tracing.surface.bend`): its path length is quadratic all the
 same, and its vector element of area, slope and stretch in one, weighs the strength at its corners and in its middle.
 """
 

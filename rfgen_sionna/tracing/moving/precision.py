@@ -75,6 +75,8 @@ class Precision:
         are: those of earlier stretches, where nothing says that they are not. That is measured where there is a `turn`,
         which says for what pair."""
         kept_on = self.expansion is not None
+        if kept_on and turn is not None:  # a thing that turns may show more of its rim
+            self._weigh_rims(self._see(_middle(instants), stretch))
         found = look(instants, self.expansion or self._refine(_middle(instants), stretch, True))
         if turn is None or self._measured(found, turn) <= 1.5 * max(self._rtol, self._error):
             return found
@@ -99,11 +101,15 @@ class Precision:
         `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
         """
         expansion, seen = self._refined(t, stretch, afresh)
+        self._weigh_rims(seen)
+        return expansion
+
+    def _weigh_rims(self, seen: Seen) -> None:
+        """Tell of which surfaces rims count, and what the others' come to, by what is `seen` without."""
         rim = self._missed_at_rims(seen)
         self.rims = rim > (FINE_RIM_PER_RTOL if self._fine else RIM_PER_RTOL) * self._rtol
         left = 0.0 if self._fine else UNCUT
         self._rim = float((rim * np.where(self.rims, left, 1.0)).max(initial=0.0))
-        return expansion
 
     def _refined(self, t: float, stretch: Stretch, afresh: bool) -> tuple[Expansion, Seen]:
         """Expansion and facets, and what is seen of these at `t`."""

@@ -153,6 +153,8 @@ class FacetReturns:
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
                 rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                if there.outward is not None:  # next to nothing, seen as they are from aside
+                    rough[..., there.outward] = 0.0
                 found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
         return found, led
 

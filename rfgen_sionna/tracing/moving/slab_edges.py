@@ -28,6 +28,8 @@ _WITHIN = 0.5
 _SURELY = (0.02, 0.1, 0.4)
 """... but so much of a facet's height at least, as far as its edge may not be where it is taken to be: further where
 the ray before found nothing in its way."""
+_NO_FURTHER = 0.3
+"""... and no more than this share of the way there: it is as much nearer than the facet's plane."""
 _COLUMNS = 2 * 2 * len(PROBES)
 
 
@@ -79,6 +81,7 @@ class SlabEdges:
         left = np.arange(len(edged))
         for surely in _SURELY:
             within = np.maximum(_WITHIN * width[left], surely * height[left])
+            within = np.minimum(within, _NO_FURTHER * distance[left])
             towards = middle[left] - within[:, None] * inward[left]
             # What is bent is before the plane of its facet, a little.
             targets = viewpoint + (1.0 - within / distance[left])[:, None] * towards

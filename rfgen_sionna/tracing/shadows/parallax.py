@@ -88,7 +88,7 @@ class Edges:
     ) -> Edges:
         """Those of `pieces` (piece, 3, 3) of the facets `owner` (piece,), with their `hider` (piece, 4), as
         :class:`rfgen_sionna.tracing.shadows.sampling.Sampled` has them, or (piece, 16), as
-        :func:`rfgen_sionna.tracing.moving.slab_edges.with_slabs` does; in so many parts that the phase, of that
+        :class:`rfgen_sionna.tracing.moving.slab_edges.SlabEdges` does; in so many parts that the phase, of that
         `wavenumber` [rad/m], is straight along each, on facets that are taken for flat."""
         edged = np.flatnonzero(hider[:, 0] < 1.0)  # not NaN
         through = np.ascontiguousarray(hider[edged, 4:]).view(np.complex128)

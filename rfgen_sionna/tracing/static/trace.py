@@ -300,7 +300,7 @@ class StaticTrace:
 
 Beside = Callable[[RayScene, Facets, Sampled], tuple[FloatArray, int]]
 """What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
-:attr:`rfgen_sionna.tracing.shadows.parallax.Edges.of` takes it, and the number of rays sent."""
+:meth:`rfgen_sionna.tracing.shadows.parallax.Edges.of` takes it, and the number of rays sent."""
 
 
 def trace_static(
