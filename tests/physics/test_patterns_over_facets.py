@@ -55,7 +55,7 @@ def test_each_point_of_a_ball_counts_by_its_own_direction(place, rtol):
     ball = Actor.from_mesh(trimesh.creation.icosphere(2, 0.2), material="pec", position=place, name="ball")
     found = weighted(Tracer(None, radar, [ball], rtol).instant(0.0), radar)
     truth = dense(ball.vertices(0.0), ball.faces, radar, 60)
-    assert abs(found - truth) < max(0.6 * rtol, 2e-3) * abs(truth)
+    assert abs(found - truth) < max(0.7 * rtol, 2e-3) * abs(truth)
 
 
 @pytest.mark.parametrize(("name", "rtol"), [("awr1843", 1e-2), ("awr1843", 1e-3), ("mmwcas", 1e-2)])

@@ -265,7 +265,7 @@ def tessellate(
             more = demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown, still)
             coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         sides = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]])  # opposite corner
-        # Of edges alike the first, and those as long as a grain, whatever rounding says: the same from any side.
+        # Of edges alike one, and those as long as a grain, whatever rounding says: the same from any side.
         if grain is not None:
             fresh = np.isnan(grains[:, 0, 0]) & (widest(sides) <= (1.0 + _ALIKE) * grain)
             grains[fresh] = weights[fresh]
@@ -284,7 +284,8 @@ def tessellate(
                 f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
                 "near surfaces that the radar does not need to see"
             )
-        edge = (sides >= (1.0 - _ALIKE) * widest(sides)[:, None]).argmax(axis=1)
+        longest = sides >= (1.0 - _ALIKE) * widest(sides)[:, None]
+        edge = longest.argmax(axis=1) if grain is not None else 2 - longest[:, ::-1].argmax(axis=1)
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
         middle = 0.5 * (left + right)
