@@ -58,7 +58,7 @@ class Precision:
         knows."""
         self.rims = np.zeros(len(surfaces.moving), np.bool_)
         """(surface,) of which counts what facets show before the horizon that look away themselves."""
-        self._fine = rtol < LEAST_RTOL
+        self._fine, self._round = rtol < LEAST_RTOL, any(each.smooth is not None for each in surfaces.moving)
         self._error = self._last = self._rim = 0.0
 
     def forget(self) -> None:
@@ -75,16 +75,16 @@ class Precision:
         are: those of earlier stretches, where nothing says that they are not. That is measured where there is a `turn`,
         which says for what pair."""
         kept_on = self.expansion is not None
-        if kept_on and turn is not None:  # a thing that turns may show more of its rim
+        if kept_on and turn is not None and self._round:  # a thing that turns may show more of its rim
             self._weigh_rims(self._see(_middle(instants), stretch))
         found = look(instants, self.expansion or self._refine(_middle(instants), stretch, True))
         if turn is None or self._measured(found, turn) <= 1.5 * max(self._rtol, self._error):
             return found
         self.expansion = None
         # What was just chosen, from the coarsest on, goes on from where it is.
-        found = look(found.instants, self._refine(_middle(found.instants), stretch, kept_on))
-        self._measured(found, turn)
-        return found
+        again = look(found.instants, self._refine(_middle(found.instants), stretch, kept_on))
+        self._measured(again, turn)
+        return again._replace(in_vain=[*found.in_vain, *again.in_vain])
 
     def error(self, look: Look, interference: FloatArray) -> float:
         """Estimated error of the direct return of the worst surface: that of integrals, and of what is not known of
