@@ -36,6 +36,8 @@ RIM = 0.05
 """Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
 the rim of its body, the very corner may be taken for seen."""
 _INSET = 5e-4
+_ALONG = 3.0
+"""How many times as far from a side the other end of a line has to be for it to be followed as far as that side."""
 _AIM = np.array([0.36, 0.31, 0.33])
 """Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
 it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
@@ -282,6 +284,8 @@ def _straight(
         moved = crossings[end] + np.where(np.abs(step) < 1.0, step, 0.0)[:, None] * run
         straight &= (np.abs(step) < 1.0) & (moved > -1e-3).all(axis=1)
         ends_moved.append(np.clip(moved, 0.0, 1.0))
+    one, other = ends_moved  # rays went by a little within the facet
+    ends_moved = [_onto_side(one, other, side[first]), _onto_side(other, one, side[second])]
     row = np.flatnonzero(straight)
     # The corner that both sides share, and those that come after it.
     tip = 3 - side[first[row]] - side[second[row]]
@@ -299,6 +303,15 @@ def _straight(
     ):  # fmt: skip
         found.append((row[some], np.stack([corner[some] for corner in triangle], axis=1), there[some]))
     return straight, found
+
+
+def _onto_side(points: FloatArray, others: FloatArray, corner: NDArray[np.intp]) -> FloatArray:
+    """(point, 3) `points` (point, 3) just within a facet on lines that come from `others` (point, 3), on where these
+    cross the side opposite a `corner` (point,); as they are where that is -1, or lines run along the side."""
+    row = np.arange(len(points))
+    here, there = points[row, corner], others[row, corner]
+    step = np.where((corner >= 0) & (there > _ALONG * here), here / np.where(there > here, there - here, 1.0), 0.0)
+    return np.asarray(np.clip(points + step[:, None] * (points - others), 0.0, 1.0))
 
 
 def _whole(group: _Group) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
@@ -337,6 +350,8 @@ def _cut(
         a, b, c = (np.take(lattice.points, lattice.cells[cell, each], axis=0) for each in turns)
         at = [number[row, lattice.sides[cell, turns[i]]] for i in (0, 2)]
         ab, ca = (np.take(crossings, each, axis=0) for each in at)
+        of_ab, of_ca = (lattice.rim[lattice.sides[cell, turns[i]]] for i in (0, 2))
+        ab, ca = _onto_side(ab, ca, of_ab), _onto_side(ca, ab, of_ca)
         off = np.stack([hider[each] for each in at], axis=1)
         none = np.full(off.shape, np.nan)
         for triangle, ends in (

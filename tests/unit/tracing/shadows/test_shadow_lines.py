@@ -192,3 +192,16 @@ def test_pieces_tell_which_of_their_sides_is_the_shadow_s_edge(values, level):
             if (a > 0) != (b > 0):
                 ends.append(places[i] + a / (a - b) * (places[(i + 1) % 3] - places[i]))
         assert length == pytest.approx(np.linalg.norm(ends[0] - ends[1]), abs=0.02)
+
+
+@given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
+def test_straight_edges_end_on_the_facet_s_sides(sizes, odd, lit, level):
+    """Rays go by a little within the facet; what is lit is cut off by its sides all the same, and not by where these
+    went: a sliver along them is an edge of its own, and where all else cancels it told."""
+    f = -np.array(sizes)
+    f[odd] *= -1
+    found = share_of(f if lit else -f, level)
+    edged = np.isfinite(found.hider).all(axis=1)
+    for piece in found.pieces[edged]:
+        for end in piece[1:]:
+            assert np.abs(end).min() < 1e-9
