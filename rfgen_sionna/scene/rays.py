@@ -286,7 +286,8 @@ class RayScene:
         """Points on facets that are to be looked at from one place, as the objects stand now.
 
         Args:
-            viewpoint: (3,) [m].
+            viewpoint: (3,) [m], or (piece, place, 3): places of its own for each, from all of which points have to be
+                seen.
             corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
             facets: (piece,) the facet that each is a piece of, which does not hide it.
             moving: whether nothing but moving objects hides.

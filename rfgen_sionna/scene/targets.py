@@ -1,4 +1,4 @@
-"""Points on facets that are looked at from one place, all on the device.
+"""Points on facets that are looked at from one place, or from several at once, all on the device.
 
 Of few rays at a time most of what they take is setting a kernel up: so what is asked of them again and again, where
 between two points a shadow's edge is, is one kernel.
@@ -33,7 +33,7 @@ class Targets:
     Args:
         nearest: what rays hit first.
         origin: (3,) [m] of the coordinates that rays have.
-        viewpoint: (3,) [m].
+        viewpoint: (3,) [m], or (piece, place, 3): places of its own for each, from all of which points have to be seen.
         corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
         facets: (piece,) the facet that each is a piece of, which does not hide it.
         extent: largest coordinate [m] of rays and of what they hit, if it is more than those of points and viewpoint.
@@ -53,14 +53,18 @@ class Targets:
 
         self._nearest = nearest
         self._double: Any = dr.float64_array_t(mi.Float)
-        self._flat = upload(self._double, corners - viewpoint)
+        own_places = np.ndim(viewpoint) == 3
+        views = np.moveaxis(viewpoint, 1, 0) if own_places else viewpoint[None]
+        self._flat = upload(self._double, corners - (views[0][:, None] if own_places else viewpoint))
         self._own = upload(mi.UInt32, facets)
         # One array for all numbers that may change: each of its own would be one more launch.
-        shift = viewpoint - origin
-        given = upload(self._double, [*shift, max(float(np.abs(shift).max()), extent)])
+        shifts = views - origin
+        given = upload(self._double, [max(float(np.abs(shifts).max(initial=0.0)), extent), *shifts.ravel()])
         gather: Any = dr.gather
-        numbers = [gather(self._double, given, mi.UInt32(i)) for i in range(4)]
-        self._origin, self._largest = numbers[:3], numbers[3]
+        self._largest = gather(self._double, given, mi.UInt32(0))
+        self._given, self._places = given, len(shifts)
+        self._count = dr.opaque(mi.UInt32, len(corners))  # as a number it would be another kernel for each
+        self._common = None if own_places else [gather(self._double, given, mi.UInt32(1 + i)) for i in range(3)]
 
     def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
         """(ray,) whether points are seen: :meth:`rfgen_sionna.scene.rays.RayScene.occluded`, several times faster for
@@ -132,19 +136,44 @@ class Targets:
     def _hidden(self, piece: Any, place: Any) -> tuple[Any, Any]:
         """Whether something is before points, and at what share of the way to them."""
         import drjit as dr
-        import mitsuba as mi
 
         double = self._double
         corner = [[dr.gather(double, self._flat, 9 * piece + 3 * i + axis) for i in range(3)] for axis in range(3)]
         offset = [sum(place[i] * each[i] for i in range(3)) for each in corner]
+        own = dr.gather(dr.uint32_array_t(double), self._own, piece)
+        first, *others = self._origins(piece)
+        hidden, share = self._before(first, offset, own)
+        for other in others:
+            way = [there + here - start for there, here, start in zip(offset, first, other, strict=True)]
+            also, there_share = self._before(other, way, own)
+            hidden, share = hidden | also, dr.select(hidden, share, there_share)
+        return hidden, share
+
+    def _origins(self, piece: Any) -> list[list[Any]]:
+        """Where rays to the `piece` start."""
+        import drjit as dr
+
+        if self._common is not None:
+            return [self._common]
+        gather: Any = dr.gather
+        return [
+            [gather(self._double, self._given, 1 + 3 * (self._count * k + piece) + axis) for axis in range(3)]
+            for k in range(self._places)
+        ]
+
+    def _before(self, origin: list[Any], offset: list[Any], own: Any) -> tuple[Any, Any]:
+        """The same of points at an `offset` from an `origin`, on the facets `own`."""
+        import drjit as dr
+        import mitsuba as mi
+
+        double = self._double
         reach = dr.sqrt(sum(each * each for each in offset))
         direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
-        ray: Any = mi.Ray3f(mi.Point3f(*(mi.Float(each) for each in self._origin)), direction)
+        ray: Any = mi.Ray3f(mi.Point3f(*(mi.Float(each) for each in origin)), direction)
         ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
-        own = dr.gather(mi.UInt32, self._own, piece)
         facet, distance = self._nearest(ray, own)
         size = self._largest
-        for there, here in zip(offset, self._origin, strict=True):
+        for there, here in zip(offset, origin, strict=True):
             size = dr.maximum(size, dr.abs(there + here))
         limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
         hidden = (facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own)

@@ -101,6 +101,11 @@ class BandTracer:
         """(3,) phase centre of the radar [m]."""
         return self._origin
 
+    @property
+    def elements(self) -> tuple[FloatArray, FloatArray]:
+        """(tx, 3) and (rx, 3) places of the elements [m]."""
+        return self._origin + self._tx, self._origin + self._rx
+
     def importance(self, direction: FloatArray) -> FloatArray:
         """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
         return self._beam.gains(direction)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
@@ -16,9 +16,10 @@ from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.facets import MovingFacets, Positions
 from rfgen_sionna.tracing.moving.fading import when_seen_best
 from rfgen_sionna.tracing.moving.faint import LEAST_RTOL
-from rfgen_sionna.tracing.moving.further import FurtherWays
+from rfgen_sionna.tracing.moving.further import FurtherWays, SeenFurther
 from rfgen_sionna.tracing.moving.glances import BETWEEN_PER_RTOL, Glances, fine_times, moved
 from rfgen_sionna.tracing.moving.knots import Splined
+from rfgen_sionna.tracing.moving.own_places import OwnPlaces
 from rfgen_sionna.tracing.moving.precision import Precision
 from rfgen_sionna.tracing.moving.returns import FacetReturns
 from rfgen_sionna.tracing.moving.sight import Seen, Sight
@@ -93,6 +94,9 @@ class MovingParts:
         self._precision = Precision(
             surfaces, band, rtol, self._facets, further, lambda t, stretch: self._see([t], stretch, True)[0]
         )
+        self._own_places = OwnPlaces(
+            surfaces, *band.elements, viewpoint, 2 * np.pi * band.highest / SPEED_OF_LIGHT, rtol
+        )
         self._cancelling = np.zeros(len(surfaces.moving))
         self._turn = self._unsteady = 0
 
@@ -103,10 +107,13 @@ class MovingParts:
         positions: Positions,
         rays: Callable[[float], RayScene],
         ray_scene: RayScene,
+        rays_between: Callable[[float], RayScene],
     ) -> MovingTrace:
         """Paths with delays at `knots` and gains traced at `instants` [s]; where shadows move, two of them are not
-        enough. `rays` gives the `ray_scene` as it is at an instant."""
-        stretch = Stretch(knots, positions, rays, ray_scene, self._further.over(positions, float(knots[0])))
+        enough. `rays` gives the `ray_scene` as it is at an instant, `rays_between` at any time, by itself."""
+        stretch = Stretch(
+            knots, positions, rays, ray_scene, rays_between, self._further.over(positions, float(knots[0]))
+        )
         look = self._look(stretch, instants)
         level, interference = self._when_seen_best(look)
         rest, glanced, between = self._glance(stretch, look, level)
@@ -141,9 +148,36 @@ class MovingParts:
             self._precision.forget()
         self._facets.turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
         turn, between = divmod(self._turn, MEASURED_EVERY)
-        return self._precision.ensure(
+        if not between:
+            self._precision.ask_again()
+        look = self._precision.ensure(
             instants, stretch, lambda times, by: self._looked(stretch, times, by), None if between else turn
         )
+        doubtful = self._precision.doubtful(look)
+        if not doubtful.any():
+            return look
+        self._precision.hold_strips(doubtful, *self._off(look, stretch, doubtful), look)
+        if not self._precision.own[doubtful].any():
+            return look
+        seen = self._all_from_own_places(look.seen, look.instants, stretch)
+        return self._integrated(look.instants, seen, look.expansion, look.further, look.steady, look.in_vain)
+
+    def _off(self, look: Look, stretch: Stretch, doubtful: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+        """(surface,) error of what strips beside shadows' edges tell of the `doubtful` ones, half way, of the pairs
+        that see most differently, and (surface,) the largest return of these."""
+        middle, own, width = len(look.instants) // 2, look.returned, len(self._band.elements[1])
+        t, there, pairs = float(look.instants[middle]), look.seen[middle], self._own_places.telling()
+        known = self._facets.places, doubtful, self._precision.interference
+        level = np.max([each.level for each in look.seen], axis=0)
+        looked = self._own_places.look(stretch.rays_between(t), stretch.positions(t), there, *known, pairs, level)
+        both = [(pair // width, pair % width) for pair in pairs.tolist()]
+        truth = self._returns.from_own_places(there.from_own_places(looked, doubtful), doubtful, both, look.expansion)
+        off, level = np.zeros((2, len(doubtful)))
+        for pair, (more, whole) in zip(both, truth, strict=True):
+            given = look.lit.parallax[middle], there, own.kept, look.references[middle]
+            off = np.maximum(off, np.abs(more - self._returns.beside(*given, pair, doubtful)))
+            level = np.maximum(level, np.abs(whole))
+        return off[self._lot], level[self._lot]
 
     def _looked(self, stretch: Stretch, instants: FloatArray, expansion: Expansion) -> Look:
         """What is seen at the `instants` [s], at three of them where shadows move too much for two, and what the facets
@@ -159,14 +193,27 @@ class MovingParts:
         times = instants.tolist(), positions, stretch.rays
         further, seen = self._further.see(stretch.bounces, *times, whole, seen)
         seen = [self._precision.to_the_horizon(each) for each in seen]
-        kept = np.flatnonzero(np.any([each.fraction > 0 for each in seen], axis=0))
+        seen = self._all_from_own_places(seen, instants, stretch)
+        return self._integrated(instants, seen, expansion, further, steady, in_vain)
+
+    def _integrated(
+        self,
+        instants: FloatArray,
+        seen: list[Seen],
+        expansion: Expansion,
+        further: SeenFurther,
+        steady: float,
+        in_vain: list[Seen],
+    ) -> Look:
+        """What facets return that are `seen` at the `instants` [s]."""
+        kept = np.flatnonzero(np.any([each.shown() for each in seen], axis=0))
         pull = self._band.pull(seen[0].facets, kept)
         seen = [replace(each, facets=each.facets.pulled(pull)) for each in seen]
         facets = Facets.taken([each.facets for each in seen], kept)
         leader = self._facets.patches.followed([each.facets.centroids for each in seen], kept)
         references = [np.take(each.facets.centroids, leader, axis=0) for each in seen]
         lit = self._returns.seen(seen, kept, facets, references, expansion)
-        shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
+        shares = np.stack([each.shares(len(self._own_places.pairs))[kept] for each in seen], axis=-1)
         returned = Returned(kept, facets, leader, shares, lit.values, lit.parallax)
         return Look(instants, seen, returned, references, lit, expansion, further, steady, in_vain)
 
@@ -190,10 +237,11 @@ class MovingParts:
         followed = own.kept[chosen.facets]
         if not len(followed):
             return own, None, max(chosen.error(), look.steady)
-        placed = Splined(stretch.knots, positions)
+        placed, most = Splined(stretch.knots, positions), np.max([each.level for each in look.seen], axis=0)
         found = self._glances.follow(
             chosen, followed, self._facets.places[followed], instants, look.seen, look.expansion, placed,
             lambda t: self._facets.corners(placed(t), followed), stretch.ray_scene,
+            lambda seen, t: self._from_own_places(seen, t, self._facets.places[followed], stretch, most, False),
         )  # fmt: skip
         # As many knots as delays ask for, the times among them.
         often = fine_times(found.times, -(-(len(stretch.knots) - 1) // (len(found.times) - 1)))
@@ -256,6 +304,23 @@ class MovingParts:
             shown |= np.any([near_the_horizon(each.facets, self._viewpoint, self._band.reach) for each in seen], axis=0)
         facets = self._facets.bent([each.facets for each in seen], vertices, np.flatnonzero(shown))
         return [replace(each, facets=own) for each, own in zip(seen, facets, strict=True)]
+
+    def _all_from_own_places(self, seen: Sequence[Seen], times: FloatArray, stretch: Stretch) -> list[Seen]:
+        """What is `seen` at some `times` [s], as :meth:`_from_own_places` has it."""
+        level = np.max([each.level for each in seen], axis=0)
+        given = zip(seen, times.tolist(), strict=True)
+        return [self._from_own_places(each, t, self._facets.places, stretch, level) for each, t in given]
+
+    def _from_own_places(
+        self, seen: Seen, t: float, places: IntArray, stretch: Stretch, level: FloatArray, past_outlines: bool = True
+    ) -> Seen:
+        """What is `seen` at `t` [s] of facets at some `places` (facet, 3), of surfaces of which that counts from each
+        pair's own places; the others are those of :meth:`OwnPlaces.look`."""
+        own, every = self._precision.own, self._own_places
+        if not own.any():
+            return seen
+        given = stretch.positions(t), seen, places, own, self._precision.interference, every.pairs, level, past_outlines
+        return seen.from_own_places(every.look(stretch.rays_between(t), *given), own)
 
     def _paths(
         self,

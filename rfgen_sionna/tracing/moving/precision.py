@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray
 from rfgen_sionna.tracing.gains.accuracy import SAFETY, Accuracy, Finer
@@ -27,6 +28,13 @@ RIM_PER_RTOL, FINE_RIM_PER_RTOL = 1.5, 0.3
 are cut at the horizon. Those of a person come to about the default tolerance, and take a tenth of a frame."""
 UNCUT = 0.3
 """Share of what rims return that is told wrong of facets that are not cut there, as strengths have a kink on them."""
+DOUBTFUL_PER_RTOL, OWN_PER_RTOL = (0.1, 1.0), 1.0
+"""What strips beside shadows' edges may miss by an estimate, per unit of the tolerance, before they are held against
+what pairs see from their own places, of flat surfaces and of bent ones, where the estimate is right to a factor of two;
+and what they may then be off by before that counts."""
+RISEN, HELD = 2.0, 2.0
+"""By what factor the estimate may rise before they are held against it anew, and what they are off by at other times
+and for other pairs, over what was found."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
 _LOG = logging.getLogger(__name__)
@@ -58,7 +66,12 @@ class Precision:
         knows."""
         self.rims = np.zeros(len(surfaces.moving), np.bool_)
         """(surface,) of which counts what facets show before the horizon that look away themselves."""
-        self._fine, self._round = rtol < LEAST_RTOL, any(each.smooth is not None for each in surfaces.moving)
+        self.own = np.zeros(len(surfaces.moving), np.bool_)
+        """(surface,) of which counts what each pair sees from its own places."""
+        self._held_at, self._told = np.zeros((2, len(surfaces.moving)))
+        self.ask_again()
+        self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
+        self._fine, self._round = rtol < LEAST_RTOL, bool(self._bent.any())
         self._error = self._last = self._rim = 0.0
 
     def forget(self) -> None:
@@ -86,13 +99,45 @@ class Precision:
         self._measured(again, turn)
         return again._replace(in_vain=[*found.in_vain, *again.in_vain])
 
+    def ask_again(self) -> None:
+        """Forget of which surfaces own places count: strips are held against them anew."""
+        self.own[:], self._held_at[:], self._told[:] = False, 0.0, 1.0
+
+    def doubtful(self, look: Look) -> NDArray[np.bool_]:
+        """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see."""
+        estimate = self._strips(look)
+        asked = (
+            (estimate > np.where(self._bent, *DOUBTFUL_PER_RTOL[::-1]) * self._rtol)
+            & (estimate > RISEN * self._held_at)
+            & ~self.own
+        )
+        for each in look.seen:  # beside slabs that are seen through strips are all there is
+            asked[each.through()] = False
+        return np.asarray(np.isin(self._lot, self._lot[asked]))
+
+    def hold_strips(self, doubtful: NDArray[np.bool_], off: FloatArray, level: FloatArray, look: Look) -> None:
+        """Take what strips of `doubtful` surfaces are `off` by (surface,), as an amplitude, for what they are; pairs
+        have returns of a `level` (surface,), which may be far above what is known of the first one."""
+        louder = np.where(level > self.level, self.level / np.where(level > 0, level, 1.0), 1.0)
+        self.level, self.interference = np.maximum(self.level, level), self.interference * louder
+        off = off / np.where(self.level > 0, self.level, np.inf)
+        estimate = self._strips(look)
+        self.own |= doubtful & (off > OWN_PER_RTOL * self._rtol)
+        self._held_at = np.where(doubtful, estimate, self._held_at)
+        told = HELD * off / np.where(estimate > 0, estimate, np.inf)
+        self._told = np.where(doubtful, told, self._told)
+
+    def _strips(self, look: Look) -> FloatArray:
+        """(surface,) estimated error of strips."""
+        return np.asarray(SAFETY * np.maximum(self.interference, 1.0) * look.lit.missed)
+
     def error(self, look: Look, interference: FloatArray) -> float:
         """Estimated error of the direct return of the worst surface: that of integrals, and of what is not known of
         shadows, by the `interference` (surface,) of each."""
         interference = np.where(interference > 0, interference, 1.0)  # of what was hidden nobody knows
         returned = np.stack([each.level for each in look.seen])
         edges = relative_to_best(np.stack([each.missed for each in look.seen]), returned, returned.max(axis=0))
-        shadows = SAFETY * interference * np.hypot(edges, look.lit.missed)
+        shadows = SAFETY * interference * np.hypot(edges, self._told * look.lit.missed)
         return float(np.linalg.norm([max(self._last, self._error), self._rim, shadows.max(initial=0.0)]))
 
     def _refine(self, t: float, stretch: Stretch, afresh: bool) -> Expansion:

@@ -15,9 +15,10 @@ from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.own_places import OwnViews
 from rfgen_sionna.tracing.moving.sight import Seen
 from rfgen_sionna.tracing.shadows.parallax import Parallax
-from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.facets import Facets, sums
 
 AT_ONCE = 200_000
 """Facets that are integrated at once."""
@@ -112,7 +113,82 @@ class FacetReturns:
                 lit[n][:, at] = of_pieces
                 there = every.take(slice(*np.searchsorted(edges.owner, [start, start + len(owner)])))
                 parallax[n] = there._replace(owner=at[there.owner - start])
+        for n, each in enumerate(seen):
+            if each.own is not None:
+                more = self._own(each.own.of(kept), facets[n], references[n], whole[n], lit[n], expansion)
+                strips = parallax[n]
+                parallax[n] = more if strips is None else Parallax.joined([strips, more])
         return Lit(whole, lit, parallax, missed)
+
+    def _own(
+        self,
+        own: OwnViews,
+        facets: Facets,
+        references: FloatArray,
+        whole: ComplexArray,
+        lit: ComplexArray,
+        expansion: Expansion,
+    ) -> Parallax:
+        """What pairs see of `facets` from their `own` places more than from the phase centre, from where they return
+        `lit`, and what they would as a `whole` (value, facet)."""
+        values = whole[:, own.facet] * own.fraction
+        values[:, own.owner] = 0.0
+        for some in np.array_split(np.arange(len(own.owner)), -(-len(own.owner) // AT_ONCE)) if len(own.owner) else ():
+            lane = own.owner[some]
+            parent = own.facet[lane]
+            (pieces,) = self.values([facets.cut(parent, own.pieces[some])], expansion, [references[parent]])
+            starts = np.flatnonzero(np.diff(lane, prepend=-1))
+            values[:, lane[starts]] += np.add.reduceat(pieces, starts, axis=1)
+        values -= lit[:, own.facet]
+        changed, at = np.unique(own.facet, return_inverse=True)
+        weights = expansion.weights.reshape(expansion.order, -1, len(values))
+        gains = np.zeros((*weights.shape[:2], len(changed)), np.complex128)
+        gains[:, own.pair, at.reshape(-1)] = np.einsum("olv,vl->ol", weights[:, own.pair], values)
+        return Parallax(changed, gains.reshape(*expansion.weights.shape[:3], len(changed)))
+
+    def beside(
+        self,
+        parallax: Parallax | None,
+        seen: Seen,
+        kept: NDArray[np.intp],
+        reference: FloatArray,
+        pair: tuple[int, int],
+        surfaces: NDArray[np.bool_],
+    ) -> ComplexArray:
+        """(lot,) what a pair sees more, or less, than the phase centre of all facets of some `surfaces` (surface,), by
+        the `parallax` of those `kept` of what is `seen`, by way of the points `reference` (facet, 3) [m]."""
+        count = len(self._materials)
+        if parallax is None:
+            return np.zeros(count, np.complex128)
+        whose = seen.facets.surface[kept[parallax.owner]]
+        mine = np.flatnonzero(surfaces[whose])
+        owner = parallax.owner[mine]
+        waves = parallax.gains[0, *pair, mine] * self._waves(reference[owner], pair) * seen.weight[kept[owner]]
+        return sums(waves[None], self._lot[whose[mine]], count)[0]
+
+    def _waves(self, reference: FloatArray, pair: tuple[int, int]) -> ComplexArray:
+        """(facet,) phasors of the propagation by way of points in the middle of the band."""
+        return phasors(self._band.centre * self._band.delays(reference, pair))
+
+    def from_own_places(
+        self,
+        seen: Seen,
+        surfaces: NDArray[np.bool_],
+        pairs: Sequence[tuple[int, int]],
+        expansion: Expansion,
+    ) -> list[tuple[ComplexArray, ComplexArray]]:
+        """For some `pairs` (lot,) what each sees more of some `surfaces` (surface,) from its own places than the phase
+        centre, and all that it sees, in the middle of the band."""
+        there = seen.of(np.flatnonzero(seen.shown() & surfaces[seen.facets.surface]))
+        kept, count = np.arange(len(there.facets)), len(self._materials)
+        reference, lot = there.facets.centroids, self._lot[there.facets.surface]
+        lit = self.seen([there], kept, [there.facets], [reference], expansion)
+        found = []
+        for pair in pairs:
+            more = self.beside(lit.parallax[0], there, kept, reference, pair, surfaces)
+            waves = (expansion.weights[0, *pair] @ lit.values[0]) * self._waves(reference, pair) * there.weight
+            found.append((more, more + sums(waves[None], lot, count)[0]))
+        return found
 
     def coefficients(
         self,

@@ -16,6 +16,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.faint import BENT_MORE, FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
+from rfgen_sionna.tracing.moving.own_places import Looked, OwnViews
 from rfgen_sionna.tracing.shadows.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
 from rfgen_sionna.tracing.shadows.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surface.facets import Facets
@@ -57,6 +58,10 @@ class Seen:
     are too faint to be looked at, relative to what they return without interfering."""
     looked_at: int
     rays: int
+    faint: FloatArray | float = 0.0
+    """What of `missed` (surface,) is for facets too faint to be looked at."""
+    own: OwnViews | None = None
+    """What pairs see of some facets from their own places, if they have looked."""
 
     def of(self, chosen: NDArray[np.intp]) -> Seen:
         """The facets that `chosen` counts out, in ascending order."""
@@ -71,7 +76,32 @@ class Seen:
             pieces=self.pieces[mine],
             hider=self.hider[mine],
             outline=self.outline[chosen],
+            own=None if self.own is None else self.own.of(chosen),
         )
+
+    def through(self) -> NDArray[np.intp]:
+        """Surfaces on which shadows fall that let something through."""
+        slabs = (self.hider[:, 4:] != 0).any(axis=1) & (self.hider[:, 0] < 1.0)
+        return np.unique(self.facets.surface[self.owner[slabs]])
+
+    def shown(self) -> NDArray[np.bool_]:
+        """(facet,) of which something is seen, by whatever pair."""
+        found = self.fraction > 0
+        if self.own is not None:
+            found[self.own.facet] = True
+        return found
+
+    def shares(self, pairs: int) -> FloatArray:
+        """(facet,) share of the area that is seen, in the mean of so many pairs if they have looked."""
+        return self.fraction if self.own is None else self.own.shares(self.fraction, pairs)
+
+    def from_own_places(self, looked: Looked, surfaces: NDArray[np.bool_]) -> Seen:
+        """The same with what pairs see themselves of some `surfaces` (surface,), in place of strips beside shadows'
+        edges there."""
+        hider = np.where(surfaces[self.facets.surface[self.owner]][:, None], np.nan, self.hider)
+        seen = looked.missed * looked.level / np.where(self.level > 0, self.level, np.inf)
+        missed = np.where(surfaces, np.hypot(self.faint, seen), self.missed)
+        return replace(self, hider=hider, own=looked.views, missed=missed, rays=self.rays + looked.rays)
 
     @staticmethod
     def joined(parts: Sequence[Seen]) -> Seen:
@@ -93,6 +123,8 @@ class Seen:
             np.max([each.missed for each in parts], axis=0),
             sum(each.looked_at for each in parts),
             sum(each.rays for each in parts),
+            np.max([np.broadcast_to(each.faint, len(each.level)) for each in parts], axis=0),
+            _joined([each.own for each in parts], first.tolist()),
         )
 
 
@@ -163,7 +195,7 @@ class Sight:
                 break
         beyond = np.where(shown > 0, left / np.where(shown > 0, shown, 1.0), 0.0)
         found[0] = replace(found[0], looked_at=found[0].looked_at + looked, rays=found[0].rays + sent)
-        return [replace(each, missed=np.hypot(each.missed, beyond)) for each in found]
+        return [replace(each, missed=np.hypot(each.missed, beyond), faint=beyond) for each in found]
 
     def _facing(self, facets: Facets) -> Facing:
         chosen = np.flatnonzero(facets.facing)
@@ -367,6 +399,13 @@ class Sight:
         return [
             Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
         ]
+
+
+def _joined(parts: Sequence[OwnViews | None], first: Sequence[int]) -> OwnViews | None:
+    """Own views of facets that come one after the other, each part's from its `first` on."""
+    if all(each is None for each in parts):
+        return None
+    return OwnViews.joined([OwnViews.none() if each is None else each for each in parts], first)
 
 
 def _surrounds(points: FloatArray) -> bool:

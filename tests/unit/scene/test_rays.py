@@ -164,6 +164,39 @@ def test_the_edge_of_a_shadow_is_where_halving_finds_it(mixed: RayScene, monkeyp
     assert (hider < 0.9).mean() > 0.5
 
 
+def test_points_that_several_places_have_to_see_are_those_that_each_does(mixed: RayScene):
+    """Two places for each of the facets, other ones for every third; edges between light and shadow as well."""
+    mixed.update([arrays(BALL, (0, 4, 0))[0], arrays(BALL, (0, -4, 0))[0]])
+    rng = np.random.default_rng(3)
+    walls = np.arange(12)
+    corners, of = mixed.corners(walls), np.repeat(walls, 60)
+    places = rng.dirichlet((1, 1, 1), len(of))
+    ends = rng.uniform(-2.0, 2.0, (12, 2, 3))
+    both = mixed.targets(ends, corners, walls)
+    seen = both.seen(of, places)
+    apart = np.ones(len(of), np.bool_)
+    for facet in walls.tolist():
+        mine = of == facet
+        for end in ends[facet]:
+            alone = mixed.targets(end, corners[facet : facet + 1], walls[facet : facet + 1])
+            apart[mine] &= alone.seen(np.zeros(mine.sum(), np.intp), places[mine])
+    assert 0.05 < seen.mean() < 0.95
+    np.testing.assert_array_equal(seen, apart)
+    lit, dark = [], []
+    for facet in walls.tolist():
+        there = np.flatnonzero((of == facet) & seen)
+        here = np.flatnonzero((of == facet) & ~seen)
+        count = min(len(there), len(here))
+        lit.append(there[:count])
+        dark.append(here[:count])
+    one, other = np.concatenate(lit), np.concatenate(dark)
+    edge, hider = both.edges(of[one], places[one], places[other], 20)
+    along = (places[other] - places[one]) / np.linalg.norm(places[other] - places[one], axis=1, keepdims=True)
+    assert both.seen(of[one], edge - 1e-4 * along).mean() > 0.98
+    assert both.seen(of[one], edge + 1e-4 * along).mean() < 0.02
+    assert ((hider > 0) & (hider < 1)).all()
+
+
 def test_both_sides_of_a_plate_hide():
     plate = (np.array([[0.0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
     rays = RayScene([plate], [])

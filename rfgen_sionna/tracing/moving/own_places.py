@@ -1,0 +1,274 @@
+"""What pairs of elements see of moving facets from their own places.
+
+Shadows are cast from the array's phase centre, and strips beside their edges tell what pairs see more or less
+(:mod:`rfgen_sionna.tracing.shadows.parallax`), to the first order. That is not enough where a surface returns little
+but for the corners of its shadow, and where an edge falls far aside of the centre's. There each pair looks for itself:
+at points that both its elements see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.scene.targets import Targets
+from rfgen_sionna.tracing.shadows.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.shadows.sampling import Corners, sampled_fraction
+from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
+
+if TYPE_CHECKING:
+    from rfgen_sionna.tracing.moving.sight import Seen
+    from rfgen_sionna.tracing.surface.facets import Facets
+
+TELLING = 12
+"""Pairs by which it is told whether all others have to look for themselves, at most."""
+MOST_LANES = 60_000
+"""Facets and pairs that are looked at together."""
+MOST_FINER = 30.0
+"""How many times more closely shadows' edges are looked at than the tolerance asks for, at most, where facets cancel
+one another."""
+
+
+class OwnViews(NamedTuple):
+    """What pairs see of facets, where it may not be what the phase centre sees: one lane for each facet and pair."""
+
+    facet: NDArray[np.intp]
+    """(lane,)"""
+    pair: NDArray[np.intp]
+    """(lane,) number of its Tx times the number of Rx, and that of its Rx."""
+    fraction: FloatArray
+    """(lane,) share that is seen."""
+    owner: NDArray[np.intp]
+    """(piece,) lane that a piece is of, ascending: what is seen of facets that are hidden in part."""
+    pieces: FloatArray
+    """(piece, corner, 3) barycentric coordinates of its corners."""
+
+    def shares(self, fraction: FloatArray, pairs: int) -> FloatArray:
+        """(facet,) share that is seen by the mean of so many `pairs`, of facets of which the phase centre sees a
+        `fraction` (facet,)."""
+        more = np.bincount(self.facet, self.fraction - fraction[self.facet], len(fraction))
+        return np.asarray(np.clip(fraction + more / pairs, 0.0, 1.0))
+
+    def of(self, chosen: NDArray[np.intp]) -> OwnViews:
+        """Those of the facets that `chosen` counts out, ascending, counted among these."""
+        place = np.minimum(np.searchsorted(chosen, self.facet), max(len(chosen) - 1, 0))
+        mine = chosen[place] == self.facet if len(chosen) else np.zeros(len(self.facet), np.bool_)
+        kept = mine[self.owner]
+        lane = np.cumsum(mine) - 1
+        return OwnViews(place[mine], self.pair[mine], self.fraction[mine], lane[self.owner[kept]], self.pieces[kept])
+
+    @staticmethod
+    def none() -> OwnViews:
+        """Of no facets."""
+        no = np.zeros(0, np.intp)
+        return OwnViews(no, no, np.zeros(0), no, np.zeros((0, 3, 3)))
+
+    @staticmethod
+    def joined(parts: Sequence[OwnViews], first: Sequence[int]) -> OwnViews:
+        """One after the other, each with its `first` facet."""
+        lanes = np.cumsum([0, *(len(each.facet) for each in parts)]).tolist()
+        return OwnViews(
+            np.concatenate([each.facet + start for each, start in zip(parts, first, strict=False)]),
+            np.concatenate([each.pair for each in parts]),
+            np.concatenate([each.fraction for each in parts]),
+            np.concatenate([each.owner + start for each, start in zip(parts, lanes, strict=False)]),
+            np.concatenate([each.pieces for each in parts]),
+        )
+
+
+class Looked(NamedTuple):
+    """What pairs have found."""
+
+    views: OwnViews
+    missed: FloatArray
+    """(surface,) estimated error of what each returns, relative to a `level` (surface,) of that, as
+    :attr:`rfgen_sionna.tracing.moving.sight.Seen.level`."""
+    level: FloatArray
+    rays: int
+    """Rays sent."""
+
+
+class _Places:
+    """What hides points from sets of places, `ends` (set, place, 3) [m], by the facets' numbers: those of the ray scene
+    and, times the number of its facets, the set."""
+
+    def __init__(self, rays: RayScene, ends: FloatArray) -> None:
+        self._rays, self._ends = rays, ends
+
+    def targets(
+        self,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facets: NDArray[np.int64],
+        moving: bool = False,
+        bundled: bool = False,
+    ) -> Targets:
+        """Points that all places of a set have to see, whatever the viewpoint."""
+        of, own = np.divmod(facets, self._rays.num_facets)
+        return self._rays.targets(self._ends[of], corners, own, moving, bundled)
+
+
+class OwnPlaces:
+    """Looks at facets from the places of pairs.
+
+    Parameters
+    ----------
+    surfaces
+        All that there are.
+    tx, rx
+        (element, 3) places [m].
+    viewpoint
+        (3,) the phase centre [m].
+    wavenumber
+        At the highest frequency [rad/m].
+    rtol
+        Tolerance of what all facets of a lot return.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        tx: FloatArray,
+        rx: FloatArray,
+        viewpoint: FloatArray,
+        wavenumber: float,
+        rtol: float,
+    ) -> None:
+        self._outlines, self._lot = [Outline(each.faces) for each in surfaces.moving], lots(surfaces.moving)
+        self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
+        self._tx, self._rx, self._viewpoint = tx, rx, viewpoint
+        self._wavenumber, self._rtol = wavenumber, rtol
+
+    @property
+    def pairs(self) -> NDArray[np.intp]:
+        """All of them."""
+        return np.arange(len(self._tx) * len(self._rx))
+
+    def telling(self) -> NDArray[np.intp]:
+        """Pairs that tell of all others, those that see most differently: each is the furthest from those before."""
+        both = (self._tx[:, None] + self._rx - 2 * self._viewpoint).reshape(-1, 3)
+        found, distance = list[int](), lengths(both)
+        for _ in range(min(len(both), TELLING)):
+            found.append(int(np.argmax(distance)))
+            distance = np.minimum(distance, lengths(both - both[found[-1]]))
+            distance[found] = -1.0
+        return np.sort(np.array(found))
+
+    def look(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        seen: Seen,
+        places: IntArray,
+        surfaces: NDArray[np.bool_],
+        interference: FloatArray,
+        pairs: NDArray[np.intp],
+        level: FloatArray,
+        past_outlines: bool = True,
+    ) -> Looked:
+        """What some `pairs` see of the `surfaces` (surface,) that the phase centre has `seen`.
+
+        `rays` is the ray scene as it is then, with the `vertices` (vertex, 3) [m] of all moving surfaces, and `places`
+        (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.sampling.touching`. By its `interference` (surface,)
+        a surface's facets cancel one another; flat ones, which may do so to the last digit, are searched for edges and
+        looked at the more closely. `level` (surface,) is what errors are relative to, as :attr:`Seen.level` where most
+        is seen. With `past_outlines` rays that just pass actors tell as well where edges fall, else what the phase
+        centre has seen of them.
+        """
+        facets, ends = seen.facets, np.stack([pairs // len(self._rx), len(self._tx) + pairs % len(self._rx)])
+        looked_at = (seen.weight > 0) & surfaces[facets.surface]
+        if facets.outward is not None:  # of these strips at the horizon are told of, which rays don't see
+            looked_at &= ~facets.outward
+        chosen = np.flatnonzero(looked_at)
+        light, outline, sent = self._guided(rays, vertices if past_outlines else (), facets, places, chosen, ends)
+        if past_outlines:
+            outline += seen.outline[chosen]
+        # Where all see all or nothing, as the phase centre does, there is no edge.
+        alike = (light == light[:1, :, :1]).all(axis=(0, 2)) & (light[0, :, 0] == seen.fraction[chosen])
+        edged = ~alike | (outline > 0).any(axis=0) | np.isin(chosen, seen.owner)
+        # Between corners an edge may cross what touches those.
+        edged = np.isin(places[chosen], places[chosen[edged]]).any(axis=1)
+        of_lots = np.zeros(len(surfaces))
+        of_lots[self._lot] = level
+        views, missed, bent = [OwnViews.none()], np.zeros(len(surfaces)), self._bent[facets.surface[chosen]]
+        for closely, kind in ((True, ~bent), (False, bent)):
+            some = np.flatnonzero(edged & kind)
+            finer = float(np.clip(interference[surfaces].max(), 1.0, MOST_FINER)) if closely else 1.0
+            batches = np.array_split(np.arange(len(pairs)), -(-max(len(some) * len(pairs), 1) // MOST_LANES))
+            for batch in batches if len(some) else ():
+                given = rays, seen, chosen[some], pairs[batch], ends[:, batch], light[:, some], outline[:, some]
+                view, error, more = self._sampled(*given, of_lots, self._rtol / finer, closely)
+                views.append(view)
+                missed, sent = np.hypot(missed, error) if closely else np.maximum(missed, error), sent + more
+        return Looked(OwnViews.joined(views, [0] * len(views)), missed[self._lot], level, sent)
+
+    def _sampled(
+        self,
+        rays: RayScene,
+        seen: Seen,
+        chosen: NDArray[np.intp],
+        pairs: NDArray[np.intp],
+        ends: NDArray[np.intp],
+        light: NDArray[np.bool_],
+        outline: FloatArray,
+        level: FloatArray,
+        rtol: float,
+        search: bool,
+    ) -> tuple[OwnViews, FloatArray, int]:
+        """What the `pairs` (pair,) see of the `chosen` facets, with elements at both `ends` (2, pair), what is missed
+        of each lot, relative to its `level` (lot,), and the rays sent. The others are those of :meth:`_guided`, and of
+        :func:`rfgen_sionna.tracing.shadows.sampling.sampled_fraction`."""
+        facets, lots_of_all, elements = seen.facets, len(level), np.concatenate([self._tx, self._rx])
+        of, facet = np.repeat(np.arange(len(pairs)), len(chosen)), np.tile(chosen, len(pairs))
+        group = self._lot[facets.surface[facet]] + lots_of_all * of
+        own = sampled_fraction(
+            _Places(rays, np.moveaxis(elements[ends], 0, 1)), self._viewpoint,
+            np.take(facets.corners, facet, axis=0), facets.number[facet] + np.int64(rays.num_facets) * of,
+            (light[ends[0]] & light[ends[1]]).reshape(-1, 3), self._wavenumber, rtol,
+            (outline[ends[0]] + outline[ends[1]]).ravel(), seen.weight[facet], group,
+            level=np.tile(level, len(pairs)), search=search, times=len(pairs),
+        )  # fmt: skip
+        kept = np.flatnonzero((own.fraction != seen.fraction[facet]) | ((own.fraction > 0) & (own.fraction < 1)))
+        lane = np.full(len(facet), -1, np.intp)
+        lane[kept] = np.arange(len(kept))
+        mine = lane[own.owner] >= 0
+        view = OwnViews(facet[kept], pairs[of[kept]], own.fraction[kept], lane[own.owner[mine]], own.pieces[mine])
+        energy = np.bincount(group, own.missed**2, len(pairs) * lots_of_all).reshape(len(pairs), -1)
+        error = np.sqrt(energy.max(axis=0, initial=0.0))
+        return view, error / np.where(level > 0, level, np.inf), own.rays
+
+    def _guided(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        facets: Facets,
+        places: IntArray,
+        chosen: NDArray[np.intp],
+        ends: NDArray[np.intp],
+    ) -> tuple[NDArray[np.bool_], FloatArray, int]:
+        """(element, chosen, 3) whether elements, first all Tx, see the corners of the `chosen` facets, (element,
+        chosen) length of actors' outlines that fall on these [rad], of those elements that are `ends` (2, pair) of
+        pairs, and the rays sent."""
+        elements, used = np.concatenate([self._tx, self._rx]), np.unique(ends)
+        corners, number = np.take(facets.corners, chosen, axis=0), facets.number[chosen]
+        guiding, sent = Corners(self._viewpoint, corners, number, places[chosen]), 0
+        light = np.zeros((len(elements), len(chosen), 3), np.bool_)
+        outline = np.zeros((len(elements), len(chosen)))
+        for each in used.tolist():
+            there = elements[each]
+            light[each], guides = guiding.seen(_Places(rays, there[None, None]))
+            sent += guides
+            past = [one.passing(points - there) for one, points in zip(self._outlines, vertices, strict=False)]
+            if past:
+                directions, span = (np.concatenate(columns) for columns in zip(*past, strict=True))
+                passing = Passing(directions, rays.first_facet(there, directions), span)
+                outline[each] = Places(corners - there, number).holding(passing)[0]
+                sent += len(span)
+        light[np.setdiff1d(np.arange(len(elements)), used)] = light[used[:1]]
+        return light, outline, sent
