@@ -162,7 +162,8 @@ class Targets:
         ]
 
     def _before(self, origin: list[Any], offset: list[Any], own: Any) -> tuple[Any, Any]:
-        """The same of points at an `offset` from an `origin`, on the facets `own`."""
+        """Whether something is before points at an `offset` from an `origin`, on the facets `own`, and at what share of
+        the way to them."""
         import drjit as dr
         import mitsuba as mi
 

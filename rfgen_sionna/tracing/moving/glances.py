@@ -348,7 +348,8 @@ class Glances:
                 found = self._sight.glance(looks, facets, places, outline, level)
                 found = carried_on(found, some, instants, seen, self._viewpoint)
                 if seen[0].own is not None:
-                    single = [found.of(np.arange(count * k, count * (k + 1))) for k in range(len(some))]
+                    counted = replace(found, rays=0, looked_at=0), found
+                    single = [counted[k == 0].of(np.arange(count * k, count * (k + 1))) for k in range(len(some))]
                     found = Seen.joined(
                         [from_own_places(each, t) for each, t in zip(single, some.tolist(), strict=True)]
                     )

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.targets import Targets
 from rfgen_sionna.tracing.shadows.outlines import Outline, Passing, Places
@@ -94,7 +93,7 @@ class Looked(NamedTuple):
     """Rays sent."""
 
 
-class _Places:
+class _Ends:
     """What hides points from sets of places, `ends` (set, place, 3) [m], by the facets' numbers: those of the ray scene
     and, times the number of its facets, the set."""
 
@@ -152,11 +151,12 @@ class OwnPlaces:
 
     def telling(self) -> NDArray[np.intp]:
         """Pairs that tell of all others, those that see most differently: each is the furthest from those before."""
-        both = (self._tx[:, None] + self._rx - 2 * self._viewpoint).reshape(-1, 3)
-        found, distance = list[int](), lengths(both)
+        tx, rx = (each - self._viewpoint for each in (self._tx, self._rx))
+        both = np.concatenate([np.repeat(tx, len(rx), axis=0), np.tile(rx, (len(tx), 1))], axis=1)
+        found, distance = list[int](), np.linalg.norm(both, axis=1)
         for _ in range(min(len(both), TELLING)):
             found.append(int(np.argmax(distance)))
-            distance = np.minimum(distance, lengths(both - both[found[-1]]))
+            distance = np.minimum(distance, np.linalg.norm(both - both[found[-1]], axis=1))
             distance[found] = -1.0
         return np.sort(np.array(found))
 
@@ -178,8 +178,8 @@ class OwnPlaces:
         (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.sampling.touching`. By its `interference` (surface,)
         a surface's facets cancel one another; flat ones, which may do so to the last digit, are searched for edges and
         looked at the more closely. `level` (surface,) is what errors are relative to, as :attr:`Seen.level` where most
-        is seen. With `past_outlines` rays that just pass actors tell as well where edges fall, else what the phase
-        centre has seen of them.
+        is seen. With `past_outlines` rays that just pass actors tell as well where edges fall, else corners and the
+        phase centre's edges alone.
         """
         facets, ends = seen.facets, np.stack([pairs // len(self._rx), len(self._tx) + pairs % len(self._rx)])
         looked_at = (seen.weight > 0) & surfaces[facets.surface]
@@ -187,25 +187,28 @@ class OwnPlaces:
             looked_at &= ~facets.outward
         chosen = np.flatnonzero(looked_at)
         light, outline, sent = self._guided(rays, vertices if past_outlines else (), facets, places, chosen, ends)
-        if past_outlines:
-            outline += seen.outline[chosen]
+        outline = np.maximum(outline, seen.outline[chosen])
         # Where all see all or nothing, as the phase centre does, there is no edge.
         alike = (light == light[:1, :, :1]).all(axis=(0, 2)) & (light[0, :, 0] == seen.fraction[chosen])
-        edged = ~alike | (outline > 0).any(axis=0) | np.isin(chosen, seen.owner)
+        edged = ~alike | np.isin(chosen, seen.owner)
+        if past_outlines:
+            edged |= (outline > 0).any(axis=0)
         # Between corners an edge may cross what touches those.
         edged = np.isin(places[chosen], places[chosen[edged]]).any(axis=1)
         of_lots = np.zeros(len(surfaces))
         of_lots[self._lot] = level
-        views, missed, bent = [OwnViews.none()], np.zeros(len(surfaces)), self._bent[facets.surface[chosen]]
+        views, energy, bent = [OwnViews.none()], np.zeros(len(surfaces)), self._bent[facets.surface[chosen]]
+        finer = float(np.clip(interference[surfaces & ~self._bent].max(initial=1.0), 1.0, MOST_FINER))
         for closely, kind in ((True, ~bent), (False, bent)):
-            some = np.flatnonzero(edged & kind)
-            finer = float(np.clip(interference[surfaces].max(), 1.0, MOST_FINER)) if closely else 1.0
-            batches = np.array_split(np.arange(len(pairs)), -(-max(len(some) * len(pairs), 1) // MOST_LANES))
-            for batch in batches if len(some) else ():
+            some, missed = np.flatnonzero(edged & kind), np.zeros(len(surfaces))
+            batches = min(-(-len(some) * len(pairs) // MOST_LANES), len(pairs))
+            for batch in np.array_split(np.arange(len(pairs)), batches) if batches else ():
                 given = rays, seen, chosen[some], pairs[batch], ends[:, batch], light[:, some], outline[:, some]
-                view, error, more = self._sampled(*given, of_lots, self._rtol / finer, closely)
+                view, error, more = self._sampled(*given, of_lots, self._rtol / (finer if closely else 1.0), closely)
                 views.append(view)
-                missed, sent = np.hypot(missed, error) if closely else np.maximum(missed, error), sent + more
+                missed, sent = np.maximum(missed, error), sent + more  # of the worst pair
+            energy += missed**2
+        missed = np.sqrt(energy)
         return Looked(OwnViews.joined(views, [0] * len(views)), missed[self._lot], level, sent)
 
     def _sampled(
@@ -228,10 +231,10 @@ class OwnPlaces:
         of, facet = np.repeat(np.arange(len(pairs)), len(chosen)), np.tile(chosen, len(pairs))
         group = self._lot[facets.surface[facet]] + lots_of_all * of
         own = sampled_fraction(
-            _Places(rays, np.moveaxis(elements[ends], 0, 1)), self._viewpoint,
+            _Ends(rays, np.moveaxis(elements[ends], 0, 1)), self._viewpoint,
             np.take(facets.corners, facet, axis=0), facets.number[facet] + np.int64(rays.num_facets) * of,
             (light[ends[0]] & light[ends[1]]).reshape(-1, 3), self._wavenumber, rtol,
-            (outline[ends[0]] + outline[ends[1]]).ravel(), seen.weight[facet], group,
+            np.maximum(outline[ends[0]], outline[ends[1]]).ravel(), seen.weight[facet], group,
             level=np.tile(level, len(pairs)), search=search, times=len(pairs),
         )  # fmt: skip
         kept = np.flatnonzero((own.fraction != seen.fraction[facet]) | ((own.fraction > 0) & (own.fraction < 1)))
@@ -262,7 +265,7 @@ class OwnPlaces:
         outline = np.zeros((len(elements), len(chosen)))
         for each in used.tolist():
             there = elements[each]
-            light[each], guides = guiding.seen(_Places(rays, there[None, None]))
+            light[each], guides = guiding.seen(_Ends(rays, there[None, None]))
             sent += guides
             past = [one.passing(points - there) for one, points in zip(self._outlines, vertices, strict=False)]
             if past:

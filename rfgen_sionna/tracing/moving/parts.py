@@ -169,9 +169,10 @@ class MovingParts:
         t, there, pairs = float(look.instants[middle]), look.seen[middle], self._own_places.telling()
         known = self._facets.places, doubtful, self._precision.interference
         level = np.max([each.level for each in look.seen], axis=0)
-        looked = self._own_places.look(stretch.rays_between(t), stretch.positions(t), there, *known, pairs, level)
+        (bent,) = self._bent([there], np.array([t]), stretch)
+        looked = self._own_places.look(stretch.rays_between(t), stretch.positions(t), bent, *known, pairs, level)
         both = [(pair // width, pair % width) for pair in pairs.tolist()]
-        truth = self._returns.from_own_places(there.from_own_places(looked, doubtful), doubtful, both, look.expansion)
+        truth = self._returns.from_own_places(bent.from_own_places(looked, doubtful), doubtful, both, look.expansion)
         off, level = np.zeros((2, len(doubtful)))
         for pair, (more, whole) in zip(both, truth, strict=True):
             given = look.lit.parallax[middle], there, own.kept, look.references[middle]
@@ -307,9 +308,21 @@ class MovingParts:
 
     def _all_from_own_places(self, seen: Sequence[Seen], times: FloatArray, stretch: Stretch) -> list[Seen]:
         """What is `seen` at some `times` [s], as :meth:`_from_own_places` has it."""
+        self._precision.leave_slabs(seen)
+        if not self._precision.own.any():
+            return list(seen)
+        seen = self._bent(seen, times, stretch)
         level = np.max([each.level for each in seen], axis=0)
         given = zip(seen, times.tolist(), strict=True)
         return [self._from_own_places(each, t, self._facets.places, stretch, level) for each, t in given]
+
+    def _bent(self, seen: Sequence[Seen], times: FloatArray, stretch: Stretch) -> list[Seen]:
+        """What is `seen` at some `times` [s], all bent that is looked at, as pairs may see it where the phase centre
+        does not."""
+        vertices = [stretch.positions(t) for t in times.tolist()]
+        chosen = np.flatnonzero(np.any([each.weight > 0 for each in seen], axis=0))
+        facets = self._facets.bent([each.facets for each in seen], vertices, chosen)
+        return [replace(each, facets=own) for each, own in zip(seen, facets, strict=True)]
 
     def _from_own_places(
         self, seen: Seen, t: float, places: IntArray, stretch: Stretch, level: FloatArray, past_outlines: bool = True

@@ -28,7 +28,7 @@ RIM_PER_RTOL, FINE_RIM_PER_RTOL = 1.5, 0.3
 are cut at the horizon. Those of a person come to about the default tolerance, and take a tenth of a frame."""
 UNCUT = 0.3
 """Share of what rims return that is told wrong of facets that are not cut there, as strengths have a kink on them."""
-DOUBTFUL_PER_RTOL, OWN_PER_RTOL = (0.1, 1.0), 1.0
+DOUBTFUL_PER_RTOL, BENT_DOUBTFUL_PER_RTOL, OWN_PER_RTOL = 0.1, 1.0, 1.0
 """What strips beside shadows' edges may miss by an estimate, per unit of the tolerance, before they are held against
 what pairs see from their own places, of flat surfaces and of bent ones, where the estimate is right to a factor of two;
 and what they may then be off by before that counts."""
@@ -68,6 +68,7 @@ class Precision:
         """(surface,) of which counts what facets show before the horizon that look away themselves."""
         self.own = np.zeros(len(surfaces.moving), np.bool_)
         """(surface,) of which counts what each pair sees from its own places."""
+        self._still = np.array([each.still for each in surfaces.moving], np.bool_)
         self._held_at, self._told = np.zeros((2, len(surfaces.moving)))
         self.ask_again()
         self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
@@ -107,17 +108,27 @@ class Precision:
         """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see."""
         estimate = self._strips(look)
         asked = (
-            (estimate > np.where(self._bent, *DOUBTFUL_PER_RTOL[::-1]) * self._rtol)
+            (estimate > np.where(self._bent, BENT_DOUBTFUL_PER_RTOL, DOUBTFUL_PER_RTOL) * self._rtol)
             & (estimate > RISEN * self._held_at)
             & ~self.own
         )
-        for each in look.seen:  # beside slabs that are seen through strips are all there is
-            asked[each.through()] = False
-        return np.asarray(np.isin(self._lot, self._lot[asked]))
+        # Of what is not seen half way there is nothing to hold them against; nor is there, of furniture, the time.
+        asked &= (look.seen[len(look.seen) // 2].level > 0) & ~self._still
+        return np.asarray(np.isin(self._lot, self._lot[asked]) & ~self._beside_slabs(look.seen))
+
+    def leave_slabs(self, seen: Sequence[Seen]) -> None:
+        """Let own places not count of surfaces beside slabs that are seen through: strips are all there is then."""
+        self.own &= ~self._beside_slabs(seen)
+
+    def _beside_slabs(self, seen: Sequence[Seen]) -> NDArray[np.bool_]:
+        """(surface,) on whose lot shadows fall that let something through."""
+        through = np.concatenate([each.through() for each in seen])
+        return np.asarray(np.isin(self._lot, self._lot[through]))
 
     def hold_strips(self, doubtful: NDArray[np.bool_], off: FloatArray, level: FloatArray, look: Look) -> None:
-        """Take what strips of `doubtful` surfaces are `off` by (surface,), as an amplitude, for what they are; pairs
-        have returns of a `level` (surface,), which may be far above what is known of the first one."""
+        """Take what strips of `doubtful` surfaces are `off` by (surface,), as an amplitude, for what they are. Pairs
+        have returns of a `level` (surface,), which may be far above what is known of the first pair: then that is what
+        errors are relative to from now on."""
         louder = np.where(level > self.level, self.level / np.where(level > 0, level, 1.0), 1.0)
         self.level, self.interference = np.maximum(self.level, level), self.interference * louder
         off = off / np.where(self.level > 0, self.level, np.inf)
@@ -137,7 +148,8 @@ class Precision:
         interference = np.where(interference > 0, interference, 1.0)  # of what was hidden nobody knows
         returned = np.stack([each.level for each in look.seen])
         edges = relative_to_best(np.stack([each.missed for each in look.seen]), returned, returned.max(axis=0))
-        shadows = SAFETY * interference * np.hypot(edges, self._told * look.lit.missed)
+        strips = np.maximum(interference, 1.0) * self._told * look.lit.missed
+        shadows = SAFETY * np.hypot(interference * edges, strips)
         return float(np.linalg.norm([max(self._last, self._error), self._rim, shadows.max(initial=0.0)]))
 
     def _refine(self, t: float, stretch: Stretch, afresh: bool) -> Expansion:

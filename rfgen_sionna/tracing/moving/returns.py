@@ -129,21 +129,25 @@ class FacetReturns:
         lit: ComplexArray,
         expansion: Expansion,
     ) -> Parallax:
-        """What pairs see of `facets` from their `own` places more than from the phase centre, from where they return
-        `lit`, and what they would as a `whole` (value, facet)."""
-        values = whole[:, own.facet] * own.fraction
-        values[:, own.owner] = 0.0
-        for some in np.array_split(np.arange(len(own.owner)), -(-len(own.owner) // AT_ONCE)) if len(own.owner) else ():
-            lane = own.owner[some]
-            parent = own.facet[lane]
-            (pieces,) = self.values([facets.cut(parent, own.pieces[some])], expansion, [references[parent]])
-            starts = np.flatnonzero(np.diff(lane, prepend=-1))
-            values[:, lane[starts]] += np.add.reduceat(pieces, starts, axis=1)
-        values -= lit[:, own.facet]
+        """What pairs see of `facets` from their `own` places more than from the phase centre, from where what is seen
+        returns `lit` (value, facet), and all of them as a `whole` (value, facet), by way of the points `references`
+        (facet, 3) [m]."""
         changed, at = np.unique(own.facet, return_inverse=True)
-        weights = expansion.weights.reshape(expansion.order, -1, len(values))
+        weights = expansion.weights.reshape(expansion.order, -1, len(whole))
         gains = np.zeros((*weights.shape[:2], len(changed)), np.complex128)
-        gains[:, own.pair, at.reshape(-1)] = np.einsum("olv,vl->ol", weights[:, own.pair], values)
+        for pair in np.unique(own.pair):  # a wide array has many, of each of which the same facets change
+            lane = np.flatnonzero(own.pair == pair)
+            facet = own.facet[lane]
+            values = whole[:, facet] * own.fraction[lane]
+            place = np.full(len(own.facet), -1, np.intp)
+            place[lane] = np.arange(len(lane))
+            piece = np.flatnonzero(place[own.owner] >= 0)
+            if len(piece):
+                of, parent = place[own.owner[piece]], own.facet[own.owner[piece]]
+                given = [facets.cut(parent, own.pieces[piece])], expansion, [references[parent]]
+                starts = np.flatnonzero(np.diff(of, prepend=-1))
+                values[:, of[starts]] = np.add.reduceat(self.values(*given)[0], starts, axis=1)
+            gains[:, pair, at.reshape(-1)[lane]] = weights[:, pair] @ (values - lit[:, facet])
         return Parallax(changed, gains.reshape(*expansion.weights.shape[:3], len(changed)))
 
     def beside(

@@ -47,7 +47,8 @@ class Seen:
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
     hider: FloatArray
-    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.hider`."""
+    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.hider`, or (piece, 16) with what slabs let
+    through there (:mod:`rfgen_sionna.tracing.moving.slab_edges`)."""
     outline: FloatArray
     """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
     level: FloatArray
