@@ -148,13 +148,13 @@ class MovingParts:
             self._precision.forget()
         self._facets.turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
         turn, between = divmod(self._turn, MEASURED_EVERY)
-        if not between:
+        if not between or len(instants) > 1:
             self._precision.ask_again()
         look = self._precision.ensure(
             instants, stretch, lambda times, by: self._looked(stretch, times, by), None if between else turn
         )
-        doubtful = self._precision.doubtful(look)
-        if not doubtful.any():
+        # Over time strips are all there is yet: what is looked at between instants does not go with what pairs see.
+        if len(look.instants) > 1 or not (doubtful := self._precision.doubtful(look)).any():
             return look
         self._precision.hold_strips(doubtful, *self._off(look, stretch, doubtful), look)
         if not self._precision.own[doubtful].any():
