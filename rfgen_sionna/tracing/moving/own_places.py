@@ -48,12 +48,6 @@ class OwnViews(NamedTuple):
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
 
-    def shares(self, fraction: FloatArray, pairs: int) -> FloatArray:
-        """(facet,) share that is seen by the mean of so many `pairs`, of facets of which the phase centre sees a
-        `fraction` (facet,)."""
-        more = np.bincount(self.facet, self.fraction - fraction[self.facet], len(fraction))
-        return np.asarray(np.clip(fraction + more / pairs, 0.0, 1.0))
-
     def of(self, chosen: NDArray[np.intp]) -> OwnViews:
         """Those of the facets that `chosen` counts out, ascending, counted among these."""
         place = np.minimum(np.searchsorted(chosen, self.facet), max(len(chosen) - 1, 0))
@@ -170,7 +164,6 @@ class OwnPlaces:
         interference: FloatArray,
         pairs: NDArray[np.intp],
         level: FloatArray,
-        past_outlines: bool = True,
     ) -> Looked:
         """What some `pairs` see of the `surfaces` (surface,) that the phase centre has `seen`.
 
@@ -178,21 +171,18 @@ class OwnPlaces:
         (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.sampling.touching`. By its `interference` (surface,)
         a surface's facets cancel one another; flat ones, which may do so to the last digit, are searched for edges and
         looked at the more closely. `level` (surface,) is what errors are relative to, as :attr:`Seen.level` where most
-        is seen. With `past_outlines` rays that just pass actors tell as well where edges fall, else corners and the
-        phase centre's edges alone.
+        is seen.
         """
         facets, ends = seen.facets, np.stack([pairs // len(self._rx), len(self._tx) + pairs % len(self._rx)])
         looked_at = (seen.weight > 0) & surfaces[facets.surface]
         if facets.outward is not None:  # of these strips at the horizon are told of, which rays don't see
             looked_at &= ~facets.outward
         chosen = np.flatnonzero(looked_at)
-        light, outline, sent = self._guided(rays, vertices if past_outlines else (), facets, places, chosen, ends)
+        light, outline, sent = self._guided(rays, vertices, facets, places, chosen, ends)
         outline = np.maximum(outline, seen.outline[chosen])
         # Where all see all or nothing, as the phase centre does, there is no edge.
         alike = (light == light[:1, :, :1]).all(axis=(0, 2)) & (light[0, :, 0] == seen.fraction[chosen])
-        edged = ~alike | np.isin(chosen, seen.owner)
-        if past_outlines:
-            edged |= (outline > 0).any(axis=0)
+        edged = ~alike | np.isin(chosen, seen.owner) | (outline > 0).any(axis=0)
         # Between corners an edge may cross what touches those.
         edged = np.isin(places[chosen], places[chosen[edged]]).any(axis=1)
         of_lots = np.zeros(len(surfaces))
@@ -266,12 +256,10 @@ class OwnPlaces:
         for each in used.tolist():
             there = elements[each]
             light[each], guides = guiding.seen(_Ends(rays, there[None, None]))
-            sent += guides
-            past = [one.passing(points - there) for one, points in zip(self._outlines, vertices, strict=False)]
-            if past:
-                directions, span = (np.concatenate(columns) for columns in zip(*past, strict=True))
-                passing = Passing(directions, rays.first_facet(there, directions), span)
-                outline[each] = Places(corners - there, number).holding(passing)[0]
-                sent += len(span)
+            past = [one.passing(points - there) for one, points in zip(self._outlines, vertices, strict=True)]
+            directions, span = (np.concatenate(columns) for columns in zip(*past, strict=True))
+            passing = Passing(directions, rays.first_facet(there, directions), span)
+            outline[each] = Places(corners - there, number).holding(passing)[0]
+            sent += guides + len(span)
         light[np.setdiff1d(np.arange(len(elements)), used)] = light[used[:1]]
         return light, outline, sent

@@ -107,13 +107,10 @@ class MovingParts:
         positions: Positions,
         rays: Callable[[float], RayScene],
         ray_scene: RayScene,
-        rays_between: Callable[[float], RayScene],
     ) -> MovingTrace:
         """Paths with delays at `knots` and gains traced at `instants` [s]; where shadows move, two of them are not
-        enough. `rays` gives the `ray_scene` as it is at an instant, `rays_between` at any time, by itself."""
-        stretch = Stretch(
-            knots, positions, rays, ray_scene, rays_between, self._further.over(positions, float(knots[0]))
-        )
+        enough. `rays` gives the `ray_scene` as it is at an instant."""
+        stretch = Stretch(knots, positions, rays, ray_scene, self._further.over(positions, float(knots[0])))
         look = self._look(stretch, instants)
         level, interference = self._when_seen_best(look)
         rest, glanced, between = self._glance(stretch, look, level)
@@ -170,7 +167,7 @@ class MovingParts:
         known = self._facets.places, doubtful, self._precision.interference
         level = np.max([each.level for each in look.seen], axis=0)
         (bent,) = self._bent([there], np.array([t]), stretch)
-        looked = self._own_places.look(stretch.rays_between(t), stretch.positions(t), bent, *known, pairs, level)
+        looked = self._own_places.look(stretch.rays(t), stretch.positions(t), bent, *known, pairs, level)
         both = [(pair // width, pair % width) for pair in pairs.tolist()]
         truth = self._returns.from_own_places(bent.from_own_places(looked, doubtful), doubtful, both, look.expansion)
         off, level = np.zeros((2, len(doubtful)))
@@ -214,7 +211,7 @@ class MovingParts:
         leader = self._facets.patches.followed([each.facets.centroids for each in seen], kept)
         references = [np.take(each.facets.centroids, leader, axis=0) for each in seen]
         lit = self._returns.seen(seen, kept, facets, references, expansion)
-        shares = np.stack([each.shares(len(self._own_places.pairs))[kept] for each in seen], axis=-1)
+        shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
         returned = Returned(kept, facets, leader, shares, lit.values, lit.parallax)
         return Look(instants, seen, returned, references, lit, expansion, further, steady, in_vain)
 
@@ -238,11 +235,10 @@ class MovingParts:
         followed = own.kept[chosen.facets]
         if not len(followed):
             return own, None, max(chosen.error(), look.steady)
-        placed, most = Splined(stretch.knots, positions), np.max([each.level for each in look.seen], axis=0)
+        placed = Splined(stretch.knots, positions)
         found = self._glances.follow(
             chosen, followed, self._facets.places[followed], instants, look.seen, look.expansion, placed,
             lambda t: self._facets.corners(placed(t), followed), stretch.ray_scene,
-            lambda seen, t: self._from_own_places(seen, t, self._facets.places[followed], stretch, most, False),
         )  # fmt: skip
         # As many knots as delays ask for, the times among them.
         often = fine_times(found.times, -(-(len(stretch.knots) - 1) // (len(found.times) - 1)))
@@ -324,16 +320,14 @@ class MovingParts:
         facets = self._facets.bent([each.facets for each in seen], vertices, chosen)
         return [replace(each, facets=own) for each, own in zip(seen, facets, strict=True)]
 
-    def _from_own_places(
-        self, seen: Seen, t: float, places: IntArray, stretch: Stretch, level: FloatArray, past_outlines: bool = True
-    ) -> Seen:
+    def _from_own_places(self, seen: Seen, t: float, places: IntArray, stretch: Stretch, level: FloatArray) -> Seen:
         """What is `seen` at `t` [s] of facets at some `places` (facet, 3), of surfaces of which that counts from each
         pair's own places; the others are those of :meth:`OwnPlaces.look`."""
         own, every = self._precision.own, self._own_places
         if not own.any():
             return seen
-        given = stretch.positions(t), seen, places, own, self._precision.interference, every.pairs, level, past_outlines
-        return seen.from_own_places(every.look(stretch.rays_between(t), *given), own)
+        given = stretch.positions(t), seen, places, own, self._precision.interference, every.pairs, level
+        return seen.from_own_places(every.look(stretch.rays(t), *given), own)
 
     def _paths(
         self,
