@@ -414,7 +414,7 @@ class Tracer:
                     watch(t, rays)
             return rays
 
-        moving = parts.trace(knots, instants, self._vertices, look, self._rays)
+        moving = parts.trace(knots, instants, self._vertices, look, self._rays, self.rays_at)
         instants = moving.instants
         for t in instants.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):

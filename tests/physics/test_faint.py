@@ -150,7 +150,7 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     run._precision.interference[:] = 1.0
     run._facets.follow(positions, np.zeros(1))
     run._facets.turn_to([positions(0.0)])
-    (seen,) = run._see([0.0], Stretch(np.zeros(1), positions, lambda t: tracer._rays, tracer._rays, []))
+    (seen,) = run._see([0.0], Stretch(np.zeros(1), positions, lambda t: tracer._rays, tracer._rays, tracer.rays_at, []))
     facing = run._sight._facing(seen.facets)
     loud, most = run._sight._loudness.of(seen.facets, facing)
     mine = seen.facets.surface[facing.chosen] == 0

@@ -70,6 +70,11 @@ class FurtherWays:
         return self.ghosts is not None or bool(self._bounces) or self._veils is not None
 
     @property
+    def through_slabs(self) -> bool:
+        """Whether slabs may show what is behind them."""
+        return self._veils is not None
+
+    @property
     def _mirrored(self) -> Ghosts | None:
         return self.ghosts if self.ghosts is not None and self.ghosts.active else None
 

@@ -268,6 +268,7 @@ class Glances:
     ) -> None:
         self._band, self._sight, self._returns = band, sight, returns
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
+        self._pairs = int(np.prod([len(each) for each in band.elements]))
         self._lot = lot  # (surface,) what shares one tolerance
 
     def choose(
@@ -317,13 +318,15 @@ class Glances:
         positions: Splined,
         corners: Callable[[float], FloatArray],
         rays: RayScene,
+        from_own_places: Callable[[Seen, float], Seen],
     ) -> Followed:
         """Look at the `chosen` facets, those that `followed` counts out of all that are `seen` at the `instants` [s],
         until splines miss no more than the tolerance, or as often as may be.
 
         `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.shadows.sampling.touching`; `positions` and
         `corners` give those (vertex, 3) of all moving surfaces and theirs (facet, 3, 3) [m] at a time [s], and `rays`
-        is the ray scene at one of the instants.
+        is the ray scene at one of the instants. What is seen at a time [s] is told `from_own_places` of pairs, where
+        that counts.
         """
         at_instants = [each.of(followed) for each in seen]
         first, count = at_instants[0].facets, len(followed)
@@ -344,6 +347,12 @@ class Glances:
                 looks = self._sight.looks(rays, [positions(t) for t in some.tolist()], there)
                 found = self._sight.glance(looks, facets, places, outline, level)
                 found = carried_on(found, some, instants, seen, self._viewpoint)
+                if seen[0].own is not None:
+                    counted = replace(found, rays=0, looked_at=0), found
+                    single = [counted[k == 0].of(np.arange(count * k, count * (k + 1))) for k in range(len(some))]
+                    found = Seen.joined(
+                        [from_own_places(each, t) for each, t in zip(single, some.tolist(), strict=True)]
+                    )
                 known, looked = np.concatenate([known, some]), Seen.joined([looked, found])
             # All that is known is at these times, though not in their order.
             order = np.argsort(known)
@@ -352,7 +361,7 @@ class Glances:
             lit = self._lit(looked, count, max(1, AT_ONCE // count), expansion)
             values = lit.values[0]
             by_time = [values[:, count * k : count * (k + 1)] for k in order]
-            shares = looked.fraction.reshape(-1, count)[order].T
+            shares = looked.shares(self._pairs).reshape(-1, count)[order].T
             waves = self._phasors(references).reshape(-1, count)[order].T
             of_time = [None] * len(order) if lit.parallax[0] is None else lit.parallax[0].split(count, len(order))
             beside = [of_time[k] for k in order]

@@ -9,12 +9,15 @@ at points that both its elements see.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.targets import Targets
 from rfgen_sionna.tracing.shadows.outlines import Outline, Passing, Places
@@ -29,6 +32,9 @@ TELLING = 12
 """Pairs by which it is told whether all others have to look for themselves, at most."""
 MOST_LANES = 60_000
 """Facets and pairs that are looked at together."""
+_ASIDE = 1e-3
+"""How far before a facet's plane, over the way there, an outline has to be that casts a shadow on it: its own is on
+it."""
 MOST_FINER = 30.0
 """How many times more closely shadows' edges are looked at than the tolerance asks for, at most, where facets cancel
 one another."""
@@ -47,6 +53,12 @@ class OwnViews(NamedTuple):
     """(piece,) lane that a piece is of, ascending: what is seen of facets that are hidden in part."""
     pieces: FloatArray
     """(piece, corner, 3) barycentric coordinates of its corners."""
+
+    def shares(self, fraction: FloatArray, pairs: int) -> FloatArray:
+        """(facet,) share that is seen by the mean of so many `pairs`, of facets of which the phase centre sees a
+        `fraction` (facet,)."""
+        more = np.bincount(self.facet, self.fraction - fraction[self.facet], len(fraction))
+        return np.asarray(np.clip(fraction + more / pairs, 0.0, 1.0))
 
     def of(self, chosen: NDArray[np.intp]) -> OwnViews:
         """Those of the facets that `chosen` counts out, ascending, counted among these."""
@@ -143,6 +155,12 @@ class OwnPlaces:
         """All of them."""
         return np.arange(len(self._tx) * len(self._rx))
 
+    @cached_property
+    def _outermost(self) -> NDArray[np.intp]:
+        """Elements, first all Tx, of the pairs that tell of all others."""
+        tx, rx = np.divmod(self.telling(), len(self._rx))
+        return np.unique(np.concatenate([tx, len(self._tx) + rx]))
+
     def telling(self) -> NDArray[np.intp]:
         """Pairs that tell of all others, those that see most differently: each is the furthest from those before."""
         tx, rx = (each - self._viewpoint for each in (self._tx, self._rx))
@@ -153,6 +171,30 @@ class OwnPlaces:
             distance = np.minimum(distance, np.linalg.norm(both - both[found[-1]], axis=1))
             distance[found] = -1.0
         return np.sort(np.array(found))
+
+    def fallen_on(self, passing: Passing, seen: Seen, surfaces: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(surface,) on which of the `surfaces` (surface,), of which facets are `seen`, shadows' edges fall as the
+        outermost elements see them, where the phase centre sees one and where it sees none, by rays `passing` outlines
+        from there."""
+        found, facets = np.zeros(len(surfaces), np.bool_), seen.facets
+        elements = np.concatenate([self._tx, self._rx])[self._outermost]
+        chosen = np.flatnonzero((seen.weight > 0) & surfaces[facets.surface])
+        corners = np.take(facets.corners, chosen, axis=0) - self._viewpoint
+        edges, away = passing.directions, lengths(passing.directions)
+        reach = float(lengths(elements - self._viewpoint).max(initial=0.0))
+        for surface in np.unique(facets.surface[chosen]).tolist():
+            own = corners[facets.surface[chosen] == surface]
+            # By the cone that holds it, opened as far as elements may see an edge shifted.
+            ways = unit(own.reshape(-1, 3))
+            axis = unit(ways.mean(axis=0))
+            opening = np.arccos(np.clip((ways @ axis).min(), -1.0, 1.0)) + (reach + 0.5 * passing.span * away) / away
+            beside = np.arccos(np.clip(edges @ axis / away, -1.0, 1.0)) < opening
+            near = np.flatnonzero(beside & (away < lengths(own.reshape(-1, 3)).max()))
+            for some in np.array_split(near, -(-len(near) * len(own) // MOST_LANES)) if len(near) else ():
+                if any(_fall_on(edges[some], passing.span[some], own, end - self._viewpoint) for end in elements):
+                    found[surface] = True
+                    break
+        return found
 
     def look(
         self,
@@ -250,16 +292,56 @@ class OwnPlaces:
         pairs, and the rays sent."""
         elements, used = np.concatenate([self._tx, self._rx]), np.unique(ends)
         corners, number = np.take(facets.corners, chosen, axis=0), facets.number[chosen]
-        guiding, sent = Corners(self._viewpoint, corners, number, places[chosen]), 0
         light = np.zeros((len(elements), len(chosen), 3), np.bool_)
         outline = np.zeros((len(elements), len(chosen)))
-        for each in used.tolist():
-            there = elements[each]
-            light[each], guides = guiding.seen(_Ends(rays, there[None, None]))
-            past = [one.passing(points - there) for one, points in zip(self._outlines, vertices, strict=True)]
-            directions, span = (np.concatenate(columns) for columns in zip(*past, strict=True))
-            passing = Passing(directions, rays.first_facet(there, directions), span)
-            outline[each] = Places(corners - there, number).holding(passing)[0]
+        # All of them at once: a kernel takes as long to set up as some ten thousand rays.
+        step = max(1, MOST_LANES // max(len(chosen), 1))
+        sent = 0
+        for some in np.split(used, np.arange(step, len(used), step)):
+            ends_of, each = elements[some], np.arange(len(some))[:, None]
+            own = (number + rays.num_facets * each).ravel()
+            there = np.tile(corners, (len(some), 1, 1))
+            met = (places[chosen] + (int(places.max(initial=-1)) + 1) * each[..., None]).reshape(-1, 3)
+            seen, guides = Corners(self._viewpoint, there, own, met).seen(_Ends(rays, ends_of[:, None]))
+            light[some] = seen.reshape(len(some), -1, 3)
+            past = [
+                [one.passing(points - end) for one, points in zip(self._outlines, vertices, strict=True)]
+                for end in ends_of
+            ]
+            count = [sum(len(span) for _, span in of_one) for of_one in past]
+            directions, span = (np.concatenate(columns) for columns in zip(*chain(*past), strict=True))
+            of = np.repeat(np.arange(len(some)), count)
+            hit = rays.first_facet(ends_of[of], directions)
+            fallen = Passing(directions, np.where(hit < 0, -1, hit + rays.num_facets * of), span)
+            from_there = there - np.repeat(ends_of, len(chosen), axis=0)[:, None]
+            outline[some] = Places(from_there, own).holding(fallen)[0].reshape(len(some), -1)
             sent += guides + len(span)
         light[np.setdiff1d(np.arange(len(elements)), used)] = light[used[:1]]
         return light, outline, sent
+
+
+def _fall_on(edges: FloatArray, span: FloatArray, corners: FloatArray, element: FloatArray) -> bool:
+    """Whether the shadow of an outline, of which there are points `edges` (point, 3) [m] that stand for a length `span`
+    (point,) [rad] each, falls on one of the facets with `corners` (facet, 3, 3) [m] as an `element` (3,) [m] sees it;
+    all from the same viewpoint."""
+    a, b, c = np.moveaxis(corners - element, 1, 0)
+    normal = np.cross(b - a, c - a)
+    ways = edges - element
+    along, height = ways @ normal.T, np.einsum("fi,fi->f", a, normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        further = height / along  # (point, facet) the way to the facet's plane, over that to the outline
+    before = further > 1.0 + _ASIDE
+    if not before.any():
+        return False
+    point, facet = np.nonzero(before)
+    there = further[point, facet][:, None] * ways[point] - a[facet]
+    area, across = lengths(normal)[facet], normal[facet]
+    # On the inner side of all three sides, or as little without as lies between two points of the outline.
+    slack = 0.5 * span[point] * further[point, facet] * lengths(ways)[point]
+    slack *= area * lengths(ways)[point] / np.maximum(np.abs(along[point, facet]), 1e-300)  # seen aslant it is longer
+    inside = np.ones(len(point), np.bool_)
+    for first, second in ((a, b), (b, c), (c, a)):
+        start, side = (first - a)[facet], (second - first)[facet]
+        out = np.einsum("pi,pi->p", np.cross(side, there - start), across) / area
+        inside &= out >= -slack * lengths(side)
+    return bool(inside.any())

@@ -107,10 +107,13 @@ class MovingParts:
         positions: Positions,
         rays: Callable[[float], RayScene],
         ray_scene: RayScene,
+        rays_between: Callable[[float], RayScene],
     ) -> MovingTrace:
         """Paths with delays at `knots` and gains traced at `instants` [s]; where shadows move, two of them are not
-        enough. `rays` gives the `ray_scene` as it is at an instant."""
-        stretch = Stretch(knots, positions, rays, ray_scene, self._further.over(positions, float(knots[0])))
+        enough. `rays` gives the `ray_scene` as it is at an instant, `rays_between` at any time, by itself."""
+        stretch = Stretch(
+            knots, positions, rays, ray_scene, rays_between, self._further.over(positions, float(knots[0]))
+        )
         look = self._look(stretch, instants)
         level, interference = self._when_seen_best(look)
         rest, glanced, between = self._glance(stretch, look, level)
@@ -145,36 +148,47 @@ class MovingParts:
             self._precision.forget()
         self._facets.turn_to([positions(float(instants[each])) for each in sorted({0, middle, len(instants) - 1})])
         turn, between = divmod(self._turn, MEASURED_EVERY)
-        if not between or len(instants) > 1:
+        if not between:
             self._precision.ask_again()
         look = self._precision.ensure(
             instants, stretch, lambda times, by: self._looked(stretch, times, by), None if between else turn
         )
-        # Over time strips are all there is yet: what is looked at between instants does not go with what pairs see.
-        if len(look.instants) > 1 or not (doubtful := self._precision.doubtful(look)).any():
+        doubtful = self._precision.doubtful(look, lambda surfaces: self._fallen_on(look, surfaces))
+        if not doubtful.any():
             return look
         self._precision.hold_strips(doubtful, *self._off(look, stretch, doubtful), look)
         if not self._precision.own[doubtful].any():
             return look
+        if len(look.instants) == PAIR:  # which tell nothing of edges that pairs see
+            self._unsteady = UNSTEADY + 1
+            again = self._looked(stretch, _three(look.instants), look.expansion)
+            return again._replace(in_vain=[*look.seen, *again.in_vain])
         seen = self._all_from_own_places(look.seen, look.instants, stretch)
         return self._integrated(look.instants, seen, look.expansion, look.further, look.steady, look.in_vain)
 
+    def _fallen_on(self, look: Look, surfaces: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(surface,) on which of the `surfaces` (surface,) edges of shadows fall at an instant, as pairs see them."""
+        given = zip(look.instants.tolist(), look.seen, strict=True)
+        found = [self._own_places.fallen_on(self._sight.passing(t), each, surfaces) for t, each in given]
+        return np.asarray(np.any(found, axis=0))
+
     def _off(self, look: Look, stretch: Stretch, doubtful: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-        """(surface,) error of what strips beside shadows' edges tell of the `doubtful` ones, half way, of the pairs
-        that see most differently, and (surface,) the largest return of these."""
-        middle, own, width = len(look.instants) // 2, look.returned, len(self._band.elements[1])
-        t, there, pairs = float(look.instants[middle]), look.seen[middle], self._own_places.telling()
+        """(surface,) error of what strips beside shadows' edges tell of the `doubtful` ones, of the pairs that see most
+        differently, at the ends and half way, and (surface,) the largest return of these."""
+        own, width, pairs = look.returned, len(self._band.elements[1]), self._own_places.telling()
         known = self._facets.places, doubtful, self._precision.interference
-        level = np.max([each.level for each in look.seen], axis=0)
-        (bent,) = self._bent([there], np.array([t]), stretch)
-        looked = self._own_places.look(stretch.rays(t), stretch.positions(t), bent, *known, pairs, level)
+        most = np.max([each.level for each in look.seen], axis=0)
         both = [(pair // width, pair % width) for pair in pairs.tolist()]
-        truth = self._returns.from_own_places(bent.from_own_places(looked, doubtful), doubtful, both, look.expansion)
         off, level = np.zeros((2, len(doubtful)))
-        for pair, (more, whole) in zip(both, truth, strict=True):
-            given = look.lit.parallax[middle], there, own.kept, look.references[middle]
-            off = np.maximum(off, np.abs(more - self._returns.beside(*given, pair, doubtful)))
-            level = np.maximum(level, np.abs(whole))
+        for k in sorted({0, len(look.instants) // 2, len(look.instants) - 1}):
+            t, there = float(look.instants[k]), look.seen[k]
+            (bent,) = self._bent([there], np.array([t]), stretch)
+            looked = self._own_places.look(stretch.rays_between(t), stretch.positions(t), bent, *known, pairs, most)
+            given = bent.from_own_places(looked, doubtful), doubtful, both, look.expansion
+            for pair, (more, whole) in zip(both, self._returns.from_own_places(*given), strict=True):
+                strips = look.lit.parallax[k], there, own.kept, look.references[k], pair, doubtful
+                off = np.maximum(off, np.abs(more - self._returns.beside(*strips)))
+                level = np.maximum(level, whole)
         return off[self._lot], level[self._lot]
 
     def _looked(self, stretch: Stretch, instants: FloatArray, expansion: Expansion) -> Look:
@@ -211,7 +225,7 @@ class MovingParts:
         leader = self._facets.patches.followed([each.facets.centroids for each in seen], kept)
         references = [np.take(each.facets.centroids, leader, axis=0) for each in seen]
         lit = self._returns.seen(seen, kept, facets, references, expansion)
-        shares = np.stack([each.fraction[kept] for each in seen], axis=-1)
+        shares = np.stack([each.shares(len(self._own_places.pairs))[kept] for each in seen], axis=-1)
         returned = Returned(kept, facets, leader, shares, lit.values, lit.parallax)
         return Look(instants, seen, returned, references, lit, expansion, further, steady, in_vain)
 
@@ -235,10 +249,11 @@ class MovingParts:
         followed = own.kept[chosen.facets]
         if not len(followed):
             return own, None, max(chosen.error(), look.steady)
-        placed = Splined(stretch.knots, positions)
+        placed, most = Splined(stretch.knots, positions), np.max([each.level for each in look.seen], axis=0)
         found = self._glances.follow(
             chosen, followed, self._facets.places[followed], instants, look.seen, look.expansion, placed,
             lambda t: self._facets.corners(placed(t), followed), stretch.ray_scene,
+            lambda seen, t: self._from_own_places(seen, t, self._facets.places[followed], stretch, most),
         )  # fmt: skip
         # As many knots as delays ask for, the times among them.
         often = fine_times(found.times, -(-(len(stretch.knots) - 1) // (len(found.times) - 1)))
@@ -327,7 +342,7 @@ class MovingParts:
         if not own.any():
             return seen
         given = stretch.positions(t), seen, places, own, self._precision.interference, every.pairs, level
-        return seen.from_own_places(every.look(stretch.rays(t), *given), own)
+        return seen.from_own_places(every.look(stretch.rays_between(t), *given), own)
 
     def _paths(
         self,

@@ -69,7 +69,8 @@ class Precision:
         self.own = np.zeros(len(surfaces.moving), np.bool_)
         """(surface,) of which counts what each pair sees from its own places."""
         self._still = np.array([each.still for each in surfaces.moving], np.bool_)
-        self._held_at, self._told = np.zeros((2, len(surfaces.moving)))
+        self._held_at, self._told, self._off = np.zeros((3, len(surfaces.moving)))
+        self._fallen_on = np.zeros(len(surfaces.moving), np.bool_)
         self.ask_again()
         self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
         self._fine, self._round = rtol < LEAST_RTOL, bool(self._bent.any())
@@ -102,18 +103,25 @@ class Precision:
 
     def ask_again(self) -> None:
         """Forget of which surfaces own places count: strips are held against them anew."""
-        self.own[:], self._held_at[:], self._told[:] = False, 0.0, 1.0
+        self.own[:], self._fallen_on[:] = False, False
+        self._held_at[:], self._told[:], self._off[:] = 0.0, 1.0, 0.0
 
-    def doubtful(self, look: Look) -> NDArray[np.bool_]:
-        """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see."""
+    def doubtful(self, look: Look, fallen_on: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> NDArray[np.bool_]:
+        """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see. `fallen_on` says
+        on which of some surfaces (surface,) edges fall that the phase centre may not see, of which strips don't tell:
+        of what has none at all, and of what is flat."""
         estimate = self._strips(look)
         asked = (
             (estimate > np.where(self._bent, BENT_DOUBTFUL_PER_RTOL, DOUBTFUL_PER_RTOL) * self._rtol)
             & (estimate > RISEN * self._held_at)
-            & ~self.own
-        )
-        # Of what is not seen half way there is nothing to hold them against; nor is there, of furniture, the time.
-        asked &= (look.seen[len(look.seen) // 2].level > 0) & ~self._still
+        )  # fmt: skip
+        silent = ~asked & ~self._fallen_on & (~self._bent | (estimate == 0)) & ~self._still & ~self.own
+        if silent.any() and not self._further.through_slabs:  # nor what slabs let through there
+            new = fallen_on(silent)
+            self._fallen_on |= new
+            asked |= new
+        # Of furniture there is not the time to hold them against anything.
+        asked &= ~self.own & ~self._still
         return np.asarray(np.isin(self._lot, self._lot[asked]) & ~self._beside_slabs(look.seen))
 
     def leave_slabs(self, seen: Sequence[Seen]) -> None:
@@ -128,15 +136,19 @@ class Precision:
     def hold_strips(self, doubtful: NDArray[np.bool_], off: FloatArray, level: FloatArray, look: Look) -> None:
         """Take what strips of `doubtful` surfaces are `off` by (surface,), as an amplitude, for what they are. Pairs
         have returns of a `level` (surface,), which may be far above what is known of the first pair: then that is what
-        errors are relative to from now on."""
-        louder = np.where(level > self.level, self.level / np.where(level > 0, level, 1.0), 1.0)
-        self.level, self.interference = np.maximum(self.level, level), self.interference * louder
+        errors are relative to from now on. Of flat ones, of which mostly pieces return, it may be far below what shares
+        of whole facets come to as well."""
+        anew = doubtful & (level > 0) & (~self._bent | (level > self.level))
+        self.interference = self.interference * np.where(anew, self.level / np.where(anew, level, 1.0), 1.0)
+        self.level = np.where(anew, level, self.level)
         off = off / np.where(self.level > 0, self.level, np.inf)
         estimate = self._strips(look)
         self.own |= doubtful & (off > OWN_PER_RTOL * self._rtol)
         self._held_at = np.where(doubtful, estimate, self._held_at)
         told = HELD * off / np.where(estimate > 0, estimate, np.inf)
         self._told = np.where(doubtful, told, self._told)
+        # Beside edges that the phase centre does not see there are no strips that a factor would tell of.
+        self._off = np.where(doubtful, HELD * np.where(estimate > 0, 0.0, off), self._off)
 
     def _strips(self, look: Look) -> FloatArray:
         """(surface,) estimated error of strips."""
@@ -148,8 +160,9 @@ class Precision:
         interference = np.where(interference > 0, interference, 1.0)  # of what was hidden nobody knows
         returned = np.stack([each.level for each in look.seen])
         edges = relative_to_best(np.stack([each.missed for each in look.seen]), returned, returned.max(axis=0))
-        strips = np.maximum(interference, 1.0) * self._told * look.lit.missed
-        shadows = SAFETY * np.hypot(interference * edges, strips)
+        strips = SAFETY * np.maximum(interference, 1.0) * self._told * look.lit.missed
+        strips = np.maximum(strips, np.where(self.own, 0.0, self._off))
+        shadows = np.hypot(SAFETY * interference * edges, strips)
         return float(np.linalg.norm([max(self._last, self._error), self._rim, shadows.max(initial=0.0)]))
 
     def _refine(self, t: float, stretch: Stretch, afresh: bool) -> Expansion:
@@ -159,6 +172,7 @@ class Precision:
         """
         expansion, seen = self._refined(t, stretch, afresh)
         self._weigh_rims(seen)
+        self.ask_again()  # what returns are was told anew
         return expansion
 
     def _weigh_rims(self, seen: Seen) -> None:

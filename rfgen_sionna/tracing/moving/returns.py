@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.transfer import joined
-from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.own_places import OwnViews
@@ -158,21 +158,24 @@ class FacetReturns:
         reference: FloatArray,
         pair: tuple[int, int],
         surfaces: NDArray[np.bool_],
+        place: float = 0.0,
     ) -> ComplexArray:
         """(lot,) what a pair sees more, or less, than the phase centre of all facets of some `surfaces` (surface,), by
-        the `parallax` of those `kept` of what is `seen`, by way of the points `reference` (facet, 3) [m]."""
+        the `parallax` of those `kept` of what is `seen`, by way of the points `reference` (facet, 3) [m], at a `place`
+        -1 … 1 of the band."""
         count = len(self._materials)
         if parallax is None:
             return np.zeros(count, np.complex128)
         whose = seen.facets.surface[kept[parallax.owner]]
         mine = np.flatnonzero(surfaces[whose])
-        owner = parallax.owner[mine]
-        waves = parallax.gains[0, *pair, mine] * self._waves(reference[owner], pair) * seen.weight[kept[owner]]
+        owner, gains = parallax.owner[mine], parallax.gains[:, *pair, mine]
+        waves = _there(gains, place) * self._waves(reference[owner], pair, place) * seen.weight[kept[owner]]
         return sums(waves[None], self._lot[whose[mine]], count)[0]
 
-    def _waves(self, reference: FloatArray, pair: tuple[int, int]) -> ComplexArray:
-        """(facet,) phasors of the propagation by way of points in the middle of the band."""
-        return phasors(self._band.centre * self._band.delays(reference, pair))
+    def _waves(self, reference: FloatArray, pair: tuple[int, int], place: float = 0.0) -> ComplexArray:
+        """(facet,) phasors of the propagation by way of points at a `place` -1 … 1 of the band."""
+        frequency = self._band.frequency(np.array([place]))[0]
+        return phasors(frequency * self._band.delays(reference, pair))
 
     def from_own_places(
         self,
@@ -180,18 +183,21 @@ class FacetReturns:
         surfaces: NDArray[np.bool_],
         pairs: Sequence[tuple[int, int]],
         expansion: Expansion,
-    ) -> list[tuple[ComplexArray, ComplexArray]]:
+    ) -> list[tuple[ComplexArray, FloatArray]]:
         """For some `pairs` (lot,) what each sees more of some `surfaces` (surface,) from its own places than the phase
-        centre, and all that it sees, in the middle of the band."""
+        centre, in the middle of the band, and the level over the band of all that it sees."""
         there = seen.of(np.flatnonzero(seen.shown() & surfaces[seen.facets.surface]))
         kept, count = np.arange(len(there.facets)), len(self._materials)
         reference, lot = there.facets.centroids, self._lot[there.facets.surface]
         lit = self.seen([there], kept, [there.facets], [reference], expansion)
         found = []
         for pair in pairs:
-            more = self.beside(lit.parallax[0], there, kept, reference, pair, surfaces)
-            waves = (expansion.weights[0, *pair] @ lit.values[0]) * self._waves(reference, pair) * there.weight
-            found.append((more, more + sums(waves[None], lot, count)[0]))
+            given = lit.parallax[0], there, kept, reference, pair, surfaces
+            gains, energy = expansion.weights[:, *pair] @ lit.values[0], np.zeros(count)
+            for place in PROBES.tolist():
+                waves = _there(gains, place) * self._waves(reference, pair, place) * there.weight
+                energy += np.abs(self.beside(*given, place) + sums(waves[None], lot, count)[0]) ** 2
+            found.append((self.beside(*given), np.sqrt(energy / len(PROBES))))
         return found
 
     def coefficients(
@@ -252,3 +258,8 @@ class FacetReturns:
             alone += np.bincount(surface, own.real**2 + own.imag**2, surfaces)
             together += real**2 + imaginary**2
         return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))[self._lot]
+
+
+def _there(coefficients: ComplexArray, place: float) -> ComplexArray:
+    """(facet,) gains at a `place` -1 … 1 of the band, of which these are the `coefficients` (order, facet)."""
+    return np.asarray(place ** np.arange(len(coefficients)) @ coefficients)

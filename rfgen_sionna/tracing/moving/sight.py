@@ -92,6 +92,10 @@ class Seen:
             found[self.own.facet] = True
         return found
 
+    def shares(self, pairs: int) -> FloatArray:
+        """(facet,) share of the area that is seen, in the mean of so many pairs if they have looked."""
+        return self.fraction if self.own is None else self.own.shares(self.fraction, pairs)
+
     def from_own_places(self, looked: Looked, surfaces: NDArray[np.bool_]) -> Seen:
         """The same with what pairs see themselves of some `surfaces` (surface,), in place of strips beside shadows'
         edges there."""

@@ -30,6 +30,8 @@ class Stretch(NamedTuple):
     rays: Callable[[float], RayScene]
     """Takes the ray scene to an instant."""
     ray_scene: RayScene
+    rays_between: Callable[[float], RayScene]
+    """The same at any time, and nothing else."""
     bounces: list[Bounces]
     """Those that there may be."""
 

@@ -126,7 +126,9 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
     assert expansion.axes is not None
     assert len(expansion.nodes) <= 3
     rays = tracer.rays_at(0.0)
-    (seen,) = run._see([0.0], Stretch(np.zeros(1), lambda t: [ball.vertices(t)], lambda t: rays, rays, []))
+    (seen,) = run._see(
+        [0.0], Stretch(np.zeros(1), lambda t: [ball.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
+    )
     facets = seen.facets.take(np.flatnonzero(seen.fraction > 0))
     weight = seen.fraction[seen.fraction > 0]
     gains = band(facets, run._precision._materials, expansion)
@@ -150,7 +152,9 @@ def test_all_pieces_of_a_facet_return_what_it_does(shape):
     run = tracer.follow()
     tracer.trace(0.0, 0.0, run)
     rays = tracer.rays_at(0.0)
-    (seen,) = run._see([0.0], Stretch(np.zeros(1), lambda t: [actor.vertices(t)], lambda t: rays, rays, []))
+    (seen,) = run._see(
+        [0.0], Stretch(np.zeros(1), lambda t: [actor.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
+    )
     facets = seen.facets.take(np.flatnonzero(seen.fraction > 0))
     points, faces = np.eye(3), np.arange(3)[None]
     for _ in range(2):

@@ -42,6 +42,12 @@ def test_one_after_the_other_they_are_what_they_were(one, other):
         assert told(joined.of(np.arange(first, first + 7)), range(7)) == told(each, range(7))
 
 
+def test_shares_are_means_over_pairs():
+    views = OwnViews(np.array([0, 0, 2]), np.array([0, 1, 3]), np.array([1.0, 0.5, 0.0]), *OwnViews.none()[3:])
+    shares = views.shares(np.array([0.0, 0.25, 1.0]), 4)
+    np.testing.assert_allclose(shares, [1.5 / 4, 0.25, 3 / 4])
+
+
 @pytest.mark.parametrize(("tx", "rx"), [(1, 2), (3, 4), (12, 16)])
 def test_pairs_that_tell_are_the_outermost_ones(tx, rx):
     """All of few, each once; of many those of the outermost elements at least."""

@@ -35,7 +35,7 @@ def looked(radar, actors, times):
     tracer = Tracer(None, radar, actors, 1e-2)
     run = tracer.follow()
     tracer.trace(times[0], times[0], run)
-    stretch = Stretch(np.array(times[:1]), tracer._vertices, lambda t: tracer._rays, tracer._rays, [])
+    stretch = Stretch(np.array(times[:1]), tracer._vertices, lambda t: tracer._rays, tracer._rays, tracer.rays_at, [])
     return run._see(times, stretch), run, stretch
 
 
