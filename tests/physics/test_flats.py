@@ -67,7 +67,10 @@ def truth(mesh, radar, orientation, points=6) -> complex:
     return po_gain(corners, element, element, *fields, radar.center_frequency, pec, 1.0, n=points)
 
 
-@pytest.mark.parametrize(("radius", "yaw"), [(0.01, 0.0), (0.03, 0.03), (0.01, 0.3)])
+@pytest.mark.parametrize(
+    ("radius", "yaw"),
+    [(0.01, 0.0), *(pytest.param(*each, marks=pytest.mark.slow) for each in [(0.03, 0.03), (0.01, 0.3)])],
+)
 def test_the_sides_of_a_rounded_box_are_flat(radius, yaw):
     """Of 4 or 9 steps to an edge: within 1.5 %, as edges of 32 are. With the sides bent towards the edges, by a
     millimetre, it was 4 to 15 dB off."""
@@ -85,7 +88,7 @@ def test_the_sides_of_a_rounded_box_are_flat(radius, yaw):
     [(0.12, 0.006, (12, 256), (4, 32)), (0.3, 0.05, (64, 256), (6, 24))],
     ids=["puck", "capsule"],
 )
-@pytest.mark.parametrize("orientation", [(0.0, 0.0, 0.0), (0.2, 0.1, 0.0)])
+@pytest.mark.parametrize("orientation", [(0.0, 0.0, 0.0), pytest.param((0.2, 0.1, 0.0), marks=pytest.mark.slow)])
 def test_sides_of_pucks_and_capsules_are_straight(height, bottom, fine, coarse, orientation):
     """Round around, as cylinders are, and straight along up to where their ends begin: within 2 %."""
     radar = one_element()

@@ -241,6 +241,7 @@ def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
     assert ((found.across > 0) & (found.across < 1)).any()
 
 
+@pytest.mark.slow
 def test_round_furniture_has_those_of_an_actor(radar):
     """The same ball as part of the scene: to a tolerance that is relative to what the room returns."""
     scene = scene_with_mesh(sphere(4, 0.1).apply_translation(FAR), corridor("pec", "pec"))

@@ -121,7 +121,7 @@ def turned_wall(middle, towards, half=4.0):
     return [each.tolist() for each in corners], normal
 
 
-@pytest.mark.parametrize("first", ["one", "other"])
+@pytest.mark.parametrize("first", ["one", pytest.param("other", marks=pytest.mark.slow)])
 def test_walls_at_any_angle_have_each_its_own(first):
     """A wall of concrete and one of metal, 59 degrees apart and one leaning over, elements at 45 degrees: in either
     order within what is stated of dense quadrature."""
@@ -210,7 +210,7 @@ def test_changing_tx_and_rx_over_exchanges_them(radar):
         np.testing.assert_allclose(channel(there[first, not way]).T, channel(paths), rtol=1e-9)
 
 
-@pytest.mark.parametrize("leg", [0, 1, 2])
+@pytest.mark.parametrize("leg", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)])
 def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
     """Of the way by the left wall, then the right one, and straight back, before the first wall, between both, and
     before the ball: that by the right wall first is still there."""

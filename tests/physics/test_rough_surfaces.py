@@ -96,7 +96,7 @@ def test_diffuse_level_is_the_lambertian_one():
     assert np.mean(powers) / expected == pytest.approx(1.0, abs=0.25)
 
 
-@pytest.mark.parametrize("polarization", ["V", "H"])
+@pytest.mark.parametrize("polarization", ["V", pytest.param("H", marks=pytest.mark.slow)])
 def test_diffuse_level_is_that_of_the_polarisation(polarization):
     """A concrete plate turned by 1 rad about the vertical, near Brewster's angle: what a wave with the field across the
     plane of incidence, or in it, would have reflected. The two are 10 dB apart."""
