@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
+from rfgen_sionna.tracing.moving.own_places import OwnPlaces
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.shadowed_plates import returned
 
@@ -230,3 +231,25 @@ def test_edges_that_the_phase_centre_does_not_see_yet():
         single = Tracer(None, radar, [plate, screen], 1e-2).trace(t, t)
         for found in (single, frame):  # where it has just come the edge is told to one part in seventy, not as stated
             assert np.abs(by(found, t) - truth).max() < 0.02 * whole
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 1.5])
+def test_what_nothing_stands_before_is_not_looked_at_from_elsewhere(yaw, monkeypatch):
+    """A box whose sides are seen edge on, a plate and a ball beside one another: their own outlines are no shadows."""
+    asked = []
+    look = OwnPlaces.look
+    monkeypatch.setattr(OwnPlaces, "look", lambda *given: asked.append(1) or look(*given))
+    turned = {"material": "pec", "orientation": (yaw, 0.1, 0.0)}
+    actors = [
+        Actor.from_mesh(trimesh.creation.box((0.1, 0.2, 0.3)), position=(2, 0, 0), name="box", **turned),
+        Actor.from_mesh(trimesh.creation.box((0.002, 0.2, 0.2)), position=(3, 0.6, 0), name="plate", **turned),
+        Actor.from_mesh(trimesh.creation.icosphere(3, 0.1), material="pec", position=(2.5, -0.5, 0), name="ball"),
+    ]
+    radar = Radar.load("awr1843")
+    Tracer(None, radar, actors, 1e-2).trace(0.0, 0.0)
+    assert not asked
+    if yaw == 0.0:  # the edge of a screen is 2 mm aside of the box for the phase centre, and on it for others
+        shade = trimesh.creation.box((0.002, 0.2, 0.6))
+        screen = Actor.from_mesh(shade, material="pec", position=(1, 0.1523, 0), name="screen")
+        Tracer(None, radar, [actors[0], screen], 1e-2).trace(0.0, 0.0)
+        assert asked

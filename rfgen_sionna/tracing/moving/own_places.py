@@ -20,7 +20,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.targets import Targets
-from rfgen_sionna.tracing.shadows.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.shadows.outlines import CLEARANCE, Outline, Passing, Places
 from rfgen_sionna.tracing.shadows.sampling import Corners, sampled_fraction
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
 
@@ -32,9 +32,9 @@ TELLING = 12
 """Pairs by which it is told whether all others have to look for themselves, at most."""
 MOST_LANES = 60_000
 """Facets and pairs that are looked at together."""
-_ASIDE = 1e-3
-"""How far before a facet's plane, over the way there, an outline has to be that casts a shadow on it: its own is on
-it."""
+_ASIDE = 1.5 * CLEARANCE
+"""How high above a facet's plane, over the way there, an outline has to be that casts a shadow on it: rays pass the
+facet's own, and those of all that is convex with it, by less."""
 MOST_FINER = 30.0
 """How many times more closely shadows' edges are looked at than the tolerance asks for, at most, where facets cancel
 one another."""
@@ -330,12 +330,13 @@ def _fall_on(edges: FloatArray, span: FloatArray, corners: FloatArray, element: 
     along, height = ways @ normal.T, np.einsum("fi,fi->f", a, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
         further = height / along  # (point, facet) the way to the facet's plane, over that to the outline
-    before = further > 1.0 + _ASIDE
+    area = lengths(normal)
+    before = (further > 1.0) & (np.abs(height - along) > _ASIDE * lengths(ways)[:, None] * area)
     if not before.any():
         return False
     point, facet = np.nonzero(before)
     there = further[point, facet][:, None] * ways[point] - a[facet]
-    area, across = lengths(normal)[facet], normal[facet]
+    area, across = area[facet], normal[facet]
     # On the inner side of all three sides, or as little without as lies between two points of the outline.
     slack = 0.5 * span[point] * further[point, facet] * lengths(ways)[point]
     slack *= area * lengths(ways)[point] / np.maximum(np.abs(along[point, facet]), 1e-300)  # seen aslant it is longer
