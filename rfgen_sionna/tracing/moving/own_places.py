@@ -175,7 +175,7 @@ class OwnPlaces:
     def fallen_on(self, passing: Passing, seen: Seen, surfaces: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(surface,) on which of the `surfaces` (surface,), of which facets are `seen`, shadows' edges fall as the
         outermost elements see them, where the phase centre sees one and where it sees none, by rays `passing` outlines
-        from there."""
+        of other things from there."""
         found, facets = np.zeros(len(surfaces), np.bool_), seen.facets
         elements = np.concatenate([self._tx, self._rx])[self._outermost]
         chosen = np.flatnonzero((seen.weight > 0) & surfaces[facets.surface])
@@ -189,7 +189,8 @@ class OwnPlaces:
             axis = unit(ways.mean(axis=0))
             opening = np.arccos(np.clip((ways @ axis).min(), -1.0, 1.0)) + (reach + 0.5 * passing.span * away) / away
             beside = np.arccos(np.clip(edges @ axis / away, -1.0, 1.0)) < opening
-            near = np.flatnonzero(beside & (away < lengths(own.reshape(-1, 3)).max()))
+            others = True if passing.owner is None else passing.owner != surface
+            near = np.flatnonzero(beside & others & (away < lengths(own.reshape(-1, 3)).max()))
             for some in np.array_split(near, -(-len(near) * len(own) // MOST_LANES)) if len(near) else ():
                 if any(_fall_on(edges[some], passing.span[some], own, end - self._viewpoint) for end in elements):
                     found[surface] = True
@@ -220,6 +221,8 @@ class OwnPlaces:
         if facets.outward is not None:  # of these strips at the horizon are told of, which rays don't see
             looked_at &= ~facets.outward
         chosen = np.flatnonzero(looked_at)
+        if not len(chosen):
+            return Looked(OwnViews.none(), np.zeros(len(surfaces)), level, 0)
         light, outline, sent = self._guided(rays, vertices, facets, places, chosen, ends)
         outline = np.maximum(outline, seen.outline[chosen])
         # Where all see all or nothing, as the phase centre does, there is no edge.
@@ -331,7 +334,7 @@ def _fall_on(edges: FloatArray, span: FloatArray, corners: FloatArray, element: 
     with np.errstate(divide="ignore", invalid="ignore"):
         further = height / along  # (point, facet) the way to the facet's plane, over that to the outline
     area = lengths(normal)
-    before = (further > 1.0) & (np.abs(height - along) > _ASIDE * lengths(ways)[:, None] * area)
+    before = (further > 1.0) & np.isfinite(further) & (np.abs(height - along) > _ASIDE * lengths(ways)[:, None] * area)
     if not before.any():
         return False
     point, facet = np.nonzero(before)

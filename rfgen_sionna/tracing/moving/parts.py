@@ -141,7 +141,7 @@ class MovingParts:
     def _look(self, stretch: Stretch, instants: FloatArray) -> Look:
         """What is seen in the stretch, as accurately as it has to be."""
         self._unsteady -= 1
-        if len(instants) == PAIR and self._unsteady > 0:
+        if len(instants) == PAIR and (self._unsteady > 0 or self._precision.own.any()):
             instants = _three(instants)
         positions, middle = stretch.positions, len(instants) // 2
         if self._facets.follow(positions, stretch.knots):

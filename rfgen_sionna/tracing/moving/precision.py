@@ -70,7 +70,6 @@ class Precision:
         """(surface,) of which counts what each pair sees from its own places."""
         self._still = np.array([each.still for each in surfaces.moving], np.bool_)
         self._held_at, self._told, self._off = np.zeros((3, len(surfaces.moving)))
-        self._fallen_on = np.zeros(len(surfaces.moving), np.bool_)
         self.ask_again()
         self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
         self._fine, self._round = rtol < LEAST_RTOL, bool(self._bent.any())
@@ -81,7 +80,8 @@ class Precision:
         self.expansion: Expansion | None = None
         """The one in use, if any is."""
         self.level = np.zeros(len(self._surfaces.moving))
-        """(surface,) return of each, the largest that was met."""
+        """(surface,) return of each, the largest that was met, or what pairs see of it where they were asked."""
+        self._lowered = np.ones(len(self._surfaces.moving))
 
     def ensure(
         self, instants: FloatArray, stretch: Stretch, look: Callable[[FloatArray, Expansion], Look], turn: int | None
@@ -103,23 +103,23 @@ class Precision:
 
     def ask_again(self) -> None:
         """Forget of which surfaces own places count: strips are held against them anew."""
-        self.own[:], self._fallen_on[:] = False, False
+        self.level, self.interference = self.level / self._lowered, self.interference * self._lowered
+        self._lowered = np.ones(len(self.own))
+        self.own[:] = False
         self._held_at[:], self._told[:], self._off[:] = 0.0, 1.0, 0.0
 
     def doubtful(self, look: Look, fallen_on: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> NDArray[np.bool_]:
         """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see. `fallen_on` says
         on which of some surfaces (surface,) edges fall that the phase centre may not see, of which strips don't tell:
-        of what has none at all, and of what is flat."""
+        it is asked of what has none at all, and of what is flat, where no slabs are seen through."""
         estimate = self._strips(look)
         asked = (
             (estimate > np.where(self._bent, BENT_DOUBTFUL_PER_RTOL, DOUBTFUL_PER_RTOL) * self._rtol)
             & (estimate > RISEN * self._held_at)
         )  # fmt: skip
-        silent = ~asked & ~self._fallen_on & (~self._bent | (estimate == 0)) & ~self._still & ~self.own
-        if silent.any() and not self._further.through_slabs:  # nor what slabs let through there
-            new = fallen_on(silent)
-            self._fallen_on |= new
-            asked |= new
+        silent = ~asked & (~self._bent | (estimate == 0)) & ~self._still & ~self.own
+        if silent.any() and not self._further.through_slabs:  # which rays from own places don't go through
+            asked |= fallen_on(silent)
         # Of furniture there is not the time to hold them against anything.
         asked &= ~self.own & ~self._still
         return np.asarray(np.isin(self._lot, self._lot[asked]) & ~self._beside_slabs(look.seen))
@@ -139,16 +139,18 @@ class Precision:
         errors are relative to from now on. Of flat ones, of which mostly pieces return, it may be far below what shares
         of whole facets come to as well."""
         anew = doubtful & (level > 0) & (~self._bent | (level > self.level))
-        self.interference = self.interference * np.where(anew, self.level / np.where(anew, level, 1.0), 1.0)
+        lowered = np.where(anew & (self.level > 0), level / np.where(self.level > 0, self.level, 1.0), 1.0)
+        self._lowered, self.interference = self._lowered * lowered, self.interference / lowered
         self.level = np.where(anew, level, self.level)
         off = off / np.where(self.level > 0, self.level, np.inf)
         estimate = self._strips(look)
         self.own |= doubtful & (off > OWN_PER_RTOL * self._rtol)
         self._held_at = np.where(doubtful, estimate, self._held_at)
-        told = HELD * off / np.where(estimate > 0, estimate, np.inf)
+        # Beside edges that the phase centre hardly sees there are no strips that a factor would tell of.
+        tells = estimate > np.where(self._bent, BENT_DOUBTFUL_PER_RTOL, DOUBTFUL_PER_RTOL) * self._rtol
+        told = np.where(tells, HELD * off / np.where(tells, estimate, 1.0), 1.0)
         self._told = np.where(doubtful, told, self._told)
-        # Beside edges that the phase centre does not see there are no strips that a factor would tell of.
-        self._off = np.where(doubtful, HELD * np.where(estimate > 0, 0.0, off), self._off)
+        self._off = np.where(doubtful, np.where(tells, 0.0, HELD * off), self._off)
 
     def _strips(self, look: Look) -> FloatArray:
         """(surface,) estimated error of strips."""
@@ -170,9 +172,9 @@ class Precision:
 
         `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
         """
+        self.ask_again()  # what returns are is told anew
         expansion, seen = self._refined(t, stretch, afresh)
         self._weigh_rims(seen)
-        self.ask_again()  # what returns are was told anew
         return expansion
 
     def _weigh_rims(self, seen: Seen) -> None:

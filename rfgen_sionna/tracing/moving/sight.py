@@ -382,7 +382,7 @@ class Sight:
             past, stands_for = static_outlines(self._surfaces, self._viewpoint, self._apart)
             self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
-        found = []
+        found, owner = [], list[NDArray[np.intp]]()
         for there, towards in zip(offsets, turned, strict=True):
             before = np.zeros(len(static), np.bool_)
             for each in there if len(static) else ():
@@ -393,12 +393,15 @@ class Sight:
                 before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
             placed = zip(self._outlines, there, towards, strict=True)
             passing = [outline.passing(points, self._apart, looking) for outline, points, looking in placed]
+            count = np.array([np.count_nonzero(before), *(len(each) for _, each in passing)])
+            owner.append(np.repeat(np.arange(-1, len(passing)), count))
             directions, spans = (np.concatenate(e) for e in zip((static[before], span[before]), *passing, strict=True))
             found.append((directions, spans, int(np.count_nonzero(before))))
         time = np.repeat(np.arange(len(found)), [len(directions) for directions, _, _ in found])
         hits = looks.first_facet(np.concatenate([directions for directions, _, _ in found]), time)
         return [
-            Passing(directions, hits[time == k], spans, first) for k, (directions, spans, first) in enumerate(found)
+            Passing(directions, hits[time == k], spans, first, owner[k])
+            for k, (directions, spans, first) in enumerate(found)
         ]
 
 

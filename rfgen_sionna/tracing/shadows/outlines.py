@@ -51,6 +51,8 @@ class Passing(NamedTuple):
     """(ray,) length of outline that each stands for, as seen from the viewpoint [rad]."""
     first: int = 0
     """Number of the first ray that passes what moves."""
+    owner: NDArray[np.intp] | None = None
+    """(ray,) the moving surface that each passes, -1 for what stays; None where nobody asks."""
 
     @property
     def of_actors(self) -> Passing:
