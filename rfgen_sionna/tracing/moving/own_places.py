@@ -2,8 +2,8 @@
 
 Shadows are cast from the array's phase centre, and strips beside their edges tell what pairs see more or less
 (:mod:`rfgen_sionna.tracing.shadows.parallax`), to the first order. That is not enough where a surface returns little
-but for the corners of its shadow, and where an edge falls far aside of the centre's. There each pair looks for itself:
-at points that both its elements see.
+but for the corners of its shadow, where an edge falls far aside of the centre's, and where the centre sees none at all
+yet. There each pair looks for itself: at points that both its elements see.
 """
 
 from __future__ import annotations
