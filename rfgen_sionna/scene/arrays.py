@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import gc
 from ast import literal_eval
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from threading import Lock
 from types import ModuleType
@@ -22,6 +23,18 @@ def drjit_types() -> tuple[ModuleType, Any]:
     import drjit
 
     return drjit, drjit.cuda if variant.startswith("cuda") else drjit.llvm
+
+
+@contextmanager
+def exact_division() -> Iterator[None]:
+    """Within it quotients are of double precision: with CUDA one over something is right to a few 1e-7 elsewhere, as
+    Dr.Jit's fast arithmetic takes an instruction that has no more digits. Serves as a decorator, too."""
+    dr, types = drjit_types()
+    if dr.backend_v(types.Float64) != dr.JitBackend.CUDA:
+        yield
+        return
+    with dr.scoped_set_flag(dr.JitFlag.FastMath, False):
+        yield
 
 
 _RECORDING = Lock()
@@ -63,7 +76,8 @@ class Frozen:
             collecting = gc.isenabled()
             gc.disable()  # a scene that is collected while its thread records ends the process
             try:
-                self._frozen(given, repr(options))
+                with exact_division():
+                    self._frozen(given, repr(options))
             finally:
                 if collecting:
                     gc.enable()

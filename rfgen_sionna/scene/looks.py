@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import bounds, lengths
-from rfgen_sionna.scene.ray_layer import Layer
+from rfgen_sionna.scene.ray_layer import Layer, before_another_scene
 from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
 from rfgen_sionna.scene.transfer import joined, upload
 
@@ -61,6 +61,7 @@ class Looks:
         points: FloatArray,
     ) -> None:
         self._static, self._origin, self._viewpoint = static, origin, viewpoint
+        self._any_static = first > 0
         self._count = first + len(faces)
         chosen = np.concatenate([np.zeros(0, np.intp), *hiding])
         ends = np.take(faces, chosen, axis=0)
@@ -108,7 +109,8 @@ class Looks:
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
             return first(ray, own, None if moving else ray)
 
-        return Targets(nearest, self._origin, viewpoint, corners, facets, self._extent)
+        scenes = 1 + (self._any_static and not moving)
+        return Targets(nearest, self._origin, viewpoint, corners, facets, self._extent, scenes)
 
     def first_facet(self, directions: FloatArray, time: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
         """(ray,) what each ray from the viewpoint hits first, as a facet of the ray scene; -1 where there is nothing.
@@ -163,6 +165,8 @@ class Looks:
                 facet = dr.select(facet == NO_PRIMITIVE, facet, facet + look * count)
             if layer is None:
                 return facet, distance
+            if static is not None and self._any_static:
+                before_another_scene(facet, distance)
             shifted = mi.Ray3f(mi.Point3f(*(mi.Float(look) * each for each in step)), ray.d)
             shifted.maxt = ray.maxt
             found = layer.scene.ray_intersect_preliminary(shifted, coherent=bundled)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -77,6 +77,28 @@ def _start() -> None:
     import mitsuba as mi
 
     mi.load_dict({"type": "scene", "mesh": {"type": "rectangle"}})
+
+
+def one_scene_a_kernel() -> bool:
+    """Whether a kernel can ask but one scene: OptiX has one table of shaders for each, and rays through a second scene
+    hit nothing, of which no more is heard than a line on the terminal."""
+    import drjit as dr
+    import mitsuba as mi
+
+    return bool(dr.backend_v(mi.Float) == dr.JitBackend.CUDA)
+
+
+def before_another_scene(*found: Any) -> None:
+    """Compute what rays have `found` in one scene, where the kernel that asks the next can't."""
+    import drjit as dr
+
+    if one_scene_a_kernel():
+        dr.eval(*found)
+
+
+def loop_mode(scenes: int) -> Literal["evaluated", "symbolic"]:
+    """How Dr.Jit goes through a loop whose steps ask so many scenes: within one kernel where it can."""
+    return "evaluated" if scenes > 1 and one_scene_a_kernel() else "symbolic"
 
 
 def _one_thread() -> Callable[[], None]:

@@ -1,7 +1,8 @@
 """Visibility: what a ray hits first among static and moving triangles.
 
 Static and moving meshes live in two Mitsuba scenes, so that a moving mesh never rebuilds the static one; the moving
-one sits behind an instance, which Embree builds several times faster than a plain mesh. One kernel asks both.
+one sits behind an instance, which Embree builds several times faster than a plain mesh. One kernel asks both on the
+CPU; OptiX has one table of shaders for a kernel, so with CUDA there is one for each.
 Coordinates are shifted to a nearby origin before they become float32, distances are computed from the barycentric
 coordinates in float64.
 """
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.ray_layer import Layer, MeshArrays
+from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, before_another_scene
 from rfgen_sionna.scene.targets import CHUNK, NO_PRIMITIVE, SELF_GAP, Targets
 from rfgen_sionna.scene.transfer import upload
 
@@ -265,15 +266,20 @@ class RayScene:
         facet = dr.full(mi.UInt32, NO_PRIMITIVE, count)
         distance = dr.full(mi.Float, dr.inf, count)
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
-        for layer, first, wanted in zip((self._static, self._moving), self._first, (static, moving), strict=True):
-            if layer is None or not wanted:
-                continue
+        for number, (layer, first) in enumerate(self._asked(static, moving)):
+            if number:
+                before_another_scene(facet, distance, *weights)
             found = layer.scene.ray_intersect_preliminary(ray, coherent=bundled)
             nearer = found.is_valid() & (found.t < distance)
             facet = dr.select(nearer, found.prim_index + first, facet)
             distance = dr.select(nearer, found.t, distance)
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
         return facet, distance, weights
+
+    def _asked(self, static: bool, moving: bool) -> list[tuple[Layer, Any]]:
+        """Scenes that are there, of those wanted, and the number of the first facet of each."""
+        layers = zip((self._static, self._moving), self._first, (static, moving), strict=True)
+        return [(layer, first) for layer, first, wanted in layers if layer is not None and wanted]
 
     def targets(
         self,
@@ -298,7 +304,7 @@ class RayScene:
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
             return self._nearest(ray, len(own), static=not moving, bundled=bundled)[:2]
 
-        return Targets(nearest, self.origin, viewpoint, corners, facets)
+        return Targets(nearest, self.origin, viewpoint, corners, facets, scenes=len(self._asked(not moving, True)))
 
 
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:

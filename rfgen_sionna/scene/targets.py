@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna.scene.ray_layer import loop_mode
 from rfgen_sionna.scene.transfer import upload
 
 SELF_GAP = 1e-5
@@ -37,6 +38,7 @@ class Targets:
         corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
         facets: (piece,) the facet that each is a piece of, which does not hide it.
         extent: largest coordinate [m] of rays and of what they hit, if it is more than those of points and viewpoint.
+        scenes: how many Mitsuba scenes `nearest` asks.
     """
 
     def __init__(
@@ -47,11 +49,12 @@ class Targets:
         corners: FloatArray,
         facets: IntArray | NDArray[np.int64],
         extent: float = 0.0,
+        scenes: int = 1,
     ) -> None:
         import drjit as dr
         import mitsuba as mi
 
-        self._nearest = nearest
+        self._nearest, self._mode = nearest, loop_mode(scenes)
         self._double: Any = dr.float64_array_t(mi.Float)
         own_places = np.ndim(viewpoint) == 3
         views = np.moveaxis(viewpoint, 1, 0) if own_places else viewpoint[None]
@@ -121,7 +124,7 @@ class Targets:
             return state[0] + 1, *lit, *dark
 
         start = dr.zeros(mi.UInt32, len(piece)), *near, *far
-        ends = dr.while_loop(start, lambda *state: state[0] < count, halve)[1:]
+        ends = dr.while_loop(start, lambda *state: state[0] < count, halve, mode=self._mode)[1:]
         hidden, share = self._hidden(piece, ends[3:])
         return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)], dr.select(hidden, share, 1.0)
 

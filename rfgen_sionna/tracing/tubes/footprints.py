@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.arrays import drjit_types
+from rfgen_sionna.scene.arrays import drjit_types, exact_division
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.integral.quadratic import lattice_triangle
@@ -246,6 +246,7 @@ def _mean(k: float, ways: FloatArray, strength: ComplexArray) -> ComplexArray:
     return out.reshape(shape)
 
 
+@exact_division()
 def _launch(phase: FloatArray, strength: ComplexArray, parts: NDArray[np.uint32]) -> ComplexArray:
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32

@@ -32,6 +32,7 @@ def looks_at(rays, vertices, corners):
     return rays.looks(VIEWPOINT, vertices, [found] * len(vertices), corners)
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("post", [False, True])
 @pytest.mark.parametrize("moving", [False, True])
 def test_what_is_seen_at_several_times_is_what_each_time_shows(post: bool, moving: bool):
@@ -59,6 +60,7 @@ def test_what_is_seen_at_several_times_is_what_each_time_shows(post: bool, movin
     assert len(np.unique(found.sum(axis=1))) > 3
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("post", [False, True])
 def test_what_rays_hit_first_is_what_each_time_shows(post: bool):
     """All around, and along and across the axis along which times stand side by side; among all faces."""

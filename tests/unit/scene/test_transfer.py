@@ -28,12 +28,13 @@ def test_numbers_arrive_whatever_their_layout(kinds):
 
 
 def test_what_has_room_stays_where_it_is(kinds):
-    """And lives as long as Dr.Jit has it."""
+    """And lives as long as Dr.Jit has it; a CUDA device has memory of its own."""
     real, _ = kinds
     given = joined([np.arange(300.0).reshape(100, 3), np.ones((2, 3))])
     expected = given.copy()
     there = upload(real, given)
-    assert there.numpy().ctypes.data == given.ctypes.data
+    if ensure_backend().startswith("llvm"):
+        assert there.numpy().ctypes.data == given.ctypes.data
     del given
     gc.collect()
     assert np.array_equal(there.numpy(), expected.ravel())

@@ -67,8 +67,9 @@ def test_the_kernel_sums_as_it_says(kind, count, shares):
     assert relative(found, definition(lanes, orders, count)) < 2e-7
 
 
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
 @pytest.mark.parametrize("kind", TERMS)
-def test_single_precision_costs_what_is_reckoned_with(kind):
+def test_single_precision_costs_what_is_reckoned_with(kind, device):
     """Phases of 40 cycles, as a walker's over a frame: the error of taps that are far better is the rounding's."""
     rng = np.random.default_rng(4)
     orders = 4 if kind == "gain over the band" else 1
@@ -78,7 +79,7 @@ def test_single_precision_costs_what_is_reckoned_with(kind):
     allowed = next(eps for eps in np.geomspace(1e-6, 1e-2, 200) if single_will_do(phase, beat, 256, eps))
     assert allowed < 3e-4
     single = replace(lanes, table=lanes.table.astype(np.float32))
-    found = spread(single, 256, TERMS[kind], 10, allowed, "cpu")
+    found = spread(single, 256, TERMS[kind], 10, allowed, device)
     assert 1e-7 < relative(found, definition(lanes, orders, 256)) < 0.1 * allowed
 
 
@@ -138,7 +139,7 @@ def test_the_kernel_sums_alike_on_a_gpu(kind):
     if not has_cuda():
         pytest.fail("this test was asked for by -m gpu, but there is no CUDA device")
     orders = 4 if kind == "gain over the band" else 1
-    lanes = lanes_of(np.random.default_rng(3), 3000, orders, lanes=128)
+    lanes = lanes_of(np.random.default_rng(3), 3000, orders, 0.0 if kind == "points" else 0.02, 128)
     found = [spread(lanes, 256, TERMS[kind], 10, 1e-9, "cuda") for _ in range(2)]
     np.testing.assert_array_equal(*found)
     assert relative(found[0], spread(lanes, 256, TERMS[kind], 10, 1e-9, "cpu")) < 1e-10

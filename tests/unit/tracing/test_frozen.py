@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import material as material_named
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.arrays import Frozen, drjit_types, exact_division
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.integral import facet
 from rfgen_sionna.tracing.integral.facet import Nodes, by_curvature, facet_gains
@@ -25,6 +25,26 @@ from rfgen_sionna.tracing.surface.placing import place_facets
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
 ACROSS = np.array([0.0, 0.0, 1.0])
+
+
+def quotients(given):
+    """The kernel of :func:`test_quotients_are_of_double_precision`."""
+    dr, _ = drjit_types()
+    one, many = 1.0 / given["x"], given["y"] / given["x"]
+    for each, name in ((one, "one"), (many, "many"), (dr.rsqrt(given["x"]), "root")):
+        dr.scatter(given[name], each, given["lanes"])
+    dr.eval(given["one"], given["many"], given["root"])
+
+
+def test_quotients_are_of_double_precision():
+    """On whichever device, however fast its arithmetic."""
+    dr, types = drjit_types()
+    x, y = np.random.default_rng(0).uniform(0.1, 10.0, (2, 1000))
+    found = {name: dr.empty(types.Float64, len(x)) for name in ("one", "many", "root")}
+    lanes = dr.arange(types.UInt32, len(x))
+    Frozen(quotients)({"lanes": lanes, "x": upload(types.Float64, x), "y": upload(types.Float64, y), **found})
+    for name, expected in (("one", 1 / x), ("many", y / x), ("root", 1 / np.sqrt(x))):
+        np.testing.assert_allclose(found[name].numpy(), expected, rtol=5e-16)
 
 
 def media(nodes, materials, thickness=np.inf):
@@ -100,7 +120,7 @@ def test_what_is_frozen_is_the_kernel_itself_to_the_bit(monkeypatch, kind, nodes
     for count in (40, 3000, 7, 1, 2, 41):
         frozen = gains(count, nodes, kind)
         with monkeypatch.context() as plainly:
-            plainly.setattr(facet, "_INTEGRATED", facet._integrate)
+            plainly.setattr(facet, "_INTEGRATED", exact_division()(facet._integrate))
             gone_through = gains(count, nodes, kind)
         for one, other in zip(frozen, gone_through, strict=True):
             assert np.isfinite(one).all()

@@ -44,7 +44,7 @@ def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
     faint at all times.
 
     Coordinates are float32: a ray past an edge may fall on the facet beside, and a few corners of sixteen thousand
-    facets, a third of a facet each, on the other side of an edge.
+    facets, a third of a facet each, on the other side of an edge (with CUDA, six of them).
     """
     monkeypatch.setattr(sight, "FAINT_PER_RTOL", 0.0)
     times = np.linspace(0.0, 0.03, 7).tolist()
@@ -53,7 +53,7 @@ def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
     for t, each in zip(times, together, strict=True):
         (alone,) = run._see([t], stretch)
         assert (each.fraction != alone.fraction).mean() < 0.05
-        assert np.abs(each.fraction - alone.fraction).sum() < 5 / 3
+        assert np.abs(each.fraction - alone.fraction).sum() < 6.5 / 3
         assert np.abs(each.level / alone.level - 1).max() < 1e-4
         assert np.allclose(each.outline, alone.outline, atol=run._sight._apart)
         assert abs(len(each.owner) - len(alone.owner)) <= 0.02 * len(alone.owner)
