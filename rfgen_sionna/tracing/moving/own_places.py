@@ -20,7 +20,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.targets import Targets
-from rfgen_sionna.tracing.shadows.outlines import CLEARANCE, Outline, Passing, Places
+from rfgen_sionna.tracing.shadows.outlines import CLEARANCE, Outline, Passing, Places, static_outlines
 from rfgen_sionna.tracing.shadows.sampling import Corners, sampled_fraction
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
 
@@ -145,10 +145,12 @@ class OwnPlaces:
         wavenumber: float,
         rtol: float,
     ) -> None:
+        self._surfaces = surfaces
         self._outlines, self._lot = [Outline(each.faces) for each in surfaces.moving], lots(surfaces.moving)
         self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
         self._tx, self._rx, self._viewpoint = tx, rx, viewpoint
         self._wavenumber, self._rtol = wavenumber, rtol
+        self._static: dict[int, tuple[FloatArray, FloatArray]] = {}
 
     @property
     def pairs(self) -> NDArray[np.intp]:
@@ -291,7 +293,7 @@ class OwnPlaces:
         ends: NDArray[np.intp],
     ) -> tuple[NDArray[np.bool_], FloatArray, int]:
         """(element, chosen, 3) whether elements, first all Tx, see the corners of the `chosen` facets, (element,
-        chosen) length of actors' outlines that fall on these [rad], of those elements that are `ends` (2, pair) of
+        chosen) length of outlines that fall on these [rad], of those elements that are `ends` (2, pair) of
         pairs, and the rays sent."""
         elements, used = np.concatenate([self._tx, self._rx]), np.unique(ends)
         corners, number = np.take(facets.corners, chosen, axis=0), facets.number[chosen]
@@ -309,7 +311,8 @@ class OwnPlaces:
             light[some] = seen.reshape(len(some), -1, 3)
             past = [
                 [one.passing(points - end) for one, points in zip(self._outlines, vertices, strict=True)]
-                for end in ends_of
+                + [self._past_static(element, corners.reshape(-1, 3) - end)]
+                for element, end in zip(some.tolist(), ends_of, strict=True)
             ]
             count = [sum(len(span) for _, span in of_one) for of_one in past]
             directions, span = (np.concatenate(columns) for columns in zip(*chain(*past), strict=True))
@@ -321,6 +324,19 @@ class OwnPlaces:
             sent += guides + len(span)
         light[np.setdiff1d(np.arange(len(elements)), used)] = light[used[:1]]
         return light, outline, sent
+
+    def _past_static(self, element: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rays from an element, first all Tx, that just pass outlines of what stays before some `points` (point, 3) [m]
+        seen from there, and what each stands for."""
+        if element not in self._static:
+            end = np.concatenate([self._tx, self._rx])[element]
+            self._static[element] = static_outlines(self._surfaces, end)
+        rays, span = self._static[element]
+        away, far = lengths(rays), lengths(points)
+        ways = points / np.maximum(far, 1e-12)[:, None]
+        axis = unit(ways.mean(axis=0))
+        before = (rays @ axis > ((ways @ axis).min() - 1e-3) * away) & (away < far.max())
+        return rays[before], span[before]
 
 
 def _fall_on(edges: FloatArray, span: FloatArray, corners: FloatArray, element: FloatArray) -> bool:

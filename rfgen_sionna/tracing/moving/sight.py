@@ -17,7 +17,14 @@ from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.faint import BENT_MORE, FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
 from rfgen_sionna.tracing.moving.own_places import Looked, OwnViews
-from rfgen_sionna.tracing.shadows.outlines import APART, STILL_APART, Outline, Passing, Places, look_at_the_viewpoint
+from rfgen_sionna.tracing.shadows.outlines import (
+    APART,
+    Outline,
+    Passing,
+    Places,
+    look_at_the_viewpoint,
+    static_outlines,
+)
 from rfgen_sionna.tracing.shadows.sampling import Corners, Sampled, sampled_fraction
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
@@ -389,8 +396,10 @@ class Sight:
                 far = np.maximum(lengths(each), 1e-12)
                 axis = (each / far[:, None]).mean(axis=0)
                 axis /= max(float(np.linalg.norm(axis)), 1e-12)
-                opening = float((each @ axis / far).min())
-                before |= (static @ axis > (opening - 1e-3) * distance) & (distance < far.max())
+                # Opened as far as elements may see an edge shifted.
+                opening = np.arccos(np.clip((each @ axis / far).min() - 1e-3, -1.0, 1.0)) + self._reach / distance
+                within = static @ axis > np.cos(np.minimum(opening, np.pi)) * distance
+                before |= within & (distance < far.max())
             placed = zip(self._outlines, there, towards, strict=True)
             passing = [outline.passing(points, self._apart, looking) for outline, points, looking in placed]
             count = np.array([np.count_nonzero(before), *(len(each) for _, each in passing)])
@@ -416,17 +425,6 @@ def _surrounds(points: FloatArray) -> bool:
     """Whether the viewpoint may be within something with these `points` (vertex, 3) [m], seen from there."""
     low, high = bounds(points)
     return not bool((low > 0).any() or (high < 0).any())
-
-
-def static_outlines(
-    surfaces: Surfaces, viewpoint: FloatArray, apart: float = STILL_APART
-) -> tuple[FloatArray, FloatArray]:
-    """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
-    outline (ray,) [rad] that each stands for, `apart` at most."""
-    placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
-    found = [Outline(surface.faces).passing(points - viewpoint, apart) for surface, points in placed]
-    rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
-    return rays, span
 
 
 def apart_for(corners: Sequence[FloatArray], viewpoint: FloatArray, rtol: float) -> float:

@@ -18,6 +18,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import columns, lengths, middles, unit
 from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 CLEARANCE = 1e-4
 """How far outside rays pass, times the distance."""
@@ -117,6 +118,17 @@ class Outline:
         far = lengths(stop)[edge] * np.sin((1.0 - share) * angle[edge])
         points = start[edge] + (near / np.maximum(near + far, 1e-300))[:, None] * (stop - start)[edge]
         return points + CLEARANCE * lengths(points)[:, None] * out[edge], (angle / np.maximum(count, 1))[edge]
+
+
+def static_outlines(
+    surfaces: Surfaces, viewpoint: FloatArray, apart: float = STILL_APART
+) -> tuple[FloatArray, FloatArray]:
+    """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
+    outline (ray,) [rad] that each stands for, `apart` at most."""
+    placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
+    found = [Outline(surface.faces).passing(points - viewpoint, apart) for surface, points in placed]
+    rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
+    return rays, span
 
 
 def look_at_the_viewpoint(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> NDArray[np.bool_]:

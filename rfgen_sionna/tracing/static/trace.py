@@ -17,9 +17,8 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.accuracy import SAFETY, Finer, finer
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
-from rfgen_sionna.tracing.moving.sight import static_outlines
 from rfgen_sionna.tracing.shadows.cones import Spheres, behind, spheres
-from rfgen_sionna.tracing.shadows.outlines import Passing, Places
+from rfgen_sionna.tracing.shadows.outlines import Passing, Places, static_outlines
 from rfgen_sionna.tracing.shadows.parallax import Edges, Parallax
 from rfgen_sionna.tracing.shadows.sampling import Corners, Sampled, sampled_fraction, touching
 from rfgen_sionna.tracing.static.facets import static_facets
