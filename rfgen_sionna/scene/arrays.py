@@ -27,8 +27,8 @@ def drjit_types() -> tuple[ModuleType, Any]:
 
 @contextmanager
 def exact_division() -> Iterator[None]:
-    """Within it quotients are of double precision: with CUDA one over something is right to a few 1e-7 elsewhere, as
-    Dr.Jit's fast arithmetic takes an instruction that has no more digits. Serves as a decorator, too."""
+    """Within it reciprocals, and what is made of them (`rsqrt`, `normalize`), are of double precision. With CUDA they
+    are right to a few 1e-7 alone otherwise, by Dr.Jit's fast arithmetic. Serves as a decorator, too."""
     dr, types = drjit_types()
     if dr.backend_v(types.Float64) != dr.JitBackend.CUDA:
         yield

@@ -109,7 +109,7 @@ class Looks:
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
             return first(ray, own, None if moving else ray)
 
-        scenes = 1 + (self._any_static and not moving)
+        scenes = 1 + (self._layer is not None and self._any_static and not moving)
         return Targets(nearest, self._origin, viewpoint, corners, facets, self._extent, scenes)
 
     def first_facet(self, directions: FloatArray, time: NDArray[np.integer[Any]]) -> NDArray[np.int64]:

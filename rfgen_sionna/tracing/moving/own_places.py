@@ -20,7 +20,7 @@ from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.targets import Targets
-from rfgen_sionna.tracing.shadows.outlines import CLEARANCE, Outline, Passing, Places, static_outlines
+from rfgen_sionna.tracing.shadows.outlines import CLEARANCE, STILL_APART, Outline, Passing, Places
 from rfgen_sionna.tracing.shadows.sampling import Corners, sampled_fraction
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
 
@@ -150,7 +150,7 @@ class OwnPlaces:
         self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
         self._tx, self._rx, self._viewpoint = tx, rx, viewpoint
         self._wavenumber, self._rtol = wavenumber, rtol
-        self._static: dict[int, tuple[FloatArray, FloatArray]] = {}
+        self._static: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}  # by element and surface
 
     @property
     def pairs(self) -> NDArray[np.intp]:
@@ -327,16 +327,33 @@ class OwnPlaces:
 
     def _past_static(self, element: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rays from an element, first all Tx, that just pass outlines of what stays before some `points` (point, 3) [m]
-        seen from there, and what each stands for."""
-        if element not in self._static:
-            end = np.concatenate([self._tx, self._rx])[element]
-            self._static[element] = static_outlines(self._surfaces, end)
-        rays, span = self._static[element]
-        away, far = lengths(rays), lengths(points)
+        seen from there, and what each stands for. As the element itself sees them: in the points' own cone."""
+        end, far = np.concatenate([self._tx, self._rx])[element], lengths(points)
         ways = points / np.maximum(far, 1e-12)[:, None]
         axis = unit(ways.mean(axis=0))
-        before = (rays @ axis > ((ways @ axis).min() - 1e-3) * away) & (away < far.max())
-        return rays[before], span[before]
+        opening, furthest = float((ways @ axis).min()) - 1e-3, float(far.max())
+        rays, spans = [np.zeros((0, 3))], [np.zeros(0)]
+        for number, (low, high) in enumerate(self._boxes):
+            if np.linalg.norm(np.clip(end, low, high) - end) >= furthest:
+                continue  # of a town that is most
+            if (element, number) not in self._static:
+                there = self._surfaces.static_vertices[number] - end
+                self._static[element, number] = self._static_outlines[number].passing(there, STILL_APART)
+            past, span = self._static[element, number]
+            away = lengths(past)
+            before = (past @ axis > opening * away) & (away < furthest)
+            rays.append(past[before])
+            spans.append(span[before])
+        return np.concatenate(rays), np.concatenate(spans)
+
+    @cached_property
+    def _static_outlines(self) -> list[Outline]:
+        return [Outline(each.faces) for each in self._surfaces.static]
+
+    @cached_property
+    def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Least and largest coordinates [m] of all that stays."""
+        return [(each.min(axis=0), each.max(axis=0)) for each in self._surfaces.static_vertices]
 
 
 def _fall_on(edges: FloatArray, span: FloatArray, corners: FloatArray, element: FloatArray) -> bool:

@@ -1,5 +1,7 @@
 """Rays hit what stands in their way, in static and moving meshes alike, near the origin and far from it."""
 
+from types import SimpleNamespace
+
 import drjit as dr
 import numpy as np
 import pytest
@@ -241,6 +243,32 @@ def test_rays_may_start_on_a_surface():
     np.testing.assert_array_equal(hidden, nearest < 1.0)
     outside = centres[i] + 1e-2 * np.sign(centres[i]) * (np.abs(centres[i]) > 4.9)
     assert between.occluded(outside, centres[j], facets=j).all()
+
+
+@pytest.mark.parametrize("each", [False, True])
+def test_scenes_are_asked_one_after_the_other_where_kernels_ask_but_one(mixed: RayScene, monkeypatch, each: bool):
+    """What the first has found is computed before the second is asked, and no loop within a kernel asks both."""
+    monkeypatch.setattr("rfgen_sionna.scene.ray_layer.one_scene_a_kernel", lambda: each)
+    done, evaluated = list[str](), dr.eval
+    for name in ("_static", "_moving"):
+        layer = getattr(mixed, name)
+
+        def asked(*given, scene=layer.scene, name=name, **options):
+            done.append(name)
+            return scene.ray_intersect_preliminary(*given, **options)
+
+        monkeypatch.setattr(layer, "scene", SimpleNamespace(ray_intersect_preliminary=asked))
+    monkeypatch.setattr(dr, "eval", lambda *values: done.append("eval") or evaluated(*values))
+    corners, number, of, (one, other) = points_on_the_walls(mixed, 400)
+    mixed.first_facet((0, 0, 0), [[1.0, 0, 0]])
+    assert done == ["_static", *(["eval"] if each else []), "_moving", "eval"]
+    targets = mixed.targets(np.array([0.3, 0.1, 0.2]), corners, number)
+    done.clear()
+    targets.edges(of, one, other, 3)
+    steps = [k for k, name in enumerate(done) if name == "_static"]
+    assert len(steps) == (4 if each else 2)  # three and the last look; a loop within a kernel is gone through once
+    for k in steps:
+        assert done[k + 1 : k + 3] == (["eval", "_moving"] if each else ["_moving", *done[k + 2 : k + 3]])
 
 
 @pytest.mark.usefixtures("kernels")

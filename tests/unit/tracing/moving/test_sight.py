@@ -6,6 +6,7 @@ import trimesh
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.moving import sight
 from rfgen_sionna.tracing.moving.stretch import Stretch
@@ -53,7 +54,7 @@ def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
     for t, each in zip(times, together, strict=True):
         (alone,) = run._see([t], stretch)
         assert (each.fraction != alone.fraction).mean() < 0.05
-        assert np.abs(each.fraction - alone.fraction).sum() < 6.5 / 3
+        assert np.abs(each.fraction - alone.fraction).sum() < (5 if ensure_backend().startswith("llvm") else 6.5) / 3
         assert np.abs(each.level / alone.level - 1).max() < 1e-4
         assert np.allclose(each.outline, alone.outline, atol=run._sight._apart)
         assert abs(len(each.owner) - len(alone.owner)) <= 0.02 * len(alone.owner)
