@@ -1,4 +1,4 @@
-"""Samples of frame after frame: while those of one are made the next one is traced."""
+"""Samples of frame after frame: one thread traces and another sums, or several processes do both."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.pir.fused import Fusion
+from rfgen_sionna.processes import in_processes
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
@@ -21,6 +22,8 @@ from rfgen_sionna.tracing.tracer import Tracer, TraceReport
 
 TIDIED_EVERY = 50
 """Frames after which what is free goes back to the system."""
+RUN = 4
+"""Frames one after the other that go to a process."""
 
 
 class Stretch(NamedTuple):
@@ -39,35 +42,45 @@ class Stretch(NamedTuple):
     """So many of the first objects stay in the world, and share one tolerance."""
 
 
-def stretches(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Iterator[Stretch]:
-    """What is traced for each of the frames that begin at `times` [s], one at a time, when it is asked for."""
+def stretches(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Callable[[float], Stretch]:
+    """What traces frames that begin at whichever of the `times` [s], one after the other: each goes on with the facets
+    of the one before."""
     moving, length = tracer.follow(), tracer.radar.waveform.frame_length
     still = sum(each.still for each in (*tracer.surfaces.static, *tracer.surfaces.moving))
-    if fusion is not None:
-        refinement = fusion.refinement(float(times[0]), float(times[-1]) + length)
-        for begin in times.tolist():
-            fused = fusion.trace(begin, begin + length, moving, refinement)
-            yield Stretch(begin, (), partial(tuple, fused.parts), fused.report, fused.parts, still)
-        return
-    for begin in times.tolist():
-        traced = tracer.trace(begin, begin + length, moving)
-        yield Stretch(begin, (traced.static,), traced.changing, traced.report, (), still)
+    if fusion is None:
+
+        def traced(begin: float) -> Stretch:
+            found = tracer.trace(begin, begin + length, moving)
+            return Stretch(begin, (found.static,), found.changing, found.report, (), still)
+
+        return traced
+    refinement = fusion.refinement(float(times[0]), float(times[-1]) + length)
+
+    def fused(begin: float) -> Stretch:
+        found = fusion.trace(begin, begin + length, moving, refinement)
+        return Stretch(begin, (), partial(tuple, found.parts), found.report, found.parts, still)
+
+    return fused
 
 
 def echoes(
     radar: Radar,
-    traced: Iterator[Stretch],
+    trace: Callable[[float], Stretch],
+    times: NDArray[np.float64],
     rtol: float,
     gains: NDArray[np.complex128] | None,
     device: str,
     begun: Callable[[], None],
+    workers: int,
 ) -> Iterator[tuple[NDArray[np.complex128], Stretch]]:
-    """(chirp, tx, rx, sample) of each frame before the receiver, and what was traced for it.
+    """(chirp, tx, rx, sample) of each of the frames that begin at `times` [s] before the receiver, and what was traced
+    for it, but for its parts.
 
-    Tracing goes on in the caller's thread while samples are made in another; between two frames nothing goes on.
-    Each object's sum is right to a share of `rtol` of itself (:mod:`rfgen_sionna.signal.accuracy`); `gains` and
-    `device` are those of :func:`rfgen_sionna.signal.synthesize`; `begun` is called when the static scene is traced,
-    where there is one.
+    With one of `workers`, tracing goes on in the caller's thread while samples are made in another; between two frames
+    nothing goes on. With more, so many processes trace and sum `RUN` frames each at a time, and go on with the facets
+    of the first frame; samples are the same to the bit whatever their number. Each object's sum is right to a share of
+    `rtol` of itself (:mod:`rfgen_sionna.signal.accuracy`); `gains` and `device` are those of
+    :func:`rfgen_sionna.signal.synthesize`; `begun` is called when the static scene is traced, where there is one.
     """
 
     def samples(parts: Callable[[], Sequence[RadarPaths]], start: float, still: int) -> NDArray[np.complex128]:
@@ -77,23 +90,40 @@ def echoes(
             total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
         return total
 
-    following, still, frames = next(traced, None), None, 0
+    def told(stretch: Stretch) -> Stretch:
+        return stretch._replace(static=(), parts=tuple)
+
+    first = trace(float(times[0]))
+    still: NDArray[np.complex128] | float = 0.0
+    if first.static:
+        begun()
+        # Nothing in it changes: one synthesis serves every frame.
+        still = samples(partial(tuple, first.static), 0.0, first.still)
+    if workers > 1:
+
+        def of_frame(number: int) -> tuple[NDArray[np.complex128], Stretch]:
+            stretch = trace(float(times[number]))
+            return samples(stretch.parts, stretch.begin, stretch.still), told(stretch)
+
+        yield samples(first.parts, first.begin, first.still) + still, told(first)
+        runs = [range(start, min(start + RUN, len(times))) for start in range(1, len(times), RUN)]
+        for made, stretch in in_processes(of_frame, runs, workers):
+            yield made + still, stretch
+        return
+    rest, frames = map(trace, times[1:].tolist()), 0
+    now: Stretch | None = first
     with ThreadPoolExecutor(1, "rfgen-samples") as other:
-        if following is not None and following.static:
-            begun()
-            # Nothing in it changes: one synthesis serves every frame.
-            still = other.submit(samples, partial(tuple, following.static), 0.0, following.still)
-        while following is not None:
-            now, made = following, other.submit(samples, following.parts, following.begin, following.still)
-            failure: Exception | None = None
+        while now is not None:
+            summed = other.submit(samples, now.parts, now.begin, now.still)
+            following, failure = None, None
             try:
-                following = next(traced, None)
+                following = next(rest, None)
             except Exception as error:  # once this frame, which is whole, is handed over
                 failure = error
-            yield made.result() if still is None else made.result() + still.result(), now
+            yield summed.result() + still, told(now)
             if failure is not None:
                 raise failure
-            frames += 1
+            now, frames = following, frames + 1
             if frames % TIDIED_EVERY == 0:
                 _tidy()
 

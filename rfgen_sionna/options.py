@@ -15,6 +15,7 @@ from rfgen_sionna.dataset import check_output
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_name
 from rfgen_sionna.pir.render import check_view
+from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.places import Policy
 from rfgen_sionna.signal import Receiver, read_receiver
@@ -47,6 +48,7 @@ def check_options(
     surroundings: str,
     collisions: Policy,
     device: str,
+    workers: int,
 ) -> tuple[Radar, Receiver, int]:
     """What can be told of arguments of :func:`rfgen_sionna.pipeline.generate` whatever the prompt says: before the
     models are imported that read prompts, a scene is read, or a body is built.
@@ -63,7 +65,7 @@ def check_options(
     for name, value in (("overwrite", overwrite), ("noise", noise)):
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
-    chosen_device(device)
+    check_workers(workers, chosen_device(device))
     target = Path("run.h5") if output is None else check_output(output, overwrite)
     check_name(surroundings)
     chosen_view(pir_resolution, fov_deg, projection, surroundings)

@@ -72,6 +72,7 @@ def generate(
     motion: str = "auto",
     collisions: Policy = "error",
     device: str = "auto",
+    workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
@@ -141,6 +142,8 @@ def generate(
         "warn" says so and goes on, "ignore" doesn't look.
     device
         What sums the paths: "cpu", "cuda", or "auto", CUDA where there is one.
+    workers
+        Processes that trace and sum frames, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
     progress
         Called with the frames done and in all.
     report
@@ -175,6 +178,7 @@ def generate(
         surroundings=surroundings,
         collisions=collisions,
         device=device,
+        workers=workers,
     )
     imagining = Imagining(
         negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
@@ -253,7 +257,7 @@ def generate(
         receiver=receiver_record(impairments),
     )
     middle = 0.5 * radar.waveform.frame_length
-    frames = simulator.frames(duration, seed=seed, receiver=impairments, device=device)
+    frames = simulator.frames(duration, seed=seed, receiver=impairments, device=device, workers=workers)
     shape = check_projection(projection)
     view = View(resolution, check_view(resolution, fov, shape)[2], radar.position, radar.orientation, shape)
     with RunWriter(target, info, overwrite=overwrite) as writer:

@@ -135,6 +135,9 @@ def generate(
     device: Annotated[
         str, typer.Option(help='What imagines and sums the paths: "cpu", "cuda" or "auto", CUDA where there is one.')
     ] = "auto",
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes that trace and sum frames, each on one core (Linux, without CUDA).")
+    ] = 1,
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
@@ -170,6 +173,7 @@ def generate(
         "surroundings": surroundings,
         "collisions": collisions,
         "device": device,
+        "workers": workers,
     }
     check_options(**options)  # to read the prompt takes seconds, which nobody should wait for a word that is mistyped
     read = read_prompt(prompt, negative, seed=seed, source=motion)

@@ -15,7 +15,8 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 
@@ -85,6 +86,26 @@ def ensure_llvm() -> None:
     if not os.environ.get(_ENVIRONMENT):
         os.environ[_ENVIRONMENT] = str(usable_llvm())
     _check_loaded_llvm()
+
+
+def may_use_cuda() -> bool:
+    """Whether tracing goes on with CUDA in this process, or would where it has not begun."""
+    active = _active_variant()
+    return has_cuda() if active is None else active.startswith("cuda")
+
+
+@contextmanager
+def without_threads() -> Iterator[None]:
+    """Within it Dr.Jit has no threads on the CPU but the caller's: the process may be forked."""
+    import drjit
+
+    count = drjit.thread_count()
+    drjit.sync_thread()
+    drjit.set_thread_count(1)
+    try:
+        yield
+    finally:
+        drjit.set_thread_count(count)
 
 
 def find_llvm() -> list[Path]:

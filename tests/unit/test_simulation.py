@@ -410,6 +410,41 @@ def test_a_frame_that_is_whole_is_handed_over_before_the_next_one_fails(moving: 
         next(frames)
 
 
+def test_workers_make_the_same_samples_whatever_their_number(living_room: Any, radar: Any) -> None:
+    """To the bit, in a scene whose static part is traced once; within the tolerance those of one."""
+    ball = rfgen.Actor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=2, radius=0.2), material="metal", position=(2, 0.2, 1),
+        velocity=(0.5, 0.3, 0), name="ball",
+    )  # fmt: skip
+    simulator = rfgen.Simulator(living_room, radar, [ball], rtol=1e-2)
+    duration, done = 7 * radar.waveform.frame_period, []
+    one = simulator.adc(duration, seed=3)
+    two = simulator.adc(duration, seed=3, workers=2, progress=lambda *of: done.append(of))
+    np.testing.assert_array_equal(simulator.adc(duration, seed=3, workers=3).data, two.data)
+    assert done == [(n, 7) for n in range(1, 8)]
+    np.testing.assert_array_equal(two.frame_times, one.frame_times)
+    np.testing.assert_array_equal(two.data[0], one.data[0])
+    np.testing.assert_allclose(two.data, one.data, rtol=0, atol=1e-2 * np.abs(one.data).max())
+    reports = [frame.report for frame in simulator.frames(duration, workers=2)]
+    assert len(reports) == 7
+    assert all(0 < each.error < 2e-2 for each in reports)
+
+
+def test_frames_of_workers_are_handed_over_before_the_next_one_fails(moving: Any, monkeypatch: Any) -> None:
+    whole, trace = moving.adc(0.4, noise=False, workers=2).data, moving.tracer.trace
+
+    def failing(start: float, *rest: Any) -> Any:
+        if start > 0.32:
+            raise RuntimeError("no more")
+        return trace(start, *rest)
+
+    monkeypatch.setattr(moving.tracer, "trace", failing)
+    found = []
+    with pytest.raises(RuntimeError, match="no more"):
+        found.extend(frame.samples.astype(np.complex64) for frame in moving.frames(0.4, noise=False, workers=2))
+    np.testing.assert_array_equal(found, whole[:7])
+
+
 def test_the_seed_makes_the_noise(moving: Any, radar: Any) -> None:
     first, again, other = (moving.adc(0.1, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.data, again.data)

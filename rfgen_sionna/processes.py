@@ -1,0 +1,191 @@
+"""Numbered work that is split among forked processes.
+
+Python runs one thread at a time, so that threads of its own hardly make tracing quicker. A forked process has all that
+there was when it was forked, scenes, users' functions and compiled kernels among it, and nothing of it is copied before
+somebody writes to it.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import logging.handlers
+import pickle
+import signal
+import sys
+import traceback
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from enum import Enum, auto
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from queue import SimpleQueue
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from rfgen_sionna.scene.backend import may_use_cuda, without_threads
+
+T = TypeVar("T")
+AHEAD = 1
+"""Runs that may be begun or over beyond those that are worked on: what they made is kept until it is its turn."""
+
+
+class _Said(Enum):
+    """What a process tells."""
+
+    MADE = auto()
+    LOGGED = auto()
+    WARNED = auto()
+    FAILED = auto()
+    OVER = auto()
+
+
+def check_workers(workers: Any, device: str = "cpu") -> int:
+    """The number of processes, if there may be so many where paths are summed on a `device`.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number of at least 1, or more than 1 where processes can't be forked.
+    """
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise ValueError(f"workers is {workers!r}: a whole number of at least 1 is needed")
+    if workers > 1 and sys.platform != "linux":
+        raise ValueError(f"workers is {workers}: processes are forked, which is safe on Linux alone; 1 is allowed here")
+    if workers > 1 and (device == "cuda" or may_use_cuda()):
+        raise ValueError(
+            f"workers is {workers}: a process that uses CUDA can't be forked. 1 is allowed, and more on the CPU: "
+            "mitsuba.set_variant('llvm_ad_mono_polarized') before anything else, and device='cpu'"
+        )
+    return workers
+
+
+def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
+    """What a `job` makes of the numbers of all `runs`, in their order; so many processes work at a time, on a run each.
+
+    A process is forked when its run begins, and works on one core. What it logs and warns of is logged and warned of
+    here, when it is its turn.
+
+    Raises
+    ------
+    Exception
+        What the job raised, once all that was made before is handed over.
+    RuntimeError
+        If a process ended before its work did.
+    """
+    to_do, begun, warned = deque(runs), deque[_Run](), dict[Any, Any]()
+    try:
+        while to_do or begun:
+            while to_do and sum(not each.over for each in begun) < workers and len(begun) < workers + AHEAD:
+                begun.append(_Run(job, to_do.popleft(), begun))
+            first, working = begun[0], {each.connection: each for each in begun if not each.over}
+            # What others send is taken from them, but not waited for where something is at hand.
+            for ready in wait(list(working), 0.0 if first.told else None) if working else ():
+                working[ready].listen()  # type: ignore[index]
+            if not first.told:
+                continue
+            said, what = first.told.popleft()
+            if said is _Said.MADE:
+                yield what
+            elif said is _Said.LOGGED:
+                logging.getLogger(what.name).handle(what)
+            elif said is _Said.WARNED:
+                message, category, filename, line = what
+                warnings.warn_explicit(message, category, filename, line, registry=warned)
+            elif said is _Said.FAILED:
+                raise what
+            else:
+                begun.popleft().end()
+    finally:
+        for each in begun:
+            each.end()
+
+
+class _Run:
+    """A process that works on some numbers, forked while others are."""
+
+    def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Run]) -> None:
+        context = get_context("fork")
+        self.connection, theirs = context.Pipe(duplex=False)
+        self.told, self.over, self._numbers = deque[tuple[_Said, Any]](), False, numbers
+        # Ends of pipes that it does not need would keep other processes alive when this one is killed.
+        inherited = [self.connection, *(each.connection for each in others)]
+        self._process = context.Process(target=_work, args=(job, numbers, theirs, inherited), daemon=True)
+        with without_threads(), warnings.catch_warnings():
+            # Python warns of threads that the child will lack: Dr.Jit's have ended, and BLAS makes its own anew.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._process.start()
+        theirs.close()
+
+    def listen(self) -> None:
+        """Take what the process tells next."""
+        try:
+            said, what = self.connection.recv()
+        except EOFError:
+            self._process.join()
+            said, what = _Said.FAILED, RuntimeError(
+                f"the process that worked on frames {self._numbers.start} … {self._numbers.stop - 1} ended with "
+                f"{self._process.exitcode} (below 0 it is a signal; -9 is often want of memory: take fewer workers)"
+            )  # fmt: skip
+        self.told.append((said, what))
+        self.over = said in (_Said.FAILED, _Said.OVER)
+
+    def end(self) -> None:
+        """Let the process go, wherever it is."""
+        self._process.terminate()
+        self._process.join()
+        self._process.close()
+        self.connection.close()
+
+
+def _work(job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]) -> None:
+    """The child: works on some numbers, and tells of it."""
+    gc.freeze()  # what the parent has open, HDF5 files among it, is not this one's to close
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
+    for each in inherited:
+        each.close()
+    _speak_through(results)
+    try:
+        with threadpool_limits(1):
+            for number in numbers:
+                results.send((_Said.MADE, job(number)))
+        results.send((_Said.OVER, None))
+    except Exception as error:
+        error.add_note("".join(["In another process:\n", *traceback.format_exception(error)]))
+        results.send((_Said.FAILED, _portable(error)))
+
+
+def _speak_through(results: Connection) -> None:
+    """Send what is logged and warned of, and show it nowhere here."""
+    known = [each for each in logging.Logger.manager.loggerDict.values() if isinstance(each, logging.Logger)]
+    for logger in (logging.getLogger(), *known):
+        logger.handlers.clear()
+        logger.propagate = True
+    logging.getLogger().addHandler(_Sender(results))
+
+    def show(message: Any, category: Any, filename: str, lineno: int, file: Any = None, line: Any = None) -> None:
+        results.send((_Said.WARNED, (message, category, filename, lineno)))
+
+    warnings.showwarning = show
+
+
+class _Sender(logging.handlers.QueueHandler):
+    """Sends records to the parent."""
+
+    def __init__(self, results: Connection) -> None:
+        super().__init__(SimpleQueue())  # which nothing goes by
+        self._results = results
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        self._results.send((_Said.LOGGED, record))
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, or one that says the same where it can't be sent."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError("\n".join([f"{type(error).__name__}: {error}", *error.__notes__]))
+    return error
