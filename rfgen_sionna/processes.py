@@ -7,6 +7,7 @@ somebody writes to it.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import logging
 import logging.handlers
@@ -28,6 +29,7 @@ from threadpoolctl import threadpool_limits
 from rfgen_sionna.scene.backend import may_use_cuda, without_threads
 
 T = TypeVar("T")
+_PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 AHEAD = 1
 """Runs that may be begun or over beyond those that are worked on: what they made is kept until it is its turn."""
 
@@ -65,8 +67,9 @@ def check_workers(workers: Any, device: str = "cpu") -> int:
 def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
     """What a `job` makes of the numbers of all `runs`, in their order; so many processes work at a time, on a run each.
 
-    A process is forked when its run begins, and works on one core. What it logs and warns of is logged and warned of
-    here, when it is its turn.
+    A process is forked when its run begins, and works on one core. Other threads of this one must not trace or sum
+    paths meanwhile: what they hold would never be let go in the child. What it logs and warns of is logged and warned
+    of here, when it is its turn.
 
     Raises
     ------
@@ -142,6 +145,7 @@ class _Run:
 
 def _work(job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]) -> None:
     """The child: works on some numbers, and tells of it."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # where the parent is killed, so is this one
     gc.freeze()  # what the parent has open, HDF5 files among it, is not this one's to close
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     for each in inherited:

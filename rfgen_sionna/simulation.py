@@ -294,7 +294,8 @@ class Simulator:
             within the tolerance, and each gives the same bits again.
         workers
             Processes that trace and sum frames, each on one core (Linux, without CUDA). From two on the samples are the
-            same to the bit whatever their number, and within the tolerance those of one.
+            same to the bit whatever their number, and within the tolerance those of one. As processes are forked,
+            other threads must not trace meanwhile.
         progress
             Called after each frame.
 
