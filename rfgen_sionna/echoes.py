@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.pir.fused import Fusion
 from rfgen_sionna.processes import in_processes
 from rfgen_sionna.radar import Radar
@@ -83,6 +84,7 @@ def echoes(
     :func:`rfgen_sionna.signal.synthesize`; `begun` is called when the static scene is traced, where there is one.
     """
 
+    @one_blas_thread()
     def samples(parts: Callable[[], Sequence[RadarPaths]], start: float, still: int) -> NDArray[np.complex128]:
         total = np.zeros(radar.frame_shape, dtype=np.complex128)
         for part in parts():

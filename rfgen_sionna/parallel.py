@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import lru_cache
-from threading import Lock
+from threading import Condition
 from typing import Any
 
 
@@ -14,7 +14,7 @@ class Limit:
     lifts it. `limit` sets it and returns what lifts it."""
 
     def __init__(self, limit: Callable[[], Callable[[], object]]) -> None:
-        self._lock, self._holders, self._limit = Lock(), 0, limit
+        self._free, self._holders, self._limit = Condition(), 0, limit
         self._lift: Callable[[], object] | None = None
 
     @contextmanager
@@ -26,18 +26,31 @@ class Limit:
         finally:
             self._give_back()
 
+    @contextmanager
+    def by_nobody(self) -> Iterator[None]:
+        """Within it nobody holds it: it is waited until the last one has gone, and who comes waits."""
+        with self._free:
+            self._free.wait_for(lambda: self._holders == 0)
+            yield
+
+    def forget(self) -> None:
+        """Begin anew, in a process that was forked within :meth:`by_nobody`."""
+        self._free, self._holders = Condition(), 0
+
     def _take(self) -> None:
-        with self._lock:
+        with self._free:
             if self._holders == 0:
                 self._lift = self._limit()
             self._holders += 1
 
     def _give_back(self) -> None:
-        with self._lock:
+        with self._free:
             self._holders -= 1
-            if self._holders == 0 and self._lift is not None:
-                self._lift()
+            if self._holders == 0:
+                if self._lift is not None:
+                    self._lift()
                 self._lift = None
+                self._free.notify_all()
 
 
 @lru_cache(maxsize=1)
@@ -60,3 +73,14 @@ def one_blas_thread() -> Iterator[None]:
     """
     with _BLAS.held():
         yield
+
+
+def nobody_at_work() -> AbstractContextManager[None]:
+    """Within it no thread is in :func:`one_blas_thread`, such as to trace or to sum paths: a process may be forked, in
+    which what another thread holds would never be let go. The child calls :func:`alone` first."""
+    return _BLAS.by_nobody()
+
+
+def alone() -> None:
+    """Let threads of a forked process work again."""
+    _BLAS.forget()

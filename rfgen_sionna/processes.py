@@ -7,10 +7,10 @@ somebody writes to it.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import logging
 import logging.handlers
+import os
 import pickle
 import signal
 import sys
@@ -18,20 +18,28 @@ import traceback
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from enum import Enum, auto
-from multiprocessing import get_context
+from multiprocessing import current_process, get_context
 from multiprocessing.connection import Connection, wait
+from multiprocessing.reduction import ForkingPickler
 from queue import SimpleQueue
+from signal import SIG_DFL, SIG_IGN, SIGHUP, SIGINT, SIGTERM
+from threading import Thread
 from typing import Any, TypeVar
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
+from rfgen_sionna.parallel import alone, nobody_at_work
 from rfgen_sionna.scene.backend import may_use_cuda, without_threads
 
 T = TypeVar("T")
-_PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 AHEAD = 1
 """Runs that may be begun or over beyond those that are worked on: what they made is kept until it is its turn."""
+
+_PATIENCE = 5.0
+"""How long a process may take to go when nobody asks for it any more [s]."""
 
 
 class _Said(Enum):
@@ -52,29 +60,36 @@ def check_workers(workers: Any, device: str = "cpu") -> int:
     ValueError
         If it is no whole number of at least 1, or more than 1 where processes can't be forked.
     """
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+    if isinstance(workers, bool) or not isinstance(workers, (int, np.integer)) or workers < 1:
         raise ValueError(f"workers is {workers!r}: a whole number of at least 1 is needed")
     if workers > 1 and sys.platform != "linux":
         raise ValueError(f"workers is {workers}: processes are forked, which is safe on Linux alone; 1 is allowed here")
     if workers > 1 and (device == "cuda" or may_use_cuda()):
         raise ValueError(
-            f"workers is {workers}: a process that uses CUDA can't be forked. 1 is allowed, and more on the CPU: "
-            "mitsuba.set_variant('llvm_ad_mono_polarized') before anything else, and device='cpu'"
+            f"workers is {workers}: a process that uses CUDA can't be forked. 1 is allowed, and more on the CPU: with "
+            "the environment variable CUDA_VISIBLE_DEVICES empty, or with device='cpu' after "
+            "mitsuba.set_variant('llvm_ad_mono_polarized')"
         )
-    return workers
+    if workers > 1 and current_process().daemon:
+        raise ValueError(
+            f"workers is {workers}: this process is one of a multiprocessing.Pool or of a DataLoader, which can't have "
+            "processes of its own; 1 is allowed here"
+        )
+    return int(workers)
 
 
 def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
     """What a `job` makes of the numbers of all `runs`, in their order; so many processes work at a time, on a run each.
 
-    A process is forked when its run begins, and works on one core. Other threads of this one must not trace or sum
-    paths meanwhile: what they hold would never be let go in the child. What it logs and warns of is logged and warned
-    of here, when it is its turn.
+    A process is forked when its run begins, as soon as no other thread traces or sums paths, and works on one core. It
+    ends with this one, or when nobody asks for more. What it logs and warns of is logged and warned of here, when it is
+    its turn.
 
     Raises
     ------
     Exception
-        What the job raised, once all that was made before is handed over.
+        What the job raised, once all that was made before is handed over; as a RuntimeError that tells of it if it
+        can't be pickled.
     RuntimeError
         If a process ended before its work did.
     """
@@ -111,14 +126,14 @@ class _Run:
 
     def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Run]) -> None:
         context = get_context("fork")
-        self.connection, theirs = context.Pipe(duplex=False)
+        self.connection, theirs = context.Pipe()
         self.told, self.over, self._numbers = deque[tuple[_Said, Any]](), False, numbers
-        # Ends of pipes that it does not need would keep other processes alive when this one is killed.
+        # Ends of pipes that it does not need would hide from other processes that this one has gone.
         inherited = [self.connection, *(each.connection for each in others)]
         self._process = context.Process(target=_work, args=(job, numbers, theirs, inherited), daemon=True)
-        with without_threads(), warnings.catch_warnings():
+        with nobody_at_work(), without_threads(), warnings.catch_warnings():
             # Python warns of threads that the child will lack: Dr.Jit's have ended, and BLAS makes its own anew.
-            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
             self._process.start()
         theirs.close()
 
@@ -126,7 +141,7 @@ class _Run:
         """Take what the process tells next."""
         try:
             said, what = self.connection.recv()
-        except EOFError:
+        except (EOFError, OSError):  # the latter in the middle of what it told
             self._process.join()
             said, what = _Said.FAILED, RuntimeError(
                 f"the process that worked on frames {self._numbers.start} … {self._numbers.stop - 1} ended with "
@@ -137,28 +152,49 @@ class _Run:
 
     def end(self) -> None:
         """Let the process go, wherever it is."""
-        self._process.terminate()
-        self._process.join()
+        self.connection.close()  # which ends it
+        self._process.join(_PATIENCE)
+        if self._process.exitcode is None:
+            self._process.kill()
+            self._process.join()
         self._process.close()
-        self.connection.close()
 
 
 def _work(job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]) -> None:
     """The child: works on some numbers, and tells of it."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # where the parent is killed, so is this one
+    signal.set_wakeup_fd(-1)  # the parent's event loop is not to hear of this one's signals
+    for each, handler in ((SIGINT, SIG_IGN), (SIGTERM, SIG_DFL), (SIGHUP, SIG_DFL)):  # at ^C the parent ends it
+        signal.signal(each, handler)
+    alone()
     gc.freeze()  # what the parent has open, HDF5 files among it, is not this one's to close
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
-    for each in inherited:
-        each.close()
+    for connection in inherited:
+        connection.close()
+    Thread(target=_end_with, args=(results,), daemon=True).start()
     _speak_through(results)
     try:
         with threadpool_limits(1):
             for number in numbers:
-                results.send((_Said.MADE, job(number)))
-        results.send((_Said.OVER, None))
+                _tell(results, _Said.MADE, job(number))
+        _tell(results, _Said.OVER, None)
     except Exception as error:
         error.add_note("".join(["In another process:\n", *traceback.format_exception(error)]))
-        results.send((_Said.FAILED, _portable(error)))
+        _tell(results, _Said.FAILED, _portable(error))
+
+
+def _end_with(parent: Connection) -> None:
+    """Wait until the parent has closed its end, which it never writes to, or has gone."""
+    with suppress(EOFError, OSError):
+        parent.recv_bytes()
+    os._exit(1)
+
+
+def _tell(parent: Connection, said: _Said, what: Any) -> None:
+    """Tell the parent, or end where there is none."""
+    message = ForkingPickler.dumps((said, what))
+    try:
+        parent.send_bytes(message)
+    except OSError:
+        os._exit(1)
 
 
 def _speak_through(results: Connection) -> None:
@@ -170,7 +206,11 @@ def _speak_through(results: Connection) -> None:
     logging.getLogger().addHandler(_Sender(results))
 
     def show(message: Any, category: Any, filename: str, lineno: int, file: Any = None, line: Any = None) -> None:
-        results.send((_Said.WARNED, (message, category, filename, lineno)))
+        try:
+            pickle.loads(pickle.dumps((message, category)))
+        except Exception:
+            message, category = f"{category.__name__}: {message}", UserWarning
+        _tell(results, _Said.WARNED, (message, category, filename, lineno))
 
     warnings.showwarning = show
 
@@ -183,7 +223,7 @@ class _Sender(logging.handlers.QueueHandler):
         self._results = results
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        self._results.send((_Said.LOGGED, record))
+        _tell(self._results, _Said.LOGGED, record)
 
 
 def _portable(error: Exception) -> Exception:

@@ -293,9 +293,9 @@ class Simulator:
             What sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA where there is one. Both are
             within the tolerance, and each gives the same bits again.
         workers
-            Processes that trace and sum frames, each on one core (Linux, without CUDA). From two on the samples are the
-            same to the bit whatever their number, and within the tolerance those of one. As processes are forked,
-            other threads must not trace meanwhile.
+            Processes that trace and sum frames, four frames at a time, each on one core (Linux, without CUDA). From two
+            on the samples are the same to the bit whatever their number; those of one have other facets, within the
+            same tolerance.
         progress
             Called after each frame.
 

@@ -3,12 +3,17 @@
 import logging
 import os
 import signal
+import subprocess
+import sys
 import time
 import warnings
+from multiprocessing import current_process
+from threading import Event, Thread, Timer
 
 import numpy as np
 import pytest
 
+from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.processes import check_workers, in_processes
 
 RUNS = [range(1, 4), range(4, 5), range(5, 9), range(9, 12)]
@@ -94,6 +99,80 @@ def test_a_process_that_is_killed_is_told_of():
     assert found == [1, 2, 3, 4, 5]
 
 
+def test_a_process_that_is_killed_while_it_tells_something():
+    """In the middle of what it tells, which is more than a pipe holds."""
+
+    def job(number):
+        return os.getpid() if number == 1 else np.zeros(2_000_000)
+
+    results = in_processes(job, [range(1, 3)], 1)
+    process = next(results)
+    time.sleep(0.5)
+    os.kill(process, signal.SIGKILL)
+    with pytest.raises(RuntimeError, match="ended with -9"):
+        next(results)
+
+
+@pytest.mark.parametrize("handler", [signal.SIG_IGN, lambda *_: None])
+def test_nobody_works_on_where_signals_are_handled(handler):
+    """What the application makes of SIGTERM is not what ends processes, nor do they tell it of any."""
+
+    def job(number):
+        if number > 1:
+            time.sleep(60)
+        return os.getpid()
+
+    before = signal.signal(signal.SIGTERM, handler)
+    try:
+        results = in_processes(job, RUNS, 2)
+        next(results)
+        begun = time.monotonic()
+        results.close()
+        assert time.monotonic() - begun < 4.0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_processes_go_with_one_that_is_killed():
+    script = """
+import os, time
+from rfgen_sionna.parallel import one_blas_thread
+from rfgen_sionna.processes import in_processes
+def job(number):
+    print(os.getpid(), flush=True)
+    time.sleep(60)
+list(in_processes(job, [range(2), range(2, 4)], 2))
+"""
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
+        children = [int(parent.stdout.readline()) for _ in range(2)]
+        parent.kill()
+        end = time.monotonic() + 10.0
+        while any(map(alive, children)) and time.monotonic() < end:
+            time.sleep(0.05)
+    assert not any(map(alive, children))
+
+
+def test_nothing_is_forked_while_another_thread_works():
+    """What it holds would never be let go in the child."""
+    working, free = Event(), Event()
+
+    def work():
+        with one_blas_thread():
+            working.set()
+            free.wait(30)
+
+    def job(number):
+        with one_blas_thread():  # not held by a thread that is not there
+            return free.is_set()
+
+    thread = Thread(target=work)
+    thread.start()
+    working.wait(30)
+    Timer(0.3, free.set).start()
+    assert list(in_processes(job, [range(1)], 2)) == [True]
+    thread.join()
+
+
 def test_nobody_works_on_for_one_who_leaves():
     def job(number):
         if number > 1:
@@ -121,6 +200,27 @@ def test_logs_and_warnings_come_in_order(caplog):
     assert len(caplog.messages) == len(heard) == 11
 
 
+class PeculiarWarning(UserWarning):
+    """One that can't be made again of what it says."""
+
+    def __init__(self, first: int, second: int) -> None:
+        super().__init__(f"{first} and {second}")
+
+
+def test_warnings_that_are_errors_and_such_as_can_t_be_sent():
+    def deprecated(number):
+        warnings.warn("old", DeprecationWarning, stacklevel=1)
+
+    def peculiar(number):
+        warnings.warn(PeculiarWarning(1, 2), stacklevel=1)
+        return number
+
+    with pytest.raises(DeprecationWarning, match="old"):  # as pytest's filters have it
+        list(in_processes(deprecated, RUNS, 2))
+    with pytest.warns(UserWarning, match="PeculiarWarning: 1 and 2"):
+        assert list(in_processes(peculiar, RUNS[:1], 2)) == [1, 2, 3]
+
+
 @pytest.mark.parametrize("workers", [0, -1, True, 1.0, "2", None])
 def test_numbers_of_workers_that_are_none(workers):
     with pytest.raises(ValueError, match=r"workers is .* a whole number of at least 1"):
@@ -128,6 +228,11 @@ def test_numbers_of_workers_that_are_none(workers):
 
 
 def test_where_nothing_can_be_forked_one_works(monkeypatch):
+    assert check_workers(np.int64(2)) == 2
+    with monkeypatch.context() as changed:
+        changed.setattr(current_process(), "_config", {"daemon": True})
+        with pytest.raises(ValueError, match="workers is 2: this process is one of a multiprocessing"):
+            check_workers(2)
     with pytest.raises(ValueError, match="workers is 2: a process that uses CUDA"):
         check_workers(2, "cuda")
     monkeypatch.setattr("sys.platform", "darwin")
