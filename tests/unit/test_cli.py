@@ -80,7 +80,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path) -> None:
         *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu", "--max-bounces", "2", "--transmission"),
         *("--surroundings", "diffusion", "--negative-environment", "sofa", "--no-refine"),
         *("--environment-model", "folder", "--environment-lora", "owner/lora", "--fov-deg", "80"),
-        *("--projection", "equirectangular"),
+        *("--projection", "equirectangular", "--workers", "2"),
     )
     assert code == 0, err
     call = rfgen.calls[0]
@@ -115,6 +115,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path) -> None:
         "motion": "diffusion",
         "collisions": "warn",
         "device": "cpu",
+        "workers": 2,
     }
     assert "action left_arm_raised or right_arm_raised" in out
     assert "wrote arm.h5" in out
