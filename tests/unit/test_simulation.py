@@ -16,6 +16,7 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.scene import CoarseMeshWarning
+from rfgen_sionna.scene.backend import may_use_cuda
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.signal.noise import noise_power
 
@@ -411,6 +412,10 @@ def test_a_frame_that_is_whole_is_handed_over_before_the_next_one_fails(moving: 
         next(frames)
 
 
+FORKS = pytest.mark.skipif(may_use_cuda(), reason="a process that uses CUDA can't be forked")
+
+
+@FORKS
 def test_workers_make_the_samples_of_one(living_room: Any, radar: Any) -> None:
     """Within the tolerance, in a scene whose static part is traced once."""
     ball = rfgen.Actor.from_mesh(
@@ -427,6 +432,7 @@ def test_workers_make_the_samples_of_one(living_room: Any, radar: Any) -> None:
     np.testing.assert_allclose(two.data, one.data, rtol=0, atol=1e-2 * np.abs(one.data).max())
 
 
+@FORKS
 def test_workers_don_t_know_of_one_another_s_frames(radar: Any) -> None:
     """Of a box that comes near, facets are made finer from frame to frame, whoever traced those before; the radar
     moves. One worker has others, as right as these."""
@@ -444,6 +450,7 @@ def test_workers_don_t_know_of_one_another_s_frames(radar: Any) -> None:
     assert 0 < np.abs(two - one).max() < 2e-3 * scale
 
 
+@FORKS
 def test_frames_of_workers_are_handed_over_before_the_next_one_fails(moving: Any, monkeypatch: Any) -> None:
     whole, trace = moving.adc(0.4, noise=False, workers=2).data, moving.tracer.trace
 
