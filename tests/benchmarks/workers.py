@@ -85,8 +85,8 @@ def main() -> int:
     for name in SCENES:
         subjects[name] = measure(name, counts, options.duration)
         result = {
-            "command": COMMAND, "code": code(), "rtol": RTOL, "machine": machine(), "versions": versions(),
-            "subjects": subjects,
+            "command": f"{COMMAND} --duration {options.duration:g}", "code": code(), "rtol": RTOL,
+            "machine": machine(), "versions": versions(), "subjects": subjects,
         }  # fmt: skip
         (options.output / "workers.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         draw(subjects, options.output / "workers.png")
