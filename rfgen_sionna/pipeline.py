@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
 from rfgen_sionna.generative.actor import Actor
@@ -25,7 +26,6 @@ from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.clearance import surface_of
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.places import Policy

@@ -15,15 +15,10 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-ComplexArray = NDArray[np.complex128]
-
-SPEED_OF_LIGHT = 299_792_458.0
-"""Speed of light in vacuum [m/s] (exact, SI)."""
 
 
 @dataclass(frozen=True)

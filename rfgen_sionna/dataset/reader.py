@@ -15,9 +15,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.dataset.schema import FORMAT, PIR_CHANNELS, VERSION, RunFormatError
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube, FloatArray, IntArray, Pir
+from rfgen_sionna.records import AdcCube, Pir
 
 _NEEDED = ("adc", "frame_time", "mesh_time", "actors", "labels")
 _NEEDED_ATTRIBUTES = ("format_version", "prompt", "negative_prompt", "environment", "radar", "seeds", "software")

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rfgen_sionna.records import IntArray
+from rfgen_sionna._types import IntArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

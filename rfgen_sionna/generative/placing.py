@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.decisions import Decision, drawn
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

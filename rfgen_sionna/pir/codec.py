@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar.pose import rotation_matrix
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 Image = NDArray[np.float32]
 

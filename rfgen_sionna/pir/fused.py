@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.pir.fusion import MOST_GAIN_DB, Refinement, before, image, mix
 from rfgen_sionna.pir.surroundings import Surroundings
-from rfgen_sionna.records import FloatArray, Pir, RadarPaths
+from rfgen_sionna.records import Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.tracer import Traced, Tracer, TraceReport
 

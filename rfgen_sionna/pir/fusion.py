@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.pir.rasterise import rasterise
 from rfgen_sionna.pir.surroundings import Surroundings, check_image
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import FloatArray, IntArray, Pir, RadarPaths
+from rfgen_sionna.records import Pir, RadarPaths
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

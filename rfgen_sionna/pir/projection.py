@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 Projection = Literal["perspective", "equirectangular"]
 PROJECTIONS: tuple[Projection, ...] = get_args(Projection)

@@ -10,8 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.pir.projection import ImagePlane, Projection
-from rfgen_sionna.records import FloatArray
 
 Indices: TypeAlias = NDArray[np.integer[Any]]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, PathKind, Pir, RadarPaths
+from rfgen_sionna.records import PathKind, Pir, RadarPaths
 
 INCOHERENT = (PathKind.DIFFUSE, PathKind.ENVIRONMENT)
 """Kinds of paths whose phases are random: their energies add up."""

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.pir.projection import check_fov, check_projection
 from rfgen_sionna.pir.raster import Indices, Raster
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, Pir
+from rfgen_sionna.records import Pir
 from rfgen_sionna.tracing.beams.footprints import Shades, Stage, shade, trace_footprints
 from rfgen_sionna.tracing.beams.gloss import reflections
 from rfgen_sionna.tracing.tubes.shoot import MOST_BOUNCES, shoot_beyond

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, PathKind, Pir, RadarPaths
+from rfgen_sionna.records import PathKind, Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.relative import from_world, to_world
 

@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.pir.projection import ImagePlane, Projection, check_projection
 from rfgen_sionna.radar.pose import Vector, rotation_matrix
-from rfgen_sionna.records import FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 
 @dataclass(frozen=True)

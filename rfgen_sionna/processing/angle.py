@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.slots import ComplexChannels, decoder, entry_times
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import compensate_tdm, steering, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.spectrum import Window, range_doppler, taper
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

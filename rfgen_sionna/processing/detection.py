@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from scipy.special import gammaincinv
 from scipy.stats import beta, f, gamma
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 _MODES = ("mirror", "wrap")
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.detection import refine_peaks
 from rfgen_sionna.processing.slots import ComplexChannels
 from rfgen_sionna.processing.spectrum import range_transform
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import Directions, find_directions, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
@@ -23,7 +24,6 @@ from rfgen_sionna.processing.spectrum import (
     remove_static,
     taper,
 )
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

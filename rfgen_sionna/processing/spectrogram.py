@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.slots import in_bands, kept_bands, separated
 from rfgen_sionna.processing.spectrum import (
     Window,
@@ -28,7 +29,6 @@ from rfgen_sionna.processing.spectrum import (
     taper,
     velocity_axis,
 )
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

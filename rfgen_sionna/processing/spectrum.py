@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 from scipy.signal import CZT, get_window
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.processing.slots import axis_lengths, kept_bands, separated
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

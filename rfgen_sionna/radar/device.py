@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.errors import RadarConfigError
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
 from rfgen_sionna.radar.plausible import check_cut, check_plausible
 from rfgen_sionna.radar.preset import preset_waveform
 from rfgen_sionna.radar.table import read_table
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.resources import available, resolve
 
 _LEAST_PITCH, _LARGEST_ARRAY = 0.05, 250.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 _LARGEST = 10.0
 """How far an element may lie from the centre [m]."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.table import TablePattern
-from rfgen_sionna.records import FloatArray
 
 PREFIX = "sionna:"
 """How the name of a pattern in Sionna's registry begins."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 Vector = tuple[float, float, float]
 

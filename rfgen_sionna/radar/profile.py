@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 
 
 def is_number(value: Any) -> bool:

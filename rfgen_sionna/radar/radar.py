@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import overridden, read_config
 from rfgen_sionna.radar.device import radar_fields, radar_file
@@ -19,7 +20,6 @@ from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotat
 from rfgen_sionna.radar.record import fields_from_record, radar_record
 from rfgen_sionna.radar.slots import slot_label
 from rfgen_sionna.radar.waveform import Waveform
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.resources import available, resolve
 
 

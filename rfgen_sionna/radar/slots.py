@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import ComplexArray, FloatArray
 
 _MOST_TX = 256
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 _FLOOR = -200.0
 """Level of a null [dB]."""

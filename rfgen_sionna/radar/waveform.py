@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.radar.frame_checks import check_slots, check_times, checked_order
 from rfgen_sionna.radar.profile import Profile, is_number
 from rfgen_sionna.radar.slots import Slot, doppler_gap, multiplexing_of
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 
 _PROFILE = tuple(field.name for field in fields(Profile))
 

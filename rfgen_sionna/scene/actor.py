@@ -12,8 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar.pose import rotation_matrix
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, MeshSequence
+from rfgen_sionna.records import MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
 from rfgen_sionna.scene.seams import sewn

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.mesh import used_vertices

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.clearance import surface_of, winding_number
 from rfgen_sionna.scene.collision import ALLOWED, FINEST_STEP, STEP, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.errors import SceneError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.errors import CoarseMeshWarning
 from rfgen_sionna.scene.flats import planes

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.resources import available, resolve
 from rfgen_sionna.scene.enclosure import Interior, read_interior
 from rfgen_sionna.scene.errors import MaterialError, SceneError

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.constants import epsilon_0
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.scene.errors import MaterialError, MaterialRangeWarning
 from rfgen_sionna.scene.material_table import ALIASES, TABLE
 from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity, covers

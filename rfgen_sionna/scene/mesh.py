@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
 from rfgen_sionna.scene.seams import sewn
 

@@ -12,7 +12,7 @@ from typing import Literal, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from scipy.constants import epsilon_0
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 
 Outside: TypeAlias = Literal["extrapolate", "clamp", "raise"]
 Range: TypeAlias = tuple[float, float]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear, surface_of
 from rfgen_sionna.scene.collision import ALLOWED, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.errors import SceneError

@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.parallel import Limit
-from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.errors import BackendError
 from rfgen_sionna.scene.transfer import upload
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, before_another_scene

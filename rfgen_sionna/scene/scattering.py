@@ -12,8 +12,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scipy.special import binom
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.errors import MaterialError
 
 Kind = Literal["lambertian", "directive", "backscattering"]

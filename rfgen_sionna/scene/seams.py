@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 
 NEAR = 1e-6
 """Vertices no further apart than this share of the extent, along any axis, are at the same place: what turns a mesh in

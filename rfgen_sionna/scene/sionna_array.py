@@ -12,9 +12,9 @@ import mitsuba
 import numpy as np
 import sionna.rt
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import POLARIZATIONS
-from rfgen_sionna.records import FloatArray
 
 mi: Any = mitsuba  # its type stubs don't know what a variant brings
 End = Literal["tx", "rx"]

@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import Run
 from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
-from rfgen_sionna.records import FloatArray, Pir
+from rfgen_sionna.records import Pir
 from rfgen_sionna.show.style import (
     ACCENT,
     DELAY_MAP,

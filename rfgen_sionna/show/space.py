@@ -12,9 +12,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import ActorRecord, Run
 from rfgen_sionna.processing.pointcloud import PointCloud
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.show.style import ACCENT, FAINT, INK, VELOCITY_MAP, titled
 
 BODY = np.array([0.72, 0.76, 0.81])

@@ -8,7 +8,7 @@ from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 INK = "#1d2733"
 FAINT = "#6b7785"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.dataset import Run, open_run
 from rfgen_sionna.processing.azimuth import RangeAzimuth, range_azimuth
 from rfgen_sionna.processing.demultiplex import select_profile, select_slot
@@ -18,7 +19,6 @@ from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
 from rfgen_sionna.processing.spectrum import range_doppler, watts_to_dbm
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 
 class NoPictureError(ValueError):

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import RadarPaths, knot_weights
 
 
 @dataclass(frozen=True)

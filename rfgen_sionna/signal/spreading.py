@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.signal.taps import Taps, Term, deconvolution, taps
 
 PHASE, BEAT, QUADRATIC, GAINS = 0, 1, 2, 3

@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
 from rfgen_sionna.signal.checks import check_synthesis
 from rfgen_sionna.signal.phase import (

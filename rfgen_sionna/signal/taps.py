@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 
 WIDTHS = tuple(range(2, 15))
 _FREQUENCIES, _PLACES = 80, 28

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 
 if TYPE_CHECKING:

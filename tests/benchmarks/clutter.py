@@ -20,12 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.data import split_of
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.shooting import Shot, Stage
 from rfgen_sionna.processing import range_axis, range_spectrum
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, Pir
+from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.simulation import Simulator
 

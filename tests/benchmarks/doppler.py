@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.signal.windows import blackman
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray
 from tests.benchmarks.errors import floor_db, slow_time
 from tests.benchmarks.measuring import default_rtol, timed
 from tests.benchmarks.methods import Beams, Method, Samples, Traced

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.signal.windows import blackman
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.signal import synthesize
 from tests.benchmarks import truth
 from tests.benchmarks.measuring import timed

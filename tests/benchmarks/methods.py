@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.tracing.beams.footprints import Stage, trace_footprints

@@ -23,6 +23,7 @@ import typer
 from diffusers.models.attention_processor import AttnProcessor
 from scipy.ndimage import gaussian_filter
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.forward import even_loss
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, read_model, write_model
@@ -30,7 +31,6 @@ from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.train import progress_bar
 from rfgen_sionna.generative.environment.training import diffuse
 from rfgen_sionna.generative.learning import Run, precision
-from rfgen_sionna.records import FloatArray
 
 _EDGE = 64
 _SMALLEST, _LARGEST = 2.0, 40.0

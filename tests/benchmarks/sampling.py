@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.tracing import tracer
 from rfgen_sionna.tracing.gains import band as gains
 from rfgen_sionna.tracing.moving.sight import apart_for

@@ -19,8 +19,8 @@ from unittest import mock
 
 import numpy as np
 
+from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing import tracer

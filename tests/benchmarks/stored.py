@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from tests.benchmarks.truth import VERSION, Probe, Quadrature
 
 SHIPPED = Path(__file__).parent / "results" / "truth.json"

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene import Actor, RadarScene, RigidMesh, load_scene
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.surface.smooth import smoothing

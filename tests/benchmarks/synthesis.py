@@ -23,8 +23,9 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
 
 SEED = 0

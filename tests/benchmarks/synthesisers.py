@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, RadarPaths
+from rfgen_sionna._types import ComplexArray
+from rfgen_sionna.records import RadarPaths
 from tests.benchmarks import synthesis
 from tests.benchmarks.measuring import timed
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.surface.bend import edge_rises
 from rfgen_sionna.tracing.surface.smooth import smoothing

@@ -7,8 +7,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
+from rfgen_sionna.records import PathKind
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.bounces.landing import DIRECT

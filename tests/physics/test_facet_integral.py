@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna._types import SPEED_OF_LIGHT
+from rfgen_sionna.records import knot_weights
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.surface.bend import Bend

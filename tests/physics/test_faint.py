@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import MATERIALS, Actor
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.permittivity import Conductor

@@ -14,13 +14,14 @@ from rfgen_sionna.tracing.tracer import Tracer
 pytest.importorskip("anny")
 pytest.importorskip("diffusers")
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, Rig, animate, person
 from rfgen_sionna.generative.diffusion.rhythm import find_period
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion, RadarPaths
+from rfgen_sionna.records import Motion, RadarPaths
 
 
 @pytest.mark.slow

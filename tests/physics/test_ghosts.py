@@ -8,8 +8,9 @@ import trimesh
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
+from rfgen_sionna.records import PathKind
 from rfgen_sionna.scene import Actor, load_scene, tabulated
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator

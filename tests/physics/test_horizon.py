@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.moving.parts import MEASURED_EVERY, MovingParts

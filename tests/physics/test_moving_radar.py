@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.processing import point_cloud, range_spectrum
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import Radar, Trajectory
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor, SceneError, add_radar, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from scipy.special import fresnel
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator

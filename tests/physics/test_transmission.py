@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import MATERIALS, Actor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.integral.slabs import transmission

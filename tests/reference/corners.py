@@ -13,7 +13,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from tests.reference.physical_optics import dot, obliquity
 
 

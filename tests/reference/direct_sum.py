@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray
 
 
 def direct_sum(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 
 
 def fresnel(permittivity: complex, permeability: complex, cos_in: FloatArray) -> tuple[ComplexArray, ComplexArray]:

@@ -11,7 +11,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from tests.reference.corners import Side
 
 ROWS = 512

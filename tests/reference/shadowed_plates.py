@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from tests.reference.physical_optics import po_gain
 
 TINY = 1e-14

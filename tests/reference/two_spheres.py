@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from tests.reference.physical_optics import dot, obliquity
 
 

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor, add_radar, load_scene
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.simulation import Simulator

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import rfgen_sionna as rfgen
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind
+from rfgen_sionna.records import PathKind
 from rfgen_sionna.scene import Actor, add_radar, material, radar_alone
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.signal import synthesize

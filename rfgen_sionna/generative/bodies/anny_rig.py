@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import sparse
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.bodies.parts import PART_NAMES, label_faces
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.bodies.tpose import bone_joint, joint_bone, skeleton_in_t_pose, t_pose_rotations
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES
-from rfgen_sionna.records import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import torch

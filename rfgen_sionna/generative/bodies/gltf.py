@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.bodies.sampled import SampledSequence
 from rfgen_sionna.generative.motion.loaders import ClipError
-from rfgen_sionna.records import FloatArray, IntArray
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.retarget import bone_rotations
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, Z, normalised
 from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics
-from rfgen_sionna.records import FloatArray
 
 CONTACT_HEIGHT = 0.04
 """A foot whose sole is lower than this over the floor [m] ..."""

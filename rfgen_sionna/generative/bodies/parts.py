@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from rfgen_sionna.records import IntArray
+from rfgen_sionna._types import IntArray
 
 _LIMB_PARTS = (
     ("upper_arm", ("upperarm",)),

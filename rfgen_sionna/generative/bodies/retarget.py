@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.rotations import about, normalised, to_matrices, transpose, twist_angle
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, PARENTS, SIDES, Skeleton, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 RELAXED_CURL = 0.3
 """Flexion of each finger joint [rad] where a motion has no fingers."""

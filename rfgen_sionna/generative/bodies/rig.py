@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.motion.skeleton import Skeleton
-from rfgen_sionna.records import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.motion.loaders import ClipError
-from rfgen_sionna.records import FloatArray, IntArray
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES
-from rfgen_sionna.records import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

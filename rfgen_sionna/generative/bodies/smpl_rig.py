@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.parts import PART_NAMES, label_faces_by
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.bodies.tpose import arm_slope, heel_pivot
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS, PARENTS, SIDES
-from rfgen_sionna.records import FloatArray
 
 _BODY = JOINT_NAMES[:NUM_BODY_JOINTS]
 _FINGERS = JOINT_NAMES[NUM_BODY_JOINTS:]

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, basis, between, normalised, transpose
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, PARENTS, SIDES, Skeleton, side_sign
-from rfgen_sionna.records import FloatArray, IntArray
 
 _FINGER = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}
 _CENTRAL = {

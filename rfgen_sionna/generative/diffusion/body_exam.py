@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies import Phenotype, Rig, animate, person
 from rfgen_sionna.generative.bodies.intersections import buried_faces
 from rfgen_sionna.generative.diffusion.drafts import canonical
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion import KinematicSource
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _DURATION = 4.0
 _LOOKS = (0.4, 1.5, 2.6, 3.7)

@@ -12,13 +12,13 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import HandBasis
 from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
 from rfgen_sionna.generative.diffusion.residual import Residual
 from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.text import TextEncoder
 from rfgen_sionna.generative.diffusion.understanding import vocabulary
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.diffusion.corpus import Corpus

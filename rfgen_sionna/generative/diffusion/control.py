@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS, HandBasis, encode
 from rfgen_sionna.generative.diffusion.post import resampled
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.motion import MEAN_ADULT
 from rfgen_sionna.generative.motion.skeleton import SIDES
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 ALL_PARTS = tuple(PARTS)
 

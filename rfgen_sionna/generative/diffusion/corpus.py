@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion import rhythm
 from rfgen_sionna.generative.diffusion.features import (
     PARTS,
@@ -24,7 +25,6 @@ from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE, Clip, read_clips
 from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import ACTIONS
-from rfgen_sionna.records import FloatArray
 
 _CLEAR = {"kinematic": 0.35, "mocap": 0.6}
 """Autocorrelation from which a clip counts as rhythmic."""

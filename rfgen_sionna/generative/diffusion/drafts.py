@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
 from rfgen_sionna.generative.diffusion.features import HANDS, LOCAL, NUM_FEATURES, HandBasis, encode, recentred
@@ -27,7 +28,6 @@ from rfgen_sionna.generative.diffusion.wording import CAPTURED_LEGS
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.skeleton import SIDES
-from rfgen_sionna.records import FloatArray
 
 PACES = (0.75, 1.3)
 """Factors on the usual pace between which people differ who are not told one, as in the training clips."""

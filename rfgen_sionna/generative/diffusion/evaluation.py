@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion import metrics
 from rfgen_sionna.generative.diffusion.body_exam import on_bodies, repeats
 from rfgen_sionna.generative.diffusion.captions import caption
@@ -24,7 +25,7 @@ from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE, Clip
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 DURATION = 6.0
 FRAMES = int(DURATION * FRAME_RATE) + 1

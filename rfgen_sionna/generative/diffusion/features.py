@@ -13,10 +13,11 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import JOINT_NAMES, MEAN_ADULT, PARENTS, Skeleton
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 HAND_COMPONENTS = 6
 HAND_JOINTS = {

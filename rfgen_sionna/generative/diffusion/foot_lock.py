@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _SHORTEST = 0.13
 """Plants shorter than this are taken for noise [s]."""

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import Skeleton
 from rfgen_sionna.generative.motion.ik import two_bone
 from rfgen_sionna.generative.motion.rotations import X, Z, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _CLEARANCE = 0.02
 """Height [m] over the floor that fingertips keep: half a finger's thickness, and what bodies are grounded to."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import sqrtm
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import joint_positions
 from rfgen_sionna.generative.diffusion.rhythm import relative_positions
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
@@ -14,7 +15,7 @@ from rfgen_sionna.generative.motion import Skeleton
 from rfgen_sionna.generative.motion.limits import LIMITS, joint_angles
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 
 def frechet(a: FloatArray, b: FloatArray) -> float:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import JOINT_NAMES, MEAN_ADULT, PARENTS
 from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
@@ -18,7 +19,7 @@ from rfgen_sionna.generative.motion.skeleton import (
     forward_kinematics,
     global_rotations,
 )
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From the pack's axes (y up, rest pose facing +z, left at +x) to ours."""

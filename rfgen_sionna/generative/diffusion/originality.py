@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.corpus import Corpus
 from rfgen_sionna.generative.diffusion.metrics import nearest
-from rfgen_sionna.records import FloatArray
 
 CLIPS = 150
 """Synthesised training clips of an action that are looked through; captured ones all are."""

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.post import resampled
 from rfgen_sionna.generative.motion.rotations import continuous
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 USUAL = 1.1
 """Speed of a mean adult's walk at the pace 1 [m/s]."""

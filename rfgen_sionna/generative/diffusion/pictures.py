@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.drafts import canonical
 from rfgen_sionna.generative.diffusion.mocap import Capture, read_pack
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import NUM_BODY_JOINTS, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
 from rfgen_sionna.generative.diffusion.features import HandBasis, decode
 from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet
@@ -17,7 +18,7 @@ from rfgen_sionna.generative.diffusion.over_floor import over_floor
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.within_limits import within_limits
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 RATE = 60.0
 """Poses per second of a finished motion [Hz]."""

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import HANDS, heading
 from rfgen_sionna.generative.diffusion.rhythm import relative_positions
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
-from rfgen_sionna.records import FloatArray
 
 WINDOW = 96
 """Poses that it looks at."""

@@ -19,8 +19,8 @@ from scipy.fft import dct
 from scipy.ndimage import uniform_filter1d
 from torch import Tensor
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
-from rfgen_sionna.records import FloatArray
 
 DIRECTIONS = 40
 """Principal directions that are kept."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import HANDS, LOCAL, PARTS, heading, joint_positions
 from rfgen_sionna.generative.motion.curves import wander
 from rfgen_sionna.generative.motion.skeleton import JOINT
-from rfgen_sionna.records import FloatArray
 
 SHORTEST, LONGEST = 0.35, 3.6
 """Range of periods that are looked for [s]."""

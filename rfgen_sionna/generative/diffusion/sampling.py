@@ -11,6 +11,7 @@ import torch
 from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.batches import SOFT, spread
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.features import CONTACTS, NUM_FEATURES, PARTS
@@ -21,7 +22,6 @@ from rfgen_sionna.generative.diffusion.seams import eased
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.text import tokenise
 from rfgen_sionna.generative.motion import ACTIONS
-from rfgen_sionna.records import FloatArray
 
 SHORTEST, LONGEST = 32, 160
 """Frames that the model makes at once."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 STEPS = 1000
 SAMPLERS = ("ddim", "dpm")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import (
     CONTACTS,
     LOCAL,
@@ -18,7 +19,6 @@ from rfgen_sionna.generative.diffusion.features import (
 )
 from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
-from rfgen_sionna.records import FloatArray
 
 _FASTEST = 9.0
 """Rate of turning beyond which the pelvis flips rather than turns [rad/s]: brisk about-turns take half a second."""

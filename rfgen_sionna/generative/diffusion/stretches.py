@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.features import PARTS, heading, recentred, turned
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
 from rfgen_sionna.generative.diffusion.stage import put_back
-from rfgen_sionna.records import FloatArray
 
 SPARE = 8
 """Frames that drafts and beats go on for, because the network takes lengths in steps of this."""

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.motion import ACTIONS, JOINT_NAMES, MEAN_ADULT, PARENTS, KinematicSource
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 FRAME_RATE = 20.0
 """Poses per second of everything the model sees [Hz]."""

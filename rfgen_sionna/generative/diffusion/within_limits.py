@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.limits import LIMITS
 from rfgen_sionna.generative.motion.rotations import Z, about
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _MARGIN = 0.5
 """Kept from the limits [degrees]."""

@@ -16,8 +16,8 @@ from diffusers.models.autoencoders.vae import DecoderOutput
 from diffusers.models.modeling_outputs import AutoencoderKLOutput
 from torch import Tensor
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.views import PATCH
-from rfgen_sionna.records import FloatArray
 
 
 class ExactLatents:

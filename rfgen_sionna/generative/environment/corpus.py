@@ -11,13 +11,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rfgen_sionna._types import IntArray
 from rfgen_sionna.generative.environment.captions import caption
 from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.sketch import mirrored
 from rfgen_sionna.generative.environment.text import Sentence, ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.projection import check_projection
-from rfgen_sionna.records import IntArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder

@@ -42,9 +42,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.environment.sketch import encode, numbers
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import FloatArray, IntArray
 
 FORMAT, VERSION = "rfgen pir", 3
 PLACES = (

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.judge import Judge, train_judge, untrained
 from rfgen_sionna.generative.environment.text import ViewFacts
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from torch import Tensor

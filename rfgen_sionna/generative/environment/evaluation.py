@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.metrics import frechet
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.forward import make_scheduler
@@ -27,7 +28,6 @@ from rfgen_sionna.generative.environment.rooms import Wanted
 from rfgen_sionna.generative.environment.sampling import Sampler, noise_like
 from rfgen_sionna.generative.environment.views import NATIVE
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import FloatArray
 
 Note = Callable[[int, int], None]
 _BATCH = 24

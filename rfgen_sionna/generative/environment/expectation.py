@@ -18,10 +18,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
 

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fresnel
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.sketch import Sketch
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.scene.furnished.finishes import surface_material
 from rfgen_sionna.tracing.gains.diffuse import reflectance
 

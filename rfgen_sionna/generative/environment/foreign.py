@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from safetensors.torch import load_file
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.adapters import LoraError, LoraFacts, check_fits, find_lora, read_facts
 from rfgen_sionna.generative.environment.backend import Progress, precision
 from rfgen_sionna.generative.environment.memory import memory_of
@@ -19,7 +20,7 @@ from rfgen_sionna.generative.environment.sampling import Sampler
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.pir.codec import AuthorsCodec, PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 FOV_DEG = 60.0
 """Field of view of the paper's images, square."""

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.flashes import Flashes, flashes
 from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError
 from rfgen_sionna.generative.environment.rooms import Room, Wanted, choose_room
@@ -19,7 +20,6 @@ from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 SPREAD = 0.5
 """Of the noise over a sketch, against that of the sampler: what it leaves open is less than the network, as it is,

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.geometry import view_maps
 from rfgen_sionna.generative.environment.memory import training
 from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
 from rfgen_sionna.generative.learning import precision
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 FEATURES = 48
 SIGHTS = 6

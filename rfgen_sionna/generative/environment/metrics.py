@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import wasserstein_distance
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 LAW_BINS = np.arange(1.0, 8.5 + 0.25, 0.5)
 """Edges of the ranges in which levels are compared [m]."""

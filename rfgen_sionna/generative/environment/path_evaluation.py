@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.captions import named
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.metrics import Physical
 from rfgen_sionna.generative.environment.path_evaluation import pir_of
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.records import FloatArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.refine import PathDiffusion

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 _TURN, _STEP = 0.15, 0.1
 """Differences of a sketch's cosines of incidence and of its ranges, in −1 … 1, between neighbours of two surfaces."""

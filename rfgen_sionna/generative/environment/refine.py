@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
 from rfgen_sionna.generative.environment.captions import OUTDOORS
 from rfgen_sionna.generative.environment.control_training import condition_of
@@ -25,7 +26,7 @@ from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.surroundings import check_image
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 STEPS, GUIDANCE, SAMPLES = 2, 1.0, 6
 """Of the default drawing: few steps and the mean of a few samples err least."""

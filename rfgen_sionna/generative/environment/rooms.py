@@ -11,11 +11,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.shooting import NEAREST, SPACE
 from rfgen_sionna.generative.environment.sketch import Sketch, shown
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.scene import FurnishedScene
 

@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.memory import memory_of
 from rfgen_sionna.generative.environment.model import LATENT_SIZE, EnvironmentModel
-from rfgen_sionna.records import FloatArray
 
 SAMPLERS = ("ddim", "dpm", "euler")
 MOST_STEPS = 1000

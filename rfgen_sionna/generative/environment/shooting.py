@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.pir.projection import PROJECTIONS, Projection, check_fov, check_projection
 from rfgen_sionna.pir.render import render_pir
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, Pir
+from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import FurnishedScene
 from rfgen_sionna.scene.furnished.layout import Ground
 from rfgen_sionna.scene.rays import RayScene

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
 
 CHANNELS = 7
 """Range and range of the shell as :class:`PirCodec` has them, cosine of incidence, three coordinates on the piece in

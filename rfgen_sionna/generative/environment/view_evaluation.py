@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import wasserstein_distance
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.views import imagined_so_far
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 TURNED, ASIDE = 0.35, 0.3
 """What the second view is turned by [rad] and moved to the left by [m]."""

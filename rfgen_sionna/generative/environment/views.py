@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, Pir
+from rfgen_sionna.records import Pir
 
 NATIVE = (64, 64)
 """Pixels that the image models draw; other resolutions are made of them."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
-from rfgen_sionna.records import FloatArray
 
 # Share of body mass and position of the centre along the segment from its upper joint:
 # Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), table 4.1.

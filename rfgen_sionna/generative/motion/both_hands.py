@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _MIRROR = np.diag([1.0, -1.0, 1.0])
 _ARM = ("collar", "shoulder", "elbow", "wrist")

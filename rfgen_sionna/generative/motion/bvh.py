@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.foreign import from_y_up
 from rfgen_sionna.generative.motion.loaders import ClipError
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 _NAMES: tuple[tuple[str, str], ...] = (

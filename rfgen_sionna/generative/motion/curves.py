@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BPoly
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 
 def ease(s: FloatArray) -> FloatArray:

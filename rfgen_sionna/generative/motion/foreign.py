@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.from_positions import motion_from_positions
 from rfgen_sionna.generative.motion.loaders import ClipError, load_motion
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 MOTION_SUFFIXES = (".npz", ".npy", ".bvh")

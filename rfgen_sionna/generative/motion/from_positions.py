@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.adult import MEAN_ADULT
 from rfgen_sionna.generative.motion.rotations import X, between, normalised, perpendicular, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS, PARENTS, SIDES, side_sign
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _BENT = np.radians(20.0)
 """From this flexion on a limb's plane of bending is trusted in full; below, less and less."""

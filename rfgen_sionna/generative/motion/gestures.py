@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.curves import keys, wander
 from rfgen_sionna.generative.motion.postures import quiet, relaxed, stand_up_straight
 from rfgen_sionna.generative.motion.score import GESTURE_POLE, Score
 from rfgen_sionna.generative.motion.skeleton import FINGERS, side_sign
-from rfgen_sionna.records import FloatArray
 
 OPEN_HAND = np.array([[0.06, 0.06, 0.04]] * 4 + [[0.0, 0.05, 0.05]])
 FIST = np.array([[1.25, 1.45, 0.8]] * 4 + [[0.35, 0.45, 0.5]])

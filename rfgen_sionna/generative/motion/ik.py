@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.rotations import basis, normalised, perpendicular, transpose
-from rfgen_sionna.records import FloatArray
 
 
 def soft_limit(distance: FloatArray, longest: float, margin: float = 0.01) -> FloatArray:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import over_feet
 from rfgen_sionna.generative.motion.curves import ease, hermite, keys, wander
 from rfgen_sionna.generative.motion.postures import lift_arm, quiet, relaxed
 from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
-from rfgen_sionna.records import FloatArray
 
 GRAVITY = 9.81
 

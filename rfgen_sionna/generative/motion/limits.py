@@ -9,9 +9,9 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.rotations import Z, between, transpose
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
-from rfgen_sionna.records import FloatArray
 
 _AAOS = (
     "American Academy of Orthopaedic Surgeons, Joint Motion (1965), as tabulated in Norkin and White, "

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys
 from rfgen_sionna.generative.motion.limits import joint_angles
 from rfgen_sionna.generative.motion.postures import quiet, relaxed
 from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
-from rfgen_sionna.records import FloatArray
 
 
 def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys, wander
 from rfgen_sionna.generative.motion.score import ARM_POLE, Score
 from rfgen_sionna.generative.motion.skeleton import SIDES
-from rfgen_sionna.records import FloatArray
 
 
 def quiet(score: Score, rng: np.random.Generator, amount: float = 1.0) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 X, Y, Z = np.eye(3)
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import ride_height
 from rfgen_sionna.generative.motion.curves import bump, cruise, ease, hermite, keys, wander
 from rfgen_sionna.generative.motion.postures import relaxed
 from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, side_sign
-from rfgen_sionna.records import FloatArray
 
 STANCE = 0.62
 """Share of the cycle that a foot stays on the floor (Perry and Burnfield, Gait Analysis, 2nd ed. 2010)."""

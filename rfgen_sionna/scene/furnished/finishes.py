@@ -15,7 +15,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.scene.materials import Material, material
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.furnished.piece import Piece
 from rfgen_sionna.scene.furnished.shapes import Part
 

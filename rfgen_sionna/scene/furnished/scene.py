@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.enclosure import Interior
 from rfgen_sionna.scene.furnished.finishes import FINISHES, surface_material
 from rfgen_sionna.scene.furnished.layout import Ground, Item, Plan

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.load import StaticObject
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube, FloatArray
+from rfgen_sionna.records import AdcCube
 
 
 class CaptureFormatError(ValueError):

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube, FloatArray
+from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import CaptureFormatError, full_scale_dbm
 from rfgen_sionna.signal.formats.files import read_json, write_json
 from rfgen_sionna.signal.formats.frames import frame_shape

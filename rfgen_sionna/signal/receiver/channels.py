@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.signal.receiver.fields import check_number, number_or_numbers, per_element
 from rfgen_sionna.signal.streams import device_stream
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Adc, Radar
-from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.signal.noise import noise_power
 
 AUTOMATIC_HEADROOM = 2.0

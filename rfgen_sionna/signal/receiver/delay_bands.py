@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.extension import fill_gap, gap_length
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.statics import StaticPath, tone

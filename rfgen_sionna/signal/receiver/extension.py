@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray
+from rfgen_sionna._types import ComplexArray
 
 _FITTED_ROWS = 96
 _RIDGE = 1e-9

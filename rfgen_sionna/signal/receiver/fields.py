@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 
 def check_number(what: str, value: Any, low: float, high: float, unit: str) -> None:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.fields import check_number, check_numbers
 from rfgen_sionna.signal.streams import device_stream, frame_stream
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.fields import number_or_numbers, per_element
 from rfgen_sionna.signal.streams import device_stream
 

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Adc, Radar
-from rfgen_sionna.records import ComplexArray
 from rfgen_sionna.signal.noise import add_thermal_noise
 from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
 from rfgen_sionna.signal.receiver.converter import Capture, convert

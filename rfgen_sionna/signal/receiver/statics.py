@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.signal.receiver.fields import check_number
 
 

@@ -19,8 +19,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
 from rfgen_sionna.tracing.bounces.mirror_edges import MirrorEdges

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 
 LEAST = 1e-4
 """Slope below which it counts as such: beside 1 / q enough digits are left, and over hundreds of zones next to no

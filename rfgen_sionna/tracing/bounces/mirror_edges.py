@@ -16,8 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.bounces.edge_transition import beside
 from rfgen_sionna.tracing.bounces.landing import DIRECT, Landing

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.tracing.bounces.landing import DIRECT
 from rfgen_sionna.tracing.bounces.plates import Plate
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection

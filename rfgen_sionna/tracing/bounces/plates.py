@@ -15,7 +15,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.ghosts.mirrors import FLAT, Mirror, flat_groups, fresnel_width
 from rfgen_sionna.tracing.surface.surfaces import Surface

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.pattern import ElementPattern, Pattern
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.transfer import upload

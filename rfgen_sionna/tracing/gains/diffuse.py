@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.surface.facets import Facets, mixed
 from rfgen_sionna.tracing.surface.surfaces import Surface

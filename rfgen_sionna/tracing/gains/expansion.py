@@ -19,8 +19,8 @@ from itertools import product
 import numpy as np
 from scipy.linalg import qr
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.integral.quadratic import Slopes, pairs
 

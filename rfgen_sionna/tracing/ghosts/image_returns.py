@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths, knot_weights
+from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.tracing.gains.accuracy import Finer
 from rfgen_sionna.tracing.gains.band import PROBES, Expansion
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
 

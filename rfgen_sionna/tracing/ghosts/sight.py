@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.levels import ON_MIRROR
 from rfgen_sionna.tracing.ghosts.mirrors import Folded, Mirror

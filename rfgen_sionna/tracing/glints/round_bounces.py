@@ -15,17 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import (
-    SPEED_OF_LIGHT,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    PathKind,
-    RadarPaths,
-    knot_weights,
-    through_knots,
-)
+from rfgen_sionna.records import PathKind, RadarPaths, knot_weights, through_knots
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.glints.doubts import doubts

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.ray_layer import Layer

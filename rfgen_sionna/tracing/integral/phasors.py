@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
 

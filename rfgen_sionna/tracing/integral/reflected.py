@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.integral.obliquity import Media, Medium, media_of_lanes, media_tables, reflection, transverse
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.gains.accuracy import finer
 from rfgen_sionna.tracing.gains.band import BandTracer

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.bounces import Bounced, Bounces
 from rfgen_sionna.tracing.gains.band import BandTracer

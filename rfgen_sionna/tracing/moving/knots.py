@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, knot_weights
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.records import knot_weights
 from rfgen_sionna.scene.mesh import lengths
 
 MIN_SPACING = 0.125e-3

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.targets import Targets

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import face_normals, lengths, middles
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.moving.knots import most_swing

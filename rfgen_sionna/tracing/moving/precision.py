@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.tracing.gains.accuracy import SAFETY, Accuracy, Finer
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer, Expansion
 from rfgen_sionna.tracing.integral.phasors import phasors

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.bounces import Bounces
 from rfgen_sionna.tracing.gains.band import Expansion

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.surface.facets import Facets
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.shadows.sampling import WIDEST, allowed
 from rfgen_sionna.tracing.shadows.strips import ASLANT

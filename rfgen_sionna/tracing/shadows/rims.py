@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.tracing.shadows.lines import SPACINGS, Look, lit_parts, points_of
 from rfgen_sionna.tracing.shadows.sampling import BENT, CORNERS, MISSED_PER_RTOL, allowed
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.shadows.lines import RIM, halved, inset
 

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray, PathKind, RadarPaths
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.scene.mesh import unit

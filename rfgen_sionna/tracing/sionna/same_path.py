@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 
 def same_paths(

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.scene.load import RadarScene

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.surface.facets import Facets, bent, stack_facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.glances import (

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, RadarPaths
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.records import RadarPaths
 
 
 @dataclass(frozen=True)

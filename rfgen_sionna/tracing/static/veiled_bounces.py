@@ -7,8 +7,9 @@ from typing import cast
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.landing import LandedFacets, Landing
 from rfgen_sionna.tracing.bounces.plates import Plate

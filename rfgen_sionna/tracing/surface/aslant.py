@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 
 def loudness(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any = None) -> Any:

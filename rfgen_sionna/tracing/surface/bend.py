@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import drjit_types
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.transfer import joined, upload

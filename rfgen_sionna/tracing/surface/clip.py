@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 LEAST_AREA = 1e-9
 """Pieces smaller than this, against the triangle that they are cut from, are dropped."""

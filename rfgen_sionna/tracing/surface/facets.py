@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray, PathKind, RadarPaths, knot_weights, through_knots
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import PathKind, RadarPaths, knot_weights, through_knots
 from rfgen_sionna.scene.mesh import lengths, middles, widest
 from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.surface.bend import QUARTERS, Bend, divided, pieces

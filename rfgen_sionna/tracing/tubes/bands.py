@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 
 MOST_NODES = 9
 

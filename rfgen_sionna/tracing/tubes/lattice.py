@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 
 SIZE = 3 * 2**27
 """Sum of a node's coordinates: 4e-9 rad from one to the next."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.footprints import ENDS
 from rfgen_sionna.tracing.tubes.hits import Hits, Index

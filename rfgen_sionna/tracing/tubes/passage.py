@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.tracing.tubes.media import Optics, bases, passed, reflected
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, PathKind, RadarPaths
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.surface.surfaces import Surface

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.hits import Hits, Index

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.tubes import lattice
 from rfgen_sionna.tracing.tubes.cutting import MOST_HALVINGS, cut, with_middles
 from rfgen_sionna.tracing.tubes.footprints import ENDS

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar.pose import Vector
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.records import ComplexArray, FloatArray, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.tracing.bounces.roles import mirror_share
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.relative import to_world

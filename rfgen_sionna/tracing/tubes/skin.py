@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import SMOOTH
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.surface.bend import edge_rises

@@ -11,8 +11,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import FloatArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.bounces import MOST_IMAGES, Bounces
 from rfgen_sionna.tracing.bounces.landing import LandedFacets, Landing, Shower

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined, matched
 from rfgen_sionna.tracing.ghosts.image_band import MirroredFacets

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, FloatArray, IntArray, RadarPaths
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets

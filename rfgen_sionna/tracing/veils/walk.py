@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.records import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
 from rfgen_sionna.tracing.integral.slabs import NO_SLAB

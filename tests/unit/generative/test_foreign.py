@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.foreign import load_any_motion, positions_of_humanml
 from rfgen_sionna.generative.motion.from_positions import motion_from_positions
@@ -22,7 +23,7 @@ from rfgen_sionna.generative.motion.skeleton import (
     forward_kinematics,
     global_rotations,
 )
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 _Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 SOURCE = KinematicSource(20.0)

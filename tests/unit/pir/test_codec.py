@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.pir.codec import AuthorsCodec, ImageRangeError, PirCodec, check_image
-from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
+from rfgen_sionna.records import Pir
 
 CODEC = PirCodec()
 

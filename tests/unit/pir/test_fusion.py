@@ -7,13 +7,14 @@ import pytest
 import trimesh
 from scipy.signal import get_window
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.pir.fused import Fusion
 from rfgen_sionna.pir.fusion import Refinement, image, together
 from rfgen_sionna.pir.rasterise import rasterise
 from rfgen_sionna.pir.surroundings import SOFT_EDGE, Surroundings
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, Pir
+from rfgen_sionna.records import PathKind, Pir
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.pir.projection import PROJECTIONS
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import MATERIALS, Actor
 from rfgen_sionna.simulation import Simulator
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import MATERIALS, Actor
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.simulation import Simulator

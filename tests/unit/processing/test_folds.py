@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.processing import point_cloud, range_doppler, velocity_axis
 from rfgen_sionna.processing.focus import at_velocity
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, RadarPaths
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.signal import synthesize
 
 AZIMUTH = -0.3

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import ElementPattern, Radar, TablePattern
-from rfgen_sionna.records import FloatArray
 
 
 def towards(azimuth_deg: float, elevation_deg: float = 0.0) -> FloatArray:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import ElementPattern, NamedPattern, Radar, TablePattern
 from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.table import read_table
-from rfgen_sionna.records import FloatArray
 
 
 def towards(azimuth_deg: Any, elevation_deg: Any = 0.0) -> FloatArray:

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, RadarPaths
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.signal import add_thermal_noise, noise_power, synthesize
 from rfgen_sionna.signal.checks import check_synthesis
 from tests.reference.direct_sum import direct_sum

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Profile, Radar, Slot
 from rfgen_sionna.radar.slots import coded_slots, doppler_slot, hadamard_code
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, RadarPaths
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.signal import synthesize
 from tests.reference.direct_sum import direct_sum
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.records import FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.furnished.layout import Plan, person_space
 from rfgen_sionna.scene.furnished.piece import pick
 from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, seating

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations, side_sign
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 STANDING = KinematicSource(20.0)("standing", 2.0, 1)
 

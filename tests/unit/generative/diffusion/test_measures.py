@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion import metrics
 from rfgen_sionna.generative.diffusion.corpus import Corpus, Entry
 from rfgen_sionna.generative.diffusion.features import encode, fit_hands
@@ -14,7 +15,6 @@ from rfgen_sionna.generative.diffusion.originality import originality
 from rfgen_sionna.generative.diffusion.recogniser import train_recogniser
 from rfgen_sionna.generative.diffusion.rhythm import Beat, find_period, find_phase, rhythm_score, stride
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
-from rfgen_sionna.records import FloatArray
 
 SOURCE = KinematicSource(20.0)
 WALK, JACKS, STANDING = (SOURCE(a, 6.0, 1) for a in ("walk", "jumping_jacks", "standing"))

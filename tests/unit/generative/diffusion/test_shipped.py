@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.bodies import Phenotype, animate, person
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
@@ -24,7 +25,7 @@ from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
-from rfgen_sionna.records import FloatArray, Motion
+from rfgen_sionna.records import Motion
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
 from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, PARTS, TURN, encode, joint_positions, turned
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, around
@@ -15,7 +16,6 @@ from rfgen_sionna.generative.diffusion.paths import onto_way
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.diffusion.stage import calmed
 from rfgen_sionna.generative.motion import KinematicSource
-from rfgen_sionna.records import FloatArray
 
 
 @pytest.fixture(scope="module")

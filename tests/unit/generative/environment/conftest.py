@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.bricks import Bricks, Place
 from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.data import PLACES
@@ -17,7 +18,7 @@ from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
+from rfgen_sionna.records import Pir
 
 
 def a_wall(distance: float, view: View, level: float = -130.0, fading: bool = True) -> Pir:

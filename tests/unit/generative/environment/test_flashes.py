@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.bricks import Bricks, Place
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.flashes import data_frequency, flashes
@@ -15,7 +16,6 @@ from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import Actor
 from rfgen_sionna.scene.furnished.finishes import surface_material
 from rfgen_sionna.simulation import Simulator

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.geometry import MAPS, WALLS, numbers_of, plain, view_maps
 from rfgen_sionna.generative.environment.model import EnvironmentModel, new_control
 from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT
 
 FACTS = ViewFacts((80.0, 60.0), 1.4, 0.2, -2.1, 0.1)
 EVEN = replace(FACTS, fov_deg=(150.0, 100.0), roll=1.2, projection="equirectangular")

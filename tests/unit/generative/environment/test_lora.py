@@ -220,9 +220,9 @@ def test_released_loras_draw_in_the_authors_convention(stable_diffusion: Path, t
     import torch
     from safetensors.torch import save_file
 
+    from rfgen_sionna._types import SPEED_OF_LIGHT
     from rfgen_sionna.generative.environment.adapters import add_lora, lora_state
     from rfgen_sionna.generative.environment.foreign import load_pipeline
-    from rfgen_sionna.records import SPEED_OF_LIGHT
 
     pipeline = load_pipeline(str(stable_diffusion), torch.float32)
     add_lora(pipeline.unet, 2)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.bricks import Place
 from rfgen_sionna.generative.environment.captions import NAMES, USUAL, absent, caption, named, negative
 from rfgen_sionna.generative.environment.corpus import read_corpus
@@ -18,7 +19,6 @@ from rfgen_sionna.generative.environment.shooting import Ranges
 from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import furnished as furnished_package
 from rfgen_sionna.scene.furnished import furnished
 

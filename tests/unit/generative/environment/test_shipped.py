@@ -10,6 +10,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.metrics import Physical
@@ -17,7 +18,7 @@ from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, r
 from rfgen_sionna.generative.environment.path_evaluation import energy_error
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.shards import Settings, render_layout
-from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
+from rfgen_sionna.records import Pir
 
 WEIGHTS = files("rfgen_sionna.generative.environment") / "weights"
 

@@ -10,6 +10,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment import rooms
 from rfgen_sionna.generative.environment.bricks import Bricks, Place, built
 from rfgen_sionna.generative.environment.corpus import Corpus
@@ -30,7 +31,6 @@ from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
 from rfgen_sionna.scene.furnished.piece import corners, legs

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.kept import Kept
 from rfgen_sionna.generative.environment.rooms import Wanted, choose_room
 from rfgen_sionna.generative.environment.views import imagined_so_far, reproject, resized
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.records import SPEED_OF_LIGHT, Pir
+from rfgen_sionna.records import Pir
 
 FROM = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 Wall = Callable[..., Pir]

@@ -9,9 +9,10 @@ import mmwave.dsp
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.processing import range_doppler
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, AdcCube
+from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats import write_capture
 from tests.reference.direct_sum import direct_sum
 from tests.unit.signal.formats.captures import shortened

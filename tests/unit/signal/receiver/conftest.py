@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, ComplexArray
 
 
 @pytest.fixture(scope="session")

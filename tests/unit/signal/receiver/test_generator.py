@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.signal import Leakage, PhaseNoise, RampError, Receiver, receive
 from rfgen_sionna.signal.receiver.extension import gap_length
 from rfgen_sionna.signal.streams import frame_stream

@@ -6,8 +6,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT, PathKind, RadarPaths
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.resources import resolve
 from rfgen_sionna.signal import (
     Chassis,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.signal import Chassis, Leakage, RangeBias, Receiver, receive
 
 IDEAL = Receiver.ideal()

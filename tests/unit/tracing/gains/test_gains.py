@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import SPEED_OF_LIGHT
 from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.tracing.gains import band as gains
 from rfgen_sionna.tracing.integral.facet import Nodes, by_curvature, facet_gains

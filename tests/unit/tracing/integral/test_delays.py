@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.tracing.integral.delays import delays, rates
 
 

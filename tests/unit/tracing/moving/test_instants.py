@@ -6,7 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna._types import SPEED_OF_LIGHT
+from rfgen_sionna.records import knot_weights
 from rfgen_sionna.tracing.moving.instants import MARGIN, _mean_phasor, choose_instants
 
 FREQUENCY, LENGTH = 77e9, 27.6e-3

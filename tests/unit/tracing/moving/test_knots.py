@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.records import SPEED_OF_LIGHT, knot_weights
+from rfgen_sionna._types import SPEED_OF_LIGHT
+from rfgen_sionna.records import knot_weights
 from rfgen_sionna.tracing.moving.knots import choose_knots, spline_error
 
 FREQUENCY = 77e9

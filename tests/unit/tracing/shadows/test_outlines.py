@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.records import SPEED_OF_LIGHT
+from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.shadows.outlines import APART, CLEARANCE, Outline, Passing, Places
