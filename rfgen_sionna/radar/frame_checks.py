@@ -1,18 +1,12 @@
-"""What a frame of chirps cannot be."""
+"""Checks of the order of Tx elements and of the slots of a frame."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.radar.slots import Slot, multiplexing_of
-
-if TYPE_CHECKING:
-    from rfgen_sionna.radar.waveform import Waveform
 
 
 def _is_index(value: object) -> bool:
@@ -45,40 +39,3 @@ def check_slots(slots: Sequence[Slot], profiles: int) -> None:
         )
     for number in used:
         multiplexing_of([slot for slot in slots if slot.profile == number])
-
-
-def check_times(wave: Waveform) -> None:
-    """Slots that don't overlap, loops that hold their slots, frames that hold their loops and Doppler bands."""
-    chirps = [wave.profiles[slot.profile] for slot in wave.slots] or [wave.profiles[0]] * len(wave.tx_order)
-    needed = sum(chirp.chirp_period for chirp in chirps)
-    if wave.slot_starts is not None:
-        starts = wave.slot_starts
-        if len(starts) != len(chirps) or not np.all(np.isfinite(starts)) or min(starts) < 0:
-            raise ValueError(
-                f"waveform.slot_starts is {starts!r}: "
-                f"a time [s] of at least 0 for each of {len(chirps)} slots is needed"
-            )
-        ends = [start + chirp.ramp_end_time for start, chirp in zip(starts, chirps, strict=True)]
-        for index, (end, begin) in enumerate(zip(ends[:-1], starts[1:], strict=True)):
-            if begin < end * (1 - 1e-9):
-                raise ValueError(
-                    f"waveform.slot_starts: slot {index + 1} starts at {begin * 1e6:g} us, before slot {index} ends at "
-                    f"{end * 1e6:g} us: slots must not overlap"
-                )
-        needed = ends[-1]
-    if wave.loop_time is not None and not (is_number(wave.loop_time) and wave.loop_time >= needed * (1 - 1e-9)):
-        raise ValueError(
-            f"waveform.loop_time is {wave.loop_time!r} s: its slots take {needed:.6g} s, at least that is needed"
-        )
-    if wave.frame_length > wave.frame_period * (1 + 1e-9):
-        each = "" if wave.other_profiles else f" of {wave.chirp_period * 1e6:g} us"
-        raise ValueError(
-            f"waveform.frame_period is {wave.frame_period * 1e3:g} ms but {wave.num_loops} loops of "
-            f"{wave.num_slots} slots{each} take {wave.frame_length * 1e3:.3f} ms: "
-            f"lengthen the period or take at most {int(wave.frame_period / wave.loop_period)} loops"
-        )
-    if wave.doppler_bands > max(1.0, wave.num_loops / 2):
-        raise ValueError(
-            f"waveform.num_loops is {wave.num_loops}: {wave.doppler_bands:g} Doppler bands of at least 2 bins need "
-            f"{2 * math.ceil(wave.doppler_bands)} loops"
-        )

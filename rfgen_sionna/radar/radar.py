@@ -15,10 +15,11 @@ from rfgen_sionna.radar.config import overridden, read_config
 from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.elements import checked_elements
 from rfgen_sionna.radar.errors import RadarConfigError
-from rfgen_sionna.radar.pattern import Pattern
+from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
-from rfgen_sionna.radar.record import fields_from_record, radar_record
+from rfgen_sionna.radar.record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import slot_label
+from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 
@@ -274,7 +275,32 @@ class Radar:
         ValueError
             If the radar moves by a function: only a :class:`Trajectory` can be written down.
         """
-        return radar_record(self)
+        record = {
+            "name": self.name,
+            "preset": self.preset,
+            "waveform": waveform_record(self.waveform),
+            "tx_names": list(self.tx_names),
+            "rx_names": list(self.rx_names),
+            "tx_positions": self.tx_positions.tolist(),
+            "rx_positions": self.rx_positions.tolist(),
+            "pattern": pattern_record(self.pattern),
+            "tx_polarization": self.tx_polarization,
+            "rx_polarization": self.rx_polarization,
+            "tx_power_dbm": self.tx_power_dbm,
+            "noise_figure_db": self.noise_figure_db,
+            "temperature": self.temperature,
+            "position": list(self.position),
+            "orientation": list(self.orientation),
+            "adc": {"bits": self.adc.bits, "full_scale_dbm": self.adc.full_scale_dbm},
+        }
+        if self.trajectory is None:
+            return record
+        if not isinstance(self.trajectory, Trajectory):
+            raise ValueError(
+                f"radar.trajectory is a {type(self.trajectory).__name__}, which no file can hold: "
+                "Trajectory(times, positions, orientations) can be stored"
+            )
+        return record | {"trajectory": self.trajectory.to_dict()}
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:

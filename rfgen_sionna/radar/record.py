@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, asdict, fields
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.pattern import pattern_from_record, pattern_record
+from rfgen_sionna.radar.pattern import pattern_from_record
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot
 from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
-
-if TYPE_CHECKING:
-    from rfgen_sionna.radar.radar import Radar
 
 _OPTIONAL = ("position", "orientation", "adc", "trajectory")
 """Keys that records may lack; those of older runs do."""
@@ -30,36 +27,6 @@ def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] 
     if missing := set(known) - set(record) - set(optional):
         raise ValueError(f"{what} lacks the key '{min(missing)}'; needed: {', '.join(known)}")
     return dict(record)
-
-
-def radar_record(radar: Radar) -> dict[str, Any]:
-    """See :meth:`~rfgen_sionna.radar.radar.Radar.to_dict`."""
-    record = {
-        "name": radar.name,
-        "preset": radar.preset,
-        "waveform": waveform_record(radar.waveform),
-        "tx_names": list(radar.tx_names),
-        "rx_names": list(radar.rx_names),
-        "tx_positions": radar.tx_positions.tolist(),
-        "rx_positions": radar.rx_positions.tolist(),
-        "pattern": pattern_record(radar.pattern),
-        "tx_polarization": radar.tx_polarization,
-        "rx_polarization": radar.rx_polarization,
-        "tx_power_dbm": radar.tx_power_dbm,
-        "noise_figure_db": radar.noise_figure_db,
-        "temperature": radar.temperature,
-        "position": list(radar.position),
-        "orientation": list(radar.orientation),
-        "adc": {"bits": radar.adc.bits, "full_scale_dbm": radar.adc.full_scale_dbm},
-    }
-    if radar.trajectory is None:
-        return record
-    if not isinstance(radar.trajectory, Trajectory):
-        raise ValueError(
-            f"radar.trajectory is a {type(radar.trajectory).__name__}, which no file can hold: "
-            "Trajectory(times, positions, orientations) can be stored"
-        )
-    return record | {"trajectory": radar.trajectory.to_dict()}
 
 
 def waveform_record(waveform: Waveform) -> dict[str, Any]:

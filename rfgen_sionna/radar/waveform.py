@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
-from rfgen_sionna.radar.frame_checks import check_slots, check_times, checked_order
+from rfgen_sionna.radar.frame_checks import check_slots, checked_order
 from rfgen_sionna.radar.profile import Profile, is_number
 from rfgen_sionna.radar.slots import Slot, doppler_gap, multiplexing_of
 
@@ -89,7 +90,7 @@ class Waveform:
             raise ValueError("waveform.separated goes with a single slot, in which all Tx elements fire")
         if self.slot_starts is not None:
             object.__setattr__(self, "slot_starts", tuple(float(start) for start in self.slot_starts))
-        check_times(self)
+        _check_times(self)
         if self.range_limit is not None and not (is_number(self.range_limit) and self.range_limit > 0):
             raise ValueError(f"waveform.range_limit is {self.range_limit!r}: a positive, finite range [m] is needed")
         if self.range_limit is None and not any(profile.slope for profile in self.profiles):
@@ -295,3 +296,46 @@ class Waveform:
     def max_velocity(self) -> float:
         """Largest unambiguous |radial velocity|, wavelength / (4 loop_period), shared by the Doppler bands [m/s]."""
         return self.wavelength / (4 * self.loop_period * self.doppler_bands)
+
+
+def _check_times(wave: Waveform) -> None:
+    """Check that slots do not overlap, and that loops hold their slots and frames their loops and Doppler bands.
+
+    Raises
+    ------
+    ValueError
+        Otherwise.
+    """
+    chirps = [wave.profiles[slot.profile] for slot in wave.slots] or [wave.profiles[0]] * len(wave.tx_order)
+    needed = sum(chirp.chirp_period for chirp in chirps)
+    if wave.slot_starts is not None:
+        starts = wave.slot_starts
+        if len(starts) != len(chirps) or not np.all(np.isfinite(starts)) or min(starts) < 0:
+            raise ValueError(
+                f"waveform.slot_starts is {starts!r}: "
+                f"a time [s] of at least 0 for each of {len(chirps)} slots is needed"
+            )
+        ends = [start + chirp.ramp_end_time for start, chirp in zip(starts, chirps, strict=True)]
+        for index, (end, begin) in enumerate(zip(ends[:-1], starts[1:], strict=True)):
+            if begin < end * (1 - 1e-9):
+                raise ValueError(
+                    f"waveform.slot_starts: slot {index + 1} starts at {begin * 1e6:g} us, before slot {index} ends at "
+                    f"{end * 1e6:g} us: slots must not overlap"
+                )
+        needed = ends[-1]
+    if wave.loop_time is not None and not (is_number(wave.loop_time) and wave.loop_time >= needed * (1 - 1e-9)):
+        raise ValueError(
+            f"waveform.loop_time is {wave.loop_time!r} s: its slots take {needed:.6g} s, at least that is needed"
+        )
+    if wave.frame_length > wave.frame_period * (1 + 1e-9):
+        each = "" if wave.other_profiles else f" of {wave.chirp_period * 1e6:g} us"
+        raise ValueError(
+            f"waveform.frame_period is {wave.frame_period * 1e3:g} ms but {wave.num_loops} loops of "
+            f"{wave.num_slots} slots{each} take {wave.frame_length * 1e3:.3f} ms: "
+            f"lengthen the period or take at most {int(wave.frame_period / wave.loop_period)} loops"
+        )
+    if wave.doppler_bands > max(1.0, wave.num_loops / 2):
+        raise ValueError(
+            f"waveform.num_loops is {wave.num_loops}: {wave.doppler_bands:g} Doppler bands of at least 2 bins need "
+            f"{2 * math.ceil(wave.doppler_bands)} loops"
+        )
