@@ -19,7 +19,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.signal.accuracy import needed_accuracy
-from rfgen_sionna.tracing.tracer import Tracer, TraceReport
+from rfgen_sionna.tracing.report import TraceReport
+from rfgen_sionna.tracing.tracer import Tracer
 
 TIDIED_EVERY = 50
 """Frames after which what is free goes back to the system."""

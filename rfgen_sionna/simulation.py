@@ -23,30 +23,31 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube, Pir, RadarPaths
 from rfgen_sionna.scene.actor import Actor
-from rfgen_sionna.scene.clearance import check_radar_clear, check_way_clear, nearest_surface
-from rfgen_sionna.scene.devices import tabulated
-from rfgen_sionna.scene.enclosure import check_radar_placed
-from rfgen_sionna.scene.encounters import check_encounters
-from rfgen_sionna.scene.faceting import warn_coarse
-from rfgen_sionna.scene.load import RadarScene, load_scene
-from rfgen_sionna.scene.materials import warn_uncovered
-from rfgen_sionna.scene.places import (
+from rfgen_sionna.scene.checks.actors import (
     POLICIES,
     Policy,
     check_collisions,
     check_places,
-    hidden,
+    is_occluded,
     warn_frozen,
-    warn_hidden,
+    warn_occluded,
     with_unique_names,
 )
+from rfgen_sionna.scene.checks.clearance import check_radar_clear, check_way_clear, nearest_surface
+from rfgen_sionna.scene.checks.enclosure import check_radar_placed
+from rfgen_sionna.scene.checks.encounters import check_encounters
+from rfgen_sionna.scene.devices import tabulated
+from rfgen_sionna.scene.faceting import warn_coarse
+from rfgen_sionna.scene.load import load_scene
+from rfgen_sionna.scene.materials import warn_uncovered
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.signal import Receiver, receive
 from rfgen_sionna.signal.checks import LATEST
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.tracing.relative import seen_from
-from rfgen_sionna.tracing.tracer import Tracer, TraceReport, check_max_bounces
-from rfgen_sionna.tracing.tubes.shoot import RayTrace, Sampling, shoot
+from rfgen_sionna.tracing.report import TraceReport
+from rfgen_sionna.tracing.tracer import Tracer, check_max_bounces
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
@@ -166,7 +167,7 @@ class Simulator:
         check_radar_placed(
             radar.position,
             self.scene,
-            lambda: not all(self.hidden(actor, 0.0, _end(actor)) for actor in self.actors),
+            lambda: not all(self.is_occluded(actor, 0.0, _end(actor)) for actor in self.actors),
         )
         for actor in self.actors:
             warn_coarse(actor, stacklevel=2)
@@ -197,27 +198,6 @@ class Simulator:
         if self._fusion is not None:
             return together(self._fusion.instant(float(t)))
         return self.tracer.instant(float(t))
-
-    def rays(
-        self,
-        t: float = 0.0,
-        *,
-        rtol: float = 1e-2,
-        max_bounces: int | None = None,
-        sampling: Sampling = "adaptive",
-        level: int | None = None,
-    ) -> RayTrace:
-        """Paths at instant `t` [s] by the ray mode, and what it took: tubes of rays that are reflected, go through
-        slabs and are integrated where they land (:func:`~rfgen_sionna.tracing.tubes.shoot.shoot` has the options).
-
-        It is a second opinion on :meth:`paths`, and knows more than two bent surfaces. None is our `max_bounces`.
-        """
-        instant = _time("t", t)
-        if self._fusion is not None:
-            raise ValueError("environment: surroundings from an image have no surfaces that rays could meet")
-        self._check_places(instant, instant)
-        bounces = self.max_bounces if max_bounces is None else max_bounces
-        return shoot(self.tracer, instant, bounces, rtol, sampling, level)
 
     def pir(
         self,
@@ -344,11 +324,11 @@ class Simulator:
         self._check_places(begin, end)
         warn_frozen(self.actors, begin, end, stacklevel=2)
         if self._fusion is not None:
-            what, hiding = "surroundings that the image shows", self._fusion.surroundings
-            warn_hidden(self.radar, hiding, self.actors, begin, end, what, much=True, stacklevel=2)
+            what, occluder = "surroundings that the image shows", self._fusion.surroundings
+            warn_occluded(self.radar, occluder, self.actors, begin, end, what, much=True, stacklevel=2)
         elif not self.transmission and self._surroundings is not None:
             what, rays = "scene's surfaces", self._surroundings
-            warn_hidden(self.radar, rays, self.actors, begin, end, what, much=False, stacklevel=2)
+            warn_occluded(self.radar, rays, self.actors, begin, end, what, much=False, stacklevel=2)
         return self._frames(times, receiver, seed, device, workers)
 
     def _frames(
@@ -362,11 +342,11 @@ class Simulator:
             full_scale, shown = capture.full_scale, stretch.shown
             yield Frame(index, stretch.begin, capture.samples, stretch.report, full_scale, capture.clipped, shown)
 
-    def hidden(self, actor: Actor, start: float, stop: float) -> bool:
-        """Whether static surfaces, or surroundings from an image, hide `actor` from the radar from `start` to `stop`
-        [s], at every instant tried."""
-        hiding = self._surroundings if self._fusion is None else self._fusion.surroundings
-        return hidden(self.radar, hiding, actor, start, stop)
+    def is_occluded(self, actor: Actor, start: float, stop: float) -> bool:
+        """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar at every
+        instant tried from `start` to `stop` [s]."""
+        occluder = self._surroundings if self._fusion is None else self._fusion.surroundings
+        return is_occluded(self.radar, occluder, actor, start, stop)
 
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""

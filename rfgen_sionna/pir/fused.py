@@ -13,7 +13,9 @@ from rfgen_sionna.pir.fusion import MOST_GAIN_DB, Refinement, before, image, mix
 from rfgen_sionna.pir.surroundings import Surroundings
 from rfgen_sionna.records import Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.tracer import Traced, Tracer, TraceReport
+from rfgen_sionna.tracing.report import TraceReport
+from rfgen_sionna.tracing.traced import Traced
+from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.moving.parts import MovingParts

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import operator
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.pir.patches import Shades, Stage, shade, trace_footprints
 from rfgen_sionna.pir.projection import check_fov, check_projection
 from rfgen_sionna.pir.raster import Indices, Raster
+from rfgen_sionna.pir.reflections import reflections
+from rfgen_sionna.radar import ElementPattern, Radar, Slot
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import Pir
-from rfgen_sionna.tracing.beams.footprints import Shades, Stage, shade, trace_footprints
-from rfgen_sionna.tracing.beams.gloss import reflections
-from rfgen_sionna.tracing.tubes.shoot import MOST_BOUNCES, shoot_beyond
-
-if TYPE_CHECKING:
-    from rfgen_sionna.tracing.tracer import Tracer
+from rfgen_sionna.tracing.tracer import MOST_BOUNCES, Tracer
 
 PATCH_WAVELENGTHS = 1.5
 """Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""
 SHADES = 3
 """Beams along each edge of a pixel for what rough surfaces return diffusely."""
-TUBES = 1e-2
-"""Tolerance of what comes by several surfaces, relative to the direct returns."""
+INDIRECT = 1e-2
+"""Tolerance of returns by several surfaces or through slabs, relative to the direct ones."""
 NEGLIGIBLE = 0.02
 """Where surfaces are rough, the coherent return of a pixel is left out if it cannot be more than this share of the
 diffuse one."""
@@ -43,7 +42,7 @@ def render_pir(
     orientation: Vector | None = None,
     patch_wavelengths: float = PATCH_WAVELENGTHS,
     bounces: int = 1,
-    tubes: bool = True,
+    indirect: bool = True,
     projection: str = "perspective",
 ) -> Pir:
     """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
@@ -77,11 +76,12 @@ def render_pir(
         Edge of the patches at 3 m [wavelengths]. The default resolves the bends of a body; flat surfaces take several
         times as much without harm, and the time falls with its square.
     bounces
-        Most surfaces on a path. From 2 on tubes of rays are followed from surface to surface
-        (:mod:`rfgen_sionna.tracing.tubes`), and the diffuse returns of rough surfaces that smooth ones show a second
-        time are in (:mod:`rfgen_sionna.tracing.beams.gloss`). Where the tracer sees through slabs, so do tubes.
-    tubes
-        False leaves tubes out, which take minutes in a furnished room: the diffuse returns alone are added.
+        Most surfaces on a path, 1 … 3. From 2 on the image has coherent returns by several surfaces, which are facet
+        paths (:meth:`rfgen_sionna.tracing.tracer.Tracer.instant`) within the radar's range window, each in the pixel
+        that it comes from, and diffuse returns of rough surfaces that smooth ones reflect
+        (:mod:`rfgen_sionna.pir.reflections`). Where the tracer has `transmission`, returns through slabs are in.
+    indirect
+        False leaves these facet paths out, which take long in a furnished room.
     projection
         "perspective", or "equirectangular": azimuth and elevation evenly
         (:class:`~rfgen_sionna.pir.projection.ImagePlane`).
@@ -118,8 +118,8 @@ def render_pir(
     row, column = view.places(patches.pixel, place, split)
     total = _blend(found.a, row, column, patches.pixel, view) * counts
     placed = patches.weighted(np.abs(total) ** 2)
-    if tubes and (bounces > 1 or tracer.transmission):
-        gains, others = _by_tubes(tracer, t, bounces, view, position, orientation)
+    if indirect and (bounces > 1 or tracer.transmission):
+        gains, others = _indirect(tracer, t, bounces, view, position, orientation)
         # Each weighs what it returns by itself: single returns of a wall off its mirror direction cancel.
         placed += Returns.none().and_those(others).weighted(np.abs(gains) ** 2)
         total += gains
@@ -142,11 +142,13 @@ def render_pir(
     )
 
 
-def _by_tubes(
+def _indirect(
     tracer: Tracer, t: float, bounces: int, view: Raster, position: Vector, orientation: Vector
 ) -> tuple[ComplexArray, Returns]:
-    """(pixel,) gains of what comes by several surfaces or through slabs, and single returns of it."""
-    paths = shoot_beyond(tracer, t, bounces, TUBES, position, orientation, view.pixel)
+    """(pixel,) gains of coherent returns by several surfaces or through slabs, and these returns."""
+    radar = _one_element(tracer.radar, position, orientation)
+    given = tracer.scene, radar, tracer.actors, INDIRECT
+    paths = Tracer(*given, max_bounces=bounces, transmission=tracer.transmission).instant(t, indirect=True)
     a = paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0))
     pixel = view.pixels(paths.arrival[:, 0])
     there = pixel >= 0
@@ -154,6 +156,26 @@ def _by_tubes(
         pixel[there], a.imag[there], view.size
     )
     return gains, Returns(pixel, np.abs(a) ** 2, paths.range[:, 0], paths.velocity[:, 0])
+
+
+def _one_element(radar: Radar, position: Vector, orientation: Vector) -> Radar:
+    """One isotropic, vertically polarised element that sends and receives, in the band of `radar`."""
+    here, waveform = np.zeros((1, 3)), radar.waveform
+    slots = tuple(Slot((0.0,), number) for number in range(len(waveform.profiles))) if waveform.slots else ()
+    return replace(
+        radar,
+        waveform=replace(waveform, tx_order=() if slots else (0,), slots=slots, slot_starts=None),
+        tx_names=radar.tx_names[:1],
+        rx_names=radar.rx_names[:1],
+        tx_positions=here,
+        rx_positions=here,
+        tx_polarization="V",
+        rx_polarization="V",
+        pattern=ElementPattern(0.0),
+        position=position,
+        orientation=orientation,
+        trajectory=None,
+    )
 
 
 class Returns(NamedTuple):

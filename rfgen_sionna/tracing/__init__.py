@@ -9,15 +9,15 @@ package     what
 `integral`  what a facet returns, in closed form
 `shadows`   what is seen of facets: adaptive rays, shadows' edges, and where each pair of elements sees them
 `gains`     facet gains of all element pairs over the band from few integrals, and what they err by
-`beams`     rays as pixels: diffuse returns of rough surfaces, for images
 `ghosts`    what plane mirrors show of what moves: walls, floor, ceiling
 `bounces`   what flat parts of anything show: corner reflectors, furniture
 `veils`     what is seen through slabs, directly and by further bounces
-`tubes`     the ray mode, a second opinion
-`glints`    what bent surfaces show of one another
+`curved`    what bent surfaces show of one another
 `moving`    all of it for what moves, over stretches of time
 `static`    all of it for what stays, once for each radar pose
 `sionna`    paths of Sionna's solvers as ours, and our actors as its targets
+`report`    cost and estimated errors of a trace
+`traced`    paths over an interval of time
 `relative`  a radar that moves, seen from itself
 `tracer`    scene, radar and actors to paths
 ==========  ================================================================================================

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
@@ -17,16 +17,17 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.bounces import Bounces
+from rfgen_sionna.tracing.curved.round_bounces import RoundBounces
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror, find_mirrors
-from rfgen_sionna.tracing.glints.round_bounces import RoundBounces
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_echoes
 from rfgen_sionna.tracing.moving.further import FurtherWays
 from rfgen_sionna.tracing.moving.instants import choose_instants
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
 from rfgen_sionna.tracing.moving.parts import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
+from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.static.bounces import StaticBounces, trace_static_bounces
 from rfgen_sionna.tracing.static.glances import follow_hidden, missed_between
 from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces, trace_static_round_bounces
@@ -36,6 +37,7 @@ from rfgen_sionna.tracing.static.veiled_bounces import trace_static_veiled_bounc
 from rfgen_sionna.tracing.static.veils import StaticVeils, beside_static_slabs, static_veils, trace_static_veils
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
+from rfgen_sionna.tracing.traced import Traced
 from rfgen_sionna.tracing.veils.bounces import VeiledBounces
 from rfgen_sionna.tracing.veils.veils import Veils
 
@@ -57,85 +59,6 @@ _MORE, _AGAIN = 1.1, 3
 often it is traced at most."""
 
 
-@dataclass(frozen=True)
-class TraceReport:
-    """What a trace cost."""
-
-    facets: int
-    """Facets integrated."""
-    rays: int
-    """Visibility rays sent, those of the static scene included."""
-    instants: int
-    """Instants at which visibility and gains were traced."""
-    knots: int
-    """Knots of the delays; facets that are looked at between instants have more."""
-    error: float
-    """Estimated error of an actor's return, relative to itself, or of the static scene's, relative to its strongest
-    surface's or to what all of it returns without interfering; whichever is larger. Of an actor that goes behind
-    another in the frame it is relative to when it is seen best.
-
-    It is that of the integration (:mod:`rfgen_sionna.tracing.gains.accuracy`), of what is not known of shadows' edges
-    (:mod:`rfgen_sionna.tracing.shadows.sampling`) and of where pairs see them
-    (:mod:`rfgen_sionna.tracing.shadows.parallax`), those of actors on the room among them, of direct returns; the
-    tolerance is kept by each of the first two. With further bounces what is left out of these is added, and what
-    geometrical optics may be off by: for outlines of flat things that show others
-    (:mod:`rfgen_sionna.tracing.bounces.mirror_edges`; not of ghosts in walls), and where bent ones do
-    (:mod:`rfgen_sionna.tracing.glints.doubts`), of a walking person by two bounces 10 to 45 % of its direct return at
-    77 GHz, as most of its glints are near an edge or a shadow. No smaller tolerance mends that."""
-    between: float
-    """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
-    gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
-    squares.
-
-    Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.moving.glances`), where
-    it fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
-    suffice. For gains (:mod:`rfgen_sionna.tracing.moving.instants`) it is reckoned with some faces of a mesh, and
-    above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. For knots
-    (:mod:`rfgen_sionna.tracing.moving.knots`) it is reckoned with some vertices, those of mirror images among them, and
-    above twice `PHASE_PER_RTOL` of the tolerance where things move too fast for any; over the stretch, of which its
-    ends are the worst. Of the static scene it is relative to what its `error` is
-    (:mod:`rfgen_sionna.tracing.static.glances`). The larger of the two; what else mirrors and slabs show of actors is
-    not in it.
-
-    It is an estimate: of 88 frames of people more was off in six, up to twice as much."""
-
-
-@dataclass(frozen=True)
-class Traced:
-    """Paths over a stretch of time. The channel is the sum of all parts, which don't share knots."""
-
-    static: RadarPaths
-    """The static scene as if there were no actors: one knot, traced once."""
-    find_shadows: Callable[[], tuple[Shadow, ...]]
-    """Works `shadows` out."""
-    moving: RadarPaths
-    """The actors, but for what is in `glanced`."""
-    glanced: RadarPaths | None
-    """Direct returns of actors' facets that shadows pass over between instants, at more knots
-    (:mod:`rfgen_sionna.tracing.moving.glances`); None where there are none."""
-    report: TraceReport
-    places: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, go by.
-    It holds until the next stretch is traced."""
-    glanced_places: Callable[[float], FloatArray]
-    """The same of `glanced`."""
-
-    @cached_property
-    def shadows(self) -> tuple[Shadow, ...]:
-        """What the actors hide of the static scene; worked out when it is first asked for, on whatever thread."""
-        with one_blas_thread():
-            return self.find_shadows()
-
-    def changing(self) -> tuple[RadarPaths, ...]:
-        """All but the static scene."""
-        return *self.actors, *(each.paths for each in self.shadows)
-
-    @property
-    def actors(self) -> tuple[RadarPaths, ...]:
-        """All paths by way of actors."""
-        return (self.moving,) if self.glanced is None else (self.moving, self.glanced)
-
-
 class Tracer:
     """Traces one radar in one scene with its actors.
 
@@ -145,7 +68,7 @@ class Tracer:
     second time, coherently (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), and so do flat parts of anything: corner
     reflectors, boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces.bounces`,
     :mod:`~rfgen_sionna.tracing.static.bounces`). Bent surfaces show glints of one another
-    (:mod:`rfgen_sionna.tracing.glints.round_bounces`). Of further bounces those by two bent surfaces and a third one,
+    (:mod:`rfgen_sionna.tracing.curved.round_bounces`). Of further bounces those by two bent surfaces and a third one,
     or through slabs, are not traced, nor, to a radar that moves or behind slabs, actors by two different walls one
     after the other, nor, to a radar that stands, by two different walls where one of the ways goes through a slab.
 
@@ -181,7 +104,7 @@ class Tracer:
         self,
         scene: RadarScene | None,
         radar: Radar,
-        actors: Sequence[Actor],
+        actors: Sequence[Actor | Seen],
         rtol: float = 1e-3,
         seed: int = 0,
         max_bounces: int = 1,
@@ -192,6 +115,7 @@ class Tracer:
         if radar.trajectory is not None:
             # Seen from the radar all the world moves, in the frame of t = 0.
             self.actors, scene = seen_from(radar, scene, actors), None
+        self.scene = scene
         self.rtol = rtol
         self.surfaces = collect_surfaces(scene, self.actors)
         self._viewpoint = np.asarray(radar.position)
@@ -347,14 +271,16 @@ class Tracer:
         return replace(traced, report=report)
 
     @one_blas_thread()
-    def instant(self, t: float) -> RadarPaths:
-        """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot."""
+    def instant(self, t: float, indirect: bool = False) -> RadarPaths:
+        """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot.
+        `indirect`, those alone that come by several surfaces or through slabs."""
         self._positions.clear()
         moving = self.follow()
         if self.actors:
             moving.consider(self._vertices, (t,))
         traced = self._traced(np.array([t]), np.array([t]), moving)
-        static = traced.static
+        static, actors = traced.static, traced.moving
+        left = np.ones(static.num_paths, np.bool_)
         if traced.shadows:
             a = static.a.copy()
             dispersion = None if static.dispersion is None else static.dispersion.copy()
@@ -363,8 +289,12 @@ class Tracer:
                 if dispersion is not None and shadow.paths.dispersion is not None:
                     more = shadow.paths.dispersion  # of as many orders as its own paths have
                     dispersion[: len(more), :, :, shadow.index] += more
-            static = replace(static, a=a, dispersion=dispersion).select(np.any(a != 0, axis=(0, 1, 3)))
-        paths = RadarPaths.concatenate([replace(static, times=np.array([t])), traced.moving])
+            static, left = replace(static, a=a, dispersion=dispersion), np.any(a != 0, axis=(0, 1, 3))
+        if indirect:
+            left[: self.static.paths.num_paths] = False
+            actors = actors.select(np.arange(len(traced.places(t)), actors.num_paths))
+        static = static if left.all() else static.select(left)
+        paths = RadarPaths.concatenate([replace(static, times=np.array([t])), actors])
         if self.radar.trajectory is None:
             return paths
         direction, arrival = (to_world(each, self.radar, t) for each in (paths.direction, paths.arrival))

@@ -14,6 +14,7 @@ from rfgen_sionna.simulation import Simulator
 from tests.benchmarks.subjects import radar_of
 from tests.physics.test_ghosts import channel, of, sphere
 from tests.physics.test_transmission import scene_with, transmission
+from tests.reference.sbr.shoot import shoot
 
 SLOW = pytest.mark.slow
 PLATE, SCREEN, HALF = 3.0, 1.0, 0.1
@@ -89,7 +90,7 @@ def test_each_pair_sees_the_shadow_on_a_plate_from_its_own_place(elements, scree
     0.6 % was stated."""
     radar = ARRAYS[elements]()
     before = [screen(*each, name=f"screen {number}") for number, each in enumerate(screens)]
-    found = Simulator(None, radar, [plate(), *before]).rays(max_bounces=1)
+    found = shoot(Simulator(None, radar, [plate(), *before]).tracer, max_bounces=1)
     wavenumber = 2 * np.pi * found.paths.frequency / SPEED_OF_LIGHT
     places = [(*each, *(-1.0, 1.0)[len(each) - 2 :]) if len(each) == 2 else each for each in screens]
     few = (slice(None, None, 4 if elements == "mmwcas" else 1),) * 2  # of the pairs
@@ -113,7 +114,7 @@ def test_it_is_all_one_how_much_there_is_within_a_shadow():
         )
         for k in range(7)
     ]
-    paths = Simulator(None, radar, [plate(), *before]).rays(max_bounces=1).paths
+    paths = shoot(Simulator(None, radar, [plate(), *before]).tracer, max_bounces=1).paths
     wavenumber = 2 * np.pi * paths.frequency / SPEED_OF_LIGHT
     true, centre = (
         seen_by_both(*ends, [(-1, 0.0, -1, 1)], wavenumber)
@@ -148,14 +149,14 @@ def test_rays_and_facets_agree_on_what_is_half_hidden(subject, elements, edge, e
     mesh = sphere(5, 0.1) if subject == "ball" else body()
     actor = Actor.from_mesh(mesh, material="pec", position=(2.0, 0.0, 0.0), name="it")
     simulator = Simulator(None, radar, [actor, screen(-1, edge)], rtol=3e-3)
-    rays, facets = simulator.rays(max_bounces=1), simulator.paths()
+    rays, facets = shoot(simulator.tracer, max_bounces=1), simulator.paths()
     ours, theirs = (channel(of(each, "it")) for each in (rays.paths, facets))
     alone = replace(radar, tx_positions=np.zeros((1, 3)), rx_positions=np.zeros((1, 3))) if elements == "pair" else None
     level = np.abs(theirs).max()
     if alone is not None:
-        level = np.abs(channel(of(Simulator(None, alone, [actor, screen(-1, edge)]).rays(max_bounces=1).paths, "it")))[
-            0, 0
-        ]
+        level = np.abs(
+            channel(of(shoot(Simulator(None, alone, [actor, screen(-1, edge)]).tracer, max_bounces=1).paths, "it"))
+        )[0, 0]
     off = np.abs(ours - theirs).max() / level
     assert off < min(error, rays.report.error + 0.02)
 
@@ -163,7 +164,9 @@ def test_rays_and_facets_agree_on_what_is_half_hidden(subject, elements, edge, e
 def test_where_no_shadow_falls_nothing_is_stated_for_shadows():
     """Two plates side by side, of which neither hides the other: as accurate as a plate alone."""
     actors = [plate(), screen(0.5, 0.7, -0.1, 0.1)]
-    alone, both = (Simulator(None, array("awr1843"), each).rays(max_bounces=1) for each in (actors[:1], actors))
+    alone, both = (
+        shoot(Simulator(None, array("awr1843"), each).tracer, max_bounces=1) for each in (actors[:1], actors)
+    )
     assert both.report.error < max(2.0 * alone.report.error, 0.01)
     assert (np.abs(channel(of(both.paths, "it")) / channel(of(alone.paths, "it")) - 1) < 0.01).all()
 
@@ -173,7 +176,7 @@ def test_beside_a_cloth_there_is_no_strip_of_full_light():
     Of a leg that goes through and one that goes past it ray mode knows where the phase centre has both."""
     scene, cloth = scene_with(cloth=([[1, -1, -1], [1, 0, -1], [1, 0, 1], [1, -1, 1]], "clothing", 1e-4)), 1e-4
     radar = ARRAYS["pair"]()
-    paths = Simulator(scene, radar, [plate()], transmission=True).rays(max_bounces=1).paths
+    paths = shoot(Simulator(scene, radar, [plate()], transmission=True).tracer, max_bounces=1).paths
     permittivity = complex(scene.objects[0].properties.relative_permittivity(77e9))
     through = complex(transmission(permittivity, 1.0, cloth, np.ones(1), 77e9)[0][0])
     places = radar.tx_world[0], radar.rx_world[0], [(-1, 0, -1, 1)], 2 * np.pi * paths.frequency / SPEED_OF_LIGHT

@@ -16,6 +16,7 @@ from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks.subjects import ball, radar_of
 from tests.physics.test_ghosts import channel, decibels
+from tests.reference.sbr.shoot import shoot
 from tests.reference.two_spheres import by_way_of
 from tests.sionna.rectangles import add_meshes, scene_of
 
@@ -383,7 +384,7 @@ def test_glints_of_a_bowl_are_no_more_than_what_comes_from_it(radar, level):
     bowl = Actor.from_mesh(mesh, material="pec", position=(3.4, 0.0, 0.0), name="bowl")
     simulator = Simulator(None, radar, [bowl], rtol=1e-2, max_bounces=2)
     found = channel(around(simulator.paths(0.0)))[0, 0]
-    truth = channel(around(simulator.rays(0.0, max_bounces=2, rtol=3e-2).paths))[0, 0]
+    truth = channel(around(shoot(simulator.tracer, 0.0, max_bounces=2, rtol=3e-2).paths))[0, 0]
     assert abs(decibels(found / truth)) < 8
 
 
@@ -425,7 +426,9 @@ def test_people_show_as_much_of_themselves_as_the_ray_mode_says():
 
     poses = 0.3138, 0.8, 1.0
     found = np.array([power(simulator.paths(t)) for t in poses])
-    truth = np.array([power(simulator.rays(t, max_bounces=2, sampling="uniform", level=9).paths) for t in poses])
+    truth = np.array(
+        [power(shoot(simulator.tracer, t, max_bounces=2, sampling="uniform", level=9).paths) for t in poses]
+    )
     assert abs(10 * np.log10(found.sum() / truth.sum())) < 2
     assert np.abs(10 * np.log10(found / truth)).max() < 6
 

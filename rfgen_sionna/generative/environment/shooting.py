@@ -132,7 +132,7 @@ class Stage:
             shot.orientation,
             patch_wavelengths=PATCHES,
             bounces=bounces,
-            tubes=False,
+            indirect=False,
             projection=shot.projection,
         )
 

@@ -10,7 +10,6 @@ module       what
 `reflected`  facets seen by way of a plane mirror
 `triangle`   the gain of a triangle
 `facet`      those of all facets at all nodes: the kernel
-`far_field`  scattering towards far directions, as Sionna's sensing takes it
 `delays`     delays by way of places, and their rates
 `phasors`    what waves turn by on their way
 ===========  ===============================================================

@@ -12,10 +12,10 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.bounces import Bounced, Bounces
+from rfgen_sionna.tracing.curved.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts, GhostView
 from rfgen_sionna.tracing.ghosts.image_returns import Centroids
-from rfgen_sionna.tracing.glints.round_bounces import RoundBounces, RoundSeen
 from rfgen_sionna.tracing.moving.facets import Positions
 from rfgen_sionna.tracing.moving.sight import Seen
 from rfgen_sionna.tracing.moving.slab_edges import SlabEdges

@@ -10,8 +10,8 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.devices import sionna_scene
-from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.mesh import face_normals, lengths
+from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.tracing.surface.bend import QUARTERS, divided
 from rfgen_sionna.tracing.surface.smooth import smoothing
 
@@ -81,7 +81,7 @@ def add_actor(
     from sionna.rt.rcs import ScatteringModel, SensingTarget
 
     from rfgen_sionna.scene.ray_layer import Layer
-    from rfgen_sionna.tracing.integral.far_field import Body, ScatteringPoint
+    from rfgen_sionna.tracing.sionna.far_field import Body, ScatteringPoint
 
     mi: Any = mitsuba
     name = actor.name if name is None else name

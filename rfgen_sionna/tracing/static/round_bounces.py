@@ -1,4 +1,4 @@
-"""What bent surfaces of the static scene show of one another (:mod:`~rfgen_sionna.tracing.glints.round_bounces`),
+"""What bent surfaces of the static scene show of one another (:mod:`~rfgen_sionna.tracing.curved.round_bounces`),
 once."""
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.plates import find_flats
-from rfgen_sionna.tracing.glints.round_bounces import RoundBounces
+from rfgen_sionna.tracing.curved.round_bounces import RoundBounces
+from rfgen_sionna.tracing.curved.skin import Skin
 from rfgen_sionna.tracing.static.bounces import PLATE
 from rfgen_sionna.tracing.static.shadows import Shadow, cast
 from rfgen_sionna.tracing.static.trace import StaticTrace
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
-from rfgen_sionna.tracing.tubes.skin import Skin
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class StaticRoundBounces:
     """(glint,) of which rays say so without actors: a ray may just touch what is bent."""
     viewpoint: FloatArray
     error: float
-    """What geometrical optics may be off by (:mod:`~rfgen_sionna.tracing.glints.doubts`), relative to what the static
+    """What geometrical optics may be off by (:mod:`~rfgen_sionna.tracing.curved.doubts`), relative to what the static
     scene's own is."""
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:

@@ -143,7 +143,7 @@ def test_a_mirror_shows_what_stands_beside_the_radar(radar):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"bounces": 0}, "bounces is 0: a whole number of 1 … 6"),
+        ({"bounces": 0}, "bounces is 0: a whole number of 1 … 3"),
         ({"bounces": True}, "bounces is True"),
         ({"patch_wavelengths": 0.0}, "0.25 … 100"),
     ],
