@@ -17,7 +17,7 @@ from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_name
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene.places import Policy
+from rfgen_sionna.scene.checks.actors import Policy
 from rfgen_sionna.signal import Receiver, read_receiver
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator

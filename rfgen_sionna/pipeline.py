@@ -26,9 +26,9 @@ from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene.clearance import surface_of
+from rfgen_sionna.scene.checks.actors import Policy
+from rfgen_sionna.scene.checks.clearance import surface_of
 from rfgen_sionna.scene.floor import floor_under
-from rfgen_sionna.scene.places import Policy
 from rfgen_sionna.signal import Receiver, receiver_record
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
@@ -225,7 +225,7 @@ def generate(
         refiner=setting.refiner,
     )
     # Nobody sees through an image.
-    if (setting.environment is not None or not transmission) and simulator.hidden(person, 0.0, duration):
+    if (setting.environment is not None or not transmission) and simulator.is_occluded(person, 0.0, duration):
         if setting.environment is None:
             what, remedy = f"the surfaces of scene '{scene.name}' hide", "choose another distance or environment"
         else:

@@ -17,7 +17,8 @@ from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.surroundings import EnvironmentPrompt
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
-from rfgen_sionna.scene.load import RadarScene, load_scene
+from rfgen_sionna.scene.load import load_scene
+from rfgen_sionna.scene.scene import RadarScene
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion

@@ -4,7 +4,7 @@ Importing it imports neither Mitsuba nor Sionna; they start when a scene is firs
 """
 
 from rfgen_sionna.scene.actor import Actor, rotation_matrix
-from rfgen_sionna.scene.clearance import check_radar_clear
+from rfgen_sionna.scene.checks.clearance import check_radar_clear
 from rfgen_sionna.scene.devices import add_radar, radar_alone, tabulated
 from rfgen_sionna.scene.errors import (
     BackendError,
@@ -14,10 +14,11 @@ from rfgen_sionna.scene.errors import (
     MeshError,
     SceneError,
 )
-from rfgen_sionna.scene.load import RadarScene, StaticObject, available_scenes, load_scene
+from rfgen_sionna.scene.load import available_scenes, load_scene
 from rfgen_sionna.scene.materials import MATERIALS, Material, canonical_name, material
 from rfgen_sionna.scene.mesh import RigidMesh, check_mesh, face_normals
 from rfgen_sionna.scene.rays import Hits, RayScene
+from rfgen_sionna.scene.scene import RadarScene, StaticObject
 
 __all__ = [
     "MATERIALS",

@@ -11,7 +11,7 @@ import numpy as np
 
 from rfgen_sionna.radar import NamedPattern, Radar, TablePattern
 from rfgen_sionna.scene.backend import ensure_backend
-from rfgen_sionna.scene.load import RadarScene
+from rfgen_sionna.scene.scene import RadarScene
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene.sionna_array import RadarReceiver, RadarTransmitter
@@ -145,7 +145,7 @@ def radar_alone(
     ...         paths.append(solver(scene.sionna, synthetic_array=False))
 
     Afterwards devices, arrays and frequency are what they were. The frequency of a
-    :class:`~rfgen_sionna.scene.load.RadarScene` is the radar's centre frequency meanwhile; that of a `sionna.rt.Scene`
+    :class:`~rfgen_sionna.scene.scene.RadarScene` is the radar's centre frequency meanwhile; that of a `sionna.rt.Scene`
     is left alone, as its materials may have none there.
 
     Parameters

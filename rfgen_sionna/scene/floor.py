@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.scene.scene import RadarScene
 
 SLAB = 0.5
 """Surfaces of one object that lie less than this above each other [m] are the two sides of a slab."""

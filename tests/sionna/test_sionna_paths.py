@@ -317,6 +317,6 @@ def test_what_are_no_paths_of_a_radar_is_refused(rt):
 
 
 def add_rectangles_to(scene):
-    from rfgen_sionna.scene.load import RadarScene
+    from rfgen_sionna.scene.scene import RadarScene
 
     add_rectangles(RadarScene("own", scene=scene), mirror=(wall(4.0), "metal"))

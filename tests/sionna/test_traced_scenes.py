@@ -9,7 +9,7 @@ import trimesh
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Actor, MaterialRangeWarning, RayScene, available_scenes
 from rfgen_sionna.scene.backend import ensure_backend
-from rfgen_sionna.scene.clearance import distance, nearest_surface
+from rfgen_sionna.scene.checks.clearance import distance, nearest_surface
 from rfgen_sionna.simulation import Simulator
 
 pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.errors.MaterialRangeWarning")

@@ -4,7 +4,7 @@ Importing it imports neither Mitsuba nor Sionna.
 """
 
 from rfgen_sionna.scene.furnished.catalogue import PLACES, furnished
+from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene, Layout
 from rfgen_sionna.scene.furnished.layout import Item
-from rfgen_sionna.scene.furnished.scene import FurnishedScene, Layout
 
 __all__ = ["PLACES", "FurnishedScene", "Item", "Layout", "furnished"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.scene.load import StaticObject
+from rfgen_sionna.scene.scene import StaticObject
 
 
 def to_sionna(objects: Sequence[StaticObject], colours: FloatArray, frequency: float) -> Any:

@@ -187,7 +187,7 @@ def test_who_is_behind_the_surroundings_all_along_is_told(radar):
     """By more than `SOFT_EDGE`, and as long as he is; what comes out at one instant, or stands aside, is not hidden."""
     ball = Actor.from_mesh(trimesh.creation.icosphere(subdivisions=2, radius=0.2), material="metal", position=(5, 0, 1))
     behind = Simulator(None, radar, [ball], environment=wall(radar, 4.0))
-    assert behind.hidden(behind.actors[0], 0.0, 0.2)
+    assert behind.is_occluded(behind.actors[0], 0.0, 0.2)
     with pytest.warns(UserWarning, match="behind the surroundings that the image shows all along"):
         behind.frames(0.05, noise=False)
     for distance, position, velocity in (
@@ -197,7 +197,7 @@ def test_who_is_behind_the_surroundings_all_along_is_told(radar):
     ):
         actor = replace(ball, position=position, velocity=velocity)
         seen = Simulator(None, radar, [actor], environment=wall(radar, distance))
-        assert not seen.hidden(seen.actors[0], 0.0, 0.2), (distance, position, velocity)
+        assert not seen.is_occluded(seen.actors[0], 0.0, 0.2), (distance, position, velocity)
 
 
 def test_who_comes_to_be_half_behind_the_surroundings_is_told(radar, recwarn):

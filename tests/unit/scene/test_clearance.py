@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import Actor, SceneError, check_radar_clear, load_scene, material
-from rfgen_sionna.scene.clearance import distance, winding_number
-from rfgen_sionna.scene.load import StaticObject
+from rfgen_sionna.scene.checks.clearance import distance, winding_number
+from rfgen_sionna.scene.scene import StaticObject
 
 BALL = trimesh.creation.icosphere(subdivisions=2)
 

@@ -10,9 +10,9 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.scene import Actor, RayScene, SceneError, load_scene, material
-from rfgen_sionna.scene.collision import CONTACT, Collision, CollisionFinder, deepest
-from rfgen_sionna.scene.load import StaticObject
-from rfgen_sionna.scene.places import check_collisions
+from rfgen_sionna.scene.checks.actors import check_collisions
+from rfgen_sionna.scene.checks.collision import CONTACT, Collision, CollisionFinder, deepest
+from rfgen_sionna.scene.scene import StaticObject
 
 SOFA = (2.7, -1.5, 0.0)
 

@@ -9,8 +9,9 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import SceneError, available_scenes, load_scene, material
-from rfgen_sionna.scene.enclosure import Interior, check_radar_placed, read_interior
-from rfgen_sionna.scene.load import StaticObject
+from rfgen_sionna.scene.checks.enclosure import check_radar_placed
+from rfgen_sionna.scene.interior import Interior, read_interior
+from rfgen_sionna.scene.scene import StaticObject
 from rfgen_sionna.simulation import Simulator
 
 pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.errors.MaterialRangeWarning")

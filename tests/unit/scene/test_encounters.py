@@ -10,7 +10,7 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.scene import Actor, SceneError
-from rfgen_sionna.scene.encounters import Encounter, find_encounters
+from rfgen_sionna.scene.checks.encounters import Encounter, find_encounters
 from rfgen_sionna.scene.materials import MATERIALS
 
 

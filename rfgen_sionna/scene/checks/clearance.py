@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.errors import SceneError
-from rfgen_sionna.scene.load import RadarScene
 from rfgen_sionna.scene.mesh import used_vertices
+from rfgen_sionna.scene.scene import RadarScene
 
 CLEARANCE = 0.02
 """Free space [m] that a radar needs around its centre: its antenna array is a few centimetres wide."""
@@ -26,8 +26,8 @@ WAY_STEP = 1e-3
 """Time between the instants at which a moving radar's place is looked up [s]."""
 
 
-class Body(Protocol):
-    """What a radar may run into: an actor, or how a moving radar sees one."""
+class Obstacle(Protocol):
+    """A mesh that a radar may run into: an actor, or an actor relative to a moving radar."""
 
     @property
     def name(self) -> str: ...
@@ -50,7 +50,7 @@ class _Surface:
     vertices: Callable[[float], FloatArray]
 
 
-def surface_of(body: Body) -> Body:
+def surface_of(body: Obstacle) -> Obstacle:
     """A body without the vertices that none of its faces uses, wherever they are."""
     used, faces = used_vertices(body.faces)
     return _Surface(body.name, faces, lambda t: body.vertices(t)[used])
@@ -104,7 +104,7 @@ def nearest_surface(point: ArrayLike, scene: RadarScene) -> tuple[str, float]:
 def check_radar_clear(
     position: ArrayLike,
     scene: RadarScene | None,
-    actors: Sequence[Body] = (),
+    actors: Sequence[Obstacle] = (),
     t: float = 0.0,
     clearance: float = CLEARANCE,
 ) -> None:
@@ -147,7 +147,9 @@ def check_radar_clear(
             raise SceneError(f"radar position {_text(place)} m lies inside {what}: place it in free space")
 
 
-def check_way_clear(radar: Radar, scene: RadarScene | None, actors: Sequence[Body], start: float, stop: float) -> None:
+def check_way_clear(
+    radar: Radar, scene: RadarScene | None, actors: Sequence[Obstacle], start: float, stop: float
+) -> None:
     """Make sure that a radar that moves stands free from `start` to `stop` [s], looked at wherever it has come half the
     clearance further. A radar that stays is not looked at.
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.enclosure import Interior
 from rfgen_sionna.scene.furnished.finishes import FINISHES, surface_material
 from rfgen_sionna.scene.furnished.layout import Ground, Item, Plan
 from rfgen_sionna.scene.furnished.piece import merge
 from rfgen_sionna.scene.furnished.shapes import Part
-from rfgen_sionna.scene.load import RadarScene, StaticObject
+from rfgen_sionna.scene.interior import Interior
 from rfgen_sionna.scene.materials import warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, lengths
+from rfgen_sionna.scene.scene import RadarScene, StaticObject
 
 CEILING_OF_THE_SKY = 30.0
 """Height [m] up to which a radar may stand outdoors."""

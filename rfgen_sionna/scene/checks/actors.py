@@ -1,4 +1,4 @@
-"""Whether actors stay where a radar can work with them, all through a run; looked at before the run begins."""
+"""Checks of the actors' places before a run: range window, passage by the radar, collisions, occlusion."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene.clearance import CLEARANCE, Body, check_radar_clear, surface_of
-from rfgen_sionna.scene.collision import ALLOWED, Collision, CollisionFinder, deepest
+from rfgen_sionna.scene.checks.clearance import CLEARANCE, Obstacle, check_radar_clear, surface_of
+from rfgen_sionna.scene.checks.collision import ALLOWED, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.rays import RayScene
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene.actor import Actor
-    from rfgen_sionna.scene.load import RadarScene
+    from rfgen_sionna.scene.scene import RadarScene
 
 Policy: TypeAlias = Literal["error", "warn", "ignore"]
 POLICIES = ("error", "warn", "ignore")
@@ -28,14 +28,15 @@ CHECK_STEP = 0.05
 """Time [s] between the instants of a run at which the actors' places are checked."""
 MIN_CHECK_STEP = 1e-4
 """Shortest such time where an actor passes the radar [s]."""
-HIDING_INSTANTS = 9
-"""Instants of a run, and below them points of an actor, at which it is looked for behind the scene's surfaces."""
-HIDING_POINTS = 64
-MUCH_HIDDEN = 0.35
-"""Share of an actor that may be hidden without a word: legs behind a table."""
+OCCLUSION_INSTANTS = 9
+"""Instants of a run at which occlusion is tested."""
+OCCLUSION_POINTS = 64
+"""Vertices of an actor that are tested, at least."""
+MUCH_OCCLUDED = 0.35
+"""Largest occluded share of an actor without a warning: legs behind a table."""
 
 
-def check_places(radar: Radar, actors: Sequence[Body], start: float, stop: float) -> None:
+def check_places(radar: Radar, actors: Sequence[Obstacle], start: float, stop: float) -> None:
     """Make sure that every actor keeps within the range window, and none of them comes around the radar or through it.
 
     `actors` are as seen by a radar that stays at its place.
@@ -78,8 +79,8 @@ def check_collisions(
 ) -> None:
     """Make sure that no actor goes through a surface of the scene from `start` to `stop` [s].
 
-    Contact is fine (:data:`~rfgen_sionna.scene.collision.CONTACT`), and what goes deeper is warned of. What goes deeper
-    than :data:`~rfgen_sionna.scene.collision.ALLOWED` is an error or, as `policy` says, is warned of as well.
+    Contact down to :data:`~rfgen_sionna.scene.checks.collision.CONTACT` is allowed. Deeper places are warned of; from
+    :data:`~rfgen_sionna.scene.checks.collision.ALLOWED` on they are an error unless `policy` is "warn".
 
     Raises
     ------
@@ -101,25 +102,25 @@ def check_collisions(
             warnings.warn("; ".join(map(str, deepest(found))), stacklevel=stacklevel + 1)
 
 
-class Hiding(Protocol):
-    """What may hide an actor: surfaces, or an image of surroundings."""
+class Occluder(Protocol):
+    """Surfaces, or an image of surroundings, that may occlude an actor."""
 
     def occluded(self, origins: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_] | FloatArray:
         """(target,) whether it stands between an origin (3,) and each target (target, 3) [m], or how much, 0 … 1."""
         ...
 
 
-def hidden(radar: Radar, hiding: Hiding | None, actor: Body, start: float, stop: float) -> bool:
-    """Whether `hiding` hides an actor from the radar at every instant tried from `start` to `stop` [s]."""
-    if hiding is None:
+def is_occluded(radar: Radar, occluder: Occluder | None, actor: Obstacle, start: float, stop: float) -> bool:
+    """Whether `occluder` occludes all of an actor from the radar at every instant tried from `start` to `stop` [s]."""
+    if occluder is None:
         return False
-    return all(_share_hidden(radar, hiding, actor, t) == 1.0 for t in _instants(start, stop))
+    return all(_occluded_share(radar, occluder, actor, t) == 1.0 for t in _instants(start, stop))
 
 
-def warn_hidden(
+def warn_occluded(
     radar: Radar,
-    hiding: Hiding,
-    actors: Sequence[Body],
+    occluder: Occluder,
+    actors: Sequence[Obstacle],
     start: float,
     stop: float,
     what: str,
@@ -127,14 +128,14 @@ def warn_hidden(
     much: bool,
     stacklevel: int,
 ) -> None:
-    """Warn of actors that `hiding`, called `what`, hides all along, or, where `much` matters, for the most part at some
-    instant: nothing tells whether they stand behind something or in it."""
+    """Warn of actors that `occluder`, called `what`, occludes at all instants tried or, where `much` is set, by more
+    than :data:`MUCH_OCCLUDED` at one of them."""
     for actor in actors:
-        if hidden(radar, hiding, actor, start, stop):
+        if is_occluded(radar, occluder, actor, start, stop):
             told = f"is behind the {what} all along: the radar receives nothing of it"
         elif much:
-            share, t = max((_share_hidden(radar, hiding, actor, t), -t) for t in _instants(start, stop))
-            if share <= MUCH_HIDDEN:
+            share, t = max((_occluded_share(radar, occluder, actor, t), -t) for t in _instants(start, stop))
+            if share <= MUCH_OCCLUDED:
                 continue
             told = f"is behind the {what}, or in them, by {share:.0%} at t = {-t:.2f} s: the radar receives the rest"
         else:
@@ -143,17 +144,17 @@ def warn_hidden(
 
 
 def _instants(start: float, stop: float) -> list[float]:
-    return [float(t) for t in np.linspace(start, stop, HIDING_INSTANTS if stop > start else 1)]
+    return [float(t) for t in np.linspace(start, stop, OCCLUSION_INSTANTS if stop > start else 1)]
 
 
-def _share_hidden(radar: Radar, hiding: Hiding, actor: Body, t: float) -> float:
-    """How much of an actor is hidden from the radar at `t` [s], 0 … 1."""
+def _occluded_share(radar: Radar, occluder: Occluder, actor: Obstacle, t: float) -> float:
+    """Share of an actor that is occluded from the radar at `t` [s], 0 … 1."""
     vertices = surface_of(actor).vertices(t)
-    points = vertices[:: max(1, len(vertices) // HIDING_POINTS)]
-    return float(hiding.occluded(np.asarray(radar.pose(t)[0]), points).mean())
+    points = vertices[:: max(1, len(vertices) // OCCLUSION_POINTS)]
+    return float(occluder.occluded(np.asarray(radar.pose(t)[0]), points).mean())
 
 
-def _within_window(radar: Radar, actor: Body, used: NDArray[np.intp] | slice, t: float) -> FloatArray:
+def _within_window(radar: Radar, actor: Obstacle, used: NDArray[np.intp] | slice, t: float) -> FloatArray:
     """(vertex, 3) world positions [m] of the `used` vertices, all of them within the range window."""
     points = actor.vertices(t)
     if not np.isfinite(points).all():  # neither rays nor files take such a vertex, used or not
@@ -171,7 +172,7 @@ def _within_window(radar: Radar, actor: Body, used: NDArray[np.intp] | slice, t:
 
 
 def _check_passage(
-    radar: Radar, actor: Body, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]
+    radar: Radar, actor: Obstacle, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]
 ) -> None:
     """The actor does not meet the radar between two instants; looked at in steps of less than the clearance."""
     place = np.asarray(radar.position)

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.errors import SceneError
-
-if TYPE_CHECKING:
-    from rfgen_sionna.scene.load import RadarScene
+from rfgen_sionna.scene.scene import RadarScene
 
 RINGS = (0.97, 0.7, 0.35)
 """Sines of the elevations at which rays go up. Lower ones run into hills, and from below into buildings that are open
@@ -32,46 +26,6 @@ FLOOR_GAP = 0.05
 GROUND_SAMPLES = 24
 OPEN_GROUND = 0.1
 """Share of a floor under the open sky from which it is ground, not the floor of a room."""
-
-
-@dataclass(frozen=True)
-class Interior:
-    """Where there is free space in a scene that is a room: a union of boxes, with low and high corners (box, 3) [m]."""
-
-    low: FloatArray
-    high: FloatArray
-
-    def holds(self, point: ArrayLike) -> bool:
-        """Whether a point (3,) [m] lies in one of the boxes."""
-        place = np.asarray(point, np.float64)
-        return bool(((place >= self.low) & (place <= self.high)).all(axis=1).any())
-
-    def __str__(self) -> str:
-        return " or ".join(
-            ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", low, high, strict=True))
-            for low, high in zip(self.low.tolist(), self.high.tolist(), strict=True)
-        )
-
-
-def read_interior(path: Path) -> Interior:
-    """The interior of a scene from a TOML file: tables `[[interior]]` with `low` and `high` corners [m].
-
-    Raises
-    ------
-    SceneError
-        The file holds anything else, or a box without volume.
-    """
-    wanted = "tables [[interior]] with low = [x, y, z] and high = [x, y, z], low below high, and nothing else"
-    try:
-        held = tomllib.loads(path.read_text(encoding="utf-8"))
-        if set(held) != {"interior"} or any(set(box) != {"low", "high"} for box in held["interior"]):
-            raise ValueError(f"it has {', '.join(held)}")
-        low, high = (np.array([box[end] for box in held["interior"]], np.float64) for end in ("low", "high"))
-        if low.shape[1:] != (3,) or high.shape != low.shape or not (low < high).all():
-            raise ValueError(f"low is {low.tolist()} and high {high.tolist()}")
-    except (ValueError, TypeError) as error:  # those of TOML and Unicode are ValueErrors too
-        raise SceneError(f"scene description {path.name!r}: {error}; allowed are {wanted}") from error
-    return Interior(low, high)
 
 
 def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: Callable[[], bool]) -> None:

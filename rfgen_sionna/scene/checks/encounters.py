@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.clearance import surface_of, winding_number
-from rfgen_sionna.scene.collision import ALLOWED, FINEST_STEP, STEP, Collision, CollisionFinder, deepest
+from rfgen_sionna.scene.checks.clearance import surface_of, winding_number
+from rfgen_sionna.scene.checks.collision import ALLOWED, FINEST_STEP, STEP, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.rays import RayScene
 
@@ -43,7 +43,7 @@ class Encounter(Collision):
 def find_encounters(
     one: Actor, other: Actor, start: float, stop: float, eye: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Iterator[Encounter]:
-    """Where two actors touch more deeply than :data:`~rfgen_sionna.scene.collision.CONTACT`, one by one as time goes.
+    """Encounters of two actors deeper than :data:`~rfgen_sionna.scene.checks.collision.CONTACT`, in order of time.
 
     Args:
         one, other: the actors; the order only decides which of them is called the one that is in the other.
@@ -69,7 +69,7 @@ def check_encounters(
     actors: Sequence[Actor], start: float, stop: float, policy: str, stacklevel: int, eye: ArrayLike = (0.0, 0.0, 0.0)
 ) -> None:
     """Make sure that no two actors are in one place from `start` to `stop` [s], as
-    :func:`~rfgen_sionna.scene.places.check_collisions` does for actors and surroundings.
+    :func:`~rfgen_sionna.scene.checks.actors.check_collisions` does for actors and surroundings.
 
     Raises:
         SceneError: naming both actors, time and place, and what to do.
@@ -107,7 +107,7 @@ class _Instant:
                 continue
             still = _Still(self.bodies[there].name, self.vertices[there], self.bodies[there].faces)
             rays = RayScene([(still.vertices, still.faces)], origin=eye)
-            finder = CollisionFinder(_Surroundings((still,)), rays, self.bodies[here])
+            finder = CollisionFinder(_StaticMeshes((still,)), rays, self.bodies[here])
             for each in finder.find(self.time, self.time):
                 if np.isinf(each.depth) and self._hollow(there):
                     continue
@@ -163,7 +163,7 @@ class _Still:
 
 
 @dataclass(frozen=True)
-class _Surroundings:
+class _StaticMeshes:
     objects: tuple[_Still, ...]
 
 

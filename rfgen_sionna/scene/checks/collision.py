@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.clearance import distance, surface_of, winding_number
+from rfgen_sionna.scene.checks.clearance import distance, surface_of, winding_number
 from rfgen_sionna.scene.rays import Hits, RayScene
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene.clearance import Body
+    from rfgen_sionna.scene.checks.clearance import Obstacle
 
 CONTACT = 0.02
 """Depth [m] up to which an actor touches a surface: feet on the floor, a hand on a table."""
@@ -55,7 +55,7 @@ class Thing(Protocol):
         ...
 
 
-class Surroundings(Protocol):
+class StaticMeshes(Protocol):
     """Whatever holds things: a scene."""
 
     @property
@@ -99,7 +99,7 @@ class CollisionFinder:
         Its faces never change.
     """
 
-    def __init__(self, scene: Surroundings, rays: RayScene, actor: Body) -> None:
+    def __init__(self, scene: StaticMeshes, rays: RayScene, actor: Obstacle) -> None:
         self._items = scene.objects
         self._rays = rays
         self._actor = actor = surface_of(actor)

@@ -1,0 +1,1 @@
+"""Checks of the places of radars and actors in a scene."""

@@ -1,0 +1,238 @@
+"""Static surroundings: a Sionna scene ready for radar frequencies, and its meshes as arrays."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.errors import MaterialError, SceneError
+from rfgen_sionna.scene.interior import Interior, read_interior
+from rfgen_sionna.scene.materials import Material, warn_uncovered
+from rfgen_sionna.scene.mesh import face_normals, used_vertices
+from rfgen_sionna.scene.permittivity import Outside
+
+
+@dataclass(frozen=True, eq=False)
+class StaticObject:
+    """A mesh of the scene that stays where it is. Its surface counts from both sides, as Sionna's do."""
+
+    name: str
+    properties: Material
+    """The material, with the thickness and the scattering coefficient that it has in this scene."""
+    vertices: FloatArray
+    """(vertex, 3) world positions [m], of vertices that faces use."""
+    faces: IntArray
+    """(face, 3) vertex indices; faces without area are left out."""
+
+    @property
+    def material(self) -> str:
+        """Name of the material."""
+        return self.properties.name
+
+
+class RadarScene:
+    """The static surroundings: a Sionna scene ready for radar frequencies, and its meshes as arrays.
+
+    Made by :func:`load_scene`. Mitsuba starts when `objects` or `sionna` is first read.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        path: Path | None = None,
+        scene: Any = None,
+        frequency: float | None = None,
+        outside: Outside = "extrapolate",
+    ) -> None:
+        self.name = name
+        self.path = path
+        self.frequency = frequency
+        """Carrier frequency [Hz] that the Sionna scene is set to; None leaves what the Sionna scene has."""
+        self.outside: Outside = outside
+        self._given = scene
+        self._unfollowed: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
+
+    def __repr__(self) -> str:
+        return f"RadarScene({self.name!r})"
+
+    @property
+    def is_free_space(self) -> bool:
+        """Whether there are no surroundings."""
+        if self.path is not None or self._given is not None:
+            return False
+        read = self.__dict__.get("sionna")  # whoever has it may have added objects
+        return read is None or not read.objects
+
+    @cached_property
+    def interior(self) -> Interior | None:
+        """Where a radar may stand in a scene that is a room, from the file beside the scene's that ends in `.toml`;
+        None where there is no such file.
+
+        Raises:
+            SceneError: the file cannot be used.
+        """
+        beside = None if self.path is None else self.path.with_suffix(".toml")
+        return None if beside is None or not beside.is_file() else read_interior(beside)
+
+    @cached_property
+    def sionna(self) -> Any:
+        """The `sionna.rt.Scene`, whose materials follow our tables.
+
+        Raises:
+            SceneError: the file cannot be read as a scene.
+            BackendError: Mitsuba cannot run here.
+        """
+        from rfgen_sionna.scene.backend import ensure_backend
+        from rfgen_sionna.scene.radio_materials import retune
+
+        variant = ensure_backend()
+        if self._given is not None:
+            scene = self._given
+            retune(scene, self.outside)
+        elif self.path is None:
+            import sionna.rt
+
+            scene = sionna.rt.load_scene()
+        else:
+            scene = _read(self.path, variant)
+            retune(scene, self.outside)
+        if self.frequency is not None:
+            scene.frequency = self.frequency
+        return scene
+
+    @cached_property
+    def objects(self) -> tuple[StaticObject, ...]:
+        """The static meshes, as the Sionna scene has them when this is read or :meth:`tune` is called. Sionna's sensing
+        targets are left out, and objects stay where they are whatever velocity they have there:
+        :meth:`warn_unfollowed`.
+
+        Raises:
+            SceneError: the file cannot be read as a scene.
+            MaterialError: an object's material has no permittivity.
+        """
+        if self.is_free_space:
+            return ()
+        from rfgen_sionna.scene.radio_materials import from_sionna
+
+        scene, materials, found = self.sionna, dict[str, Material](), list[StaticObject]()
+        targets, moving = list[str](), list[str]()
+        for name, item in scene.objects.items():
+            if type(item).__name__ == "SensingTarget":
+                targets.append(name)
+                continue
+            vertices, faces = _arrays(item.mi_mesh)
+            if not len(faces):
+                continue
+            of = item.radio_material
+            if of.name not in materials:
+                try:
+                    materials[of.name] = from_sionna(of, self.outside)
+                except MaterialError as error:
+                    raise MaterialError(f"object {name!r}: {error}") from error
+            found.append(StaticObject(name, materials[of.name], vertices, faces))
+            if np.any(np.asarray(item.velocity) != 0.0):
+                moving.append(name)
+        self._unfollowed = tuple(targets), tuple(moving)
+        if self.frequency is not None:
+            warn_uncovered([o.properties for o in found], self.frequency, stacklevel=3)
+        return tuple(found)
+
+    def warn_unfollowed(self) -> None:
+        """Warn of what the Sionna scene has and `objects` have not: sensing targets, and velocities."""
+        targets, moving = self._unfollowed
+        if targets:
+            warnings.warn(
+                f"Sionna's sensing targets are left out of the surroundings: {', '.join(targets)}; give them as actors",
+                stacklevel=3,
+            )
+        if moving:
+            warnings.warn(
+                f"objects stand still in the surroundings, whatever their velocity: {', '.join(moving)}; make actors "
+                "of them to let them move",
+                stacklevel=3,
+            )
+
+    def tune(self, frequency: float) -> None:
+        """Set the carrier frequency [Hz] of the Sionna scene, with one warning for what our sources do not cover, and
+        read its objects again: whoever has it may have moved them.
+
+        Raises:
+            ValueError: the frequency is not positive.
+            SceneError: there are sensing targets in the scene, with which Sionna cannot change its frequency.
+            MaterialError: the policy is "raise" and a material is not covered.
+        """
+        if not (np.isfinite(frequency) and frequency > 0.0):
+            raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
+        known, self.frequency = self.frequency, None
+        self.__dict__.pop("objects", None)
+        objects = self.objects
+        if frequency == known:
+            self.frequency = known
+            return
+        for item in objects:
+            if self.outside == "raise":
+                item.properties.check(frequency, item.name)
+        if not self.is_free_space:
+            targets = [name for name, item in self.sionna.objects.items() if type(item).__name__ == "SensingTarget"]
+            if targets and not np.isclose(float(self.sionna.frequency[0]), frequency, rtol=1e-6):
+                raise SceneError(
+                    f"scene {self.name!r}: Sionna cannot go from {float(self.sionna.frequency[0]) / 1e9:g} to "
+                    f"{frequency / 1e9:g} GHz with sensing targets in it ({', '.join(targets)}); set its frequency "
+                    "before they are added, or remove them"
+                )
+            if not targets:
+                self.sionna.frequency = frequency
+        self.frequency = float(frequency)
+        warn_uncovered([o.properties for o in objects], frequency, stacklevel=2)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest corner (3,) of all objects [m]; NaN in free space."""
+        if not self.objects:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        low = np.min([o.vertices.min(axis=0) for o in self.objects], axis=0)
+        high = np.max([o.vertices.max(axis=0) for o in self.objects], axis=0)
+        return low, high
+
+
+def _read(path: Path, variant: str) -> Any:
+    """Sionna's `load_scene` with our materials in place of its own, and every object under its own name.
+
+    Sionna evaluates each material at 3.5 GHz while it loads, where some of them are not defined.
+    """
+    import mitsuba
+    import sionna.rt
+    from sionna.rt.scene_utils import process_xml
+
+    from rfgen_sionna.scene.radio_materials import register, use_our_materials
+
+    register(variant)
+    mi: Any = mitsuba  # its type stubs leave these three functions untyped
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    resolver.append(str(path.parent))
+    try:
+        mi.set_file_resolver(resolver)
+        description = use_our_materials(process_xml(path.read_text(encoding="utf-8"), merge_shapes=False))
+        return sionna.rt.Scene(mi_scene=mi.load_string(description, optimize=False))
+    except SceneError:
+        raise
+    except Exception as error:  # Mitsuba and Sionna raise RuntimeError, ValueError, TypeError, …
+        raise SceneError(f"scene file {str(path)!r} cannot be loaded: {error}") from error
+    finally:
+        mi.set_file_resolver(before)
+
+
+def _arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
+    # Copies: Dr.Jit's arrays share their memory with NumPy on the CPU.
+    vertices = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
+    faces = np.array(mesh.faces_buffer(), np.int32).reshape(-1, 3)
+    area = np.linalg.norm(face_normals(vertices, faces), axis=1)
+    used, faces = used_vertices(np.ascontiguousarray(faces[area > 0.0]))
+    return vertices[used], faces
