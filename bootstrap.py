@@ -140,7 +140,10 @@ def prepare_bodies():
 def probe():
     """None where the ray tracing back end works, else what the package says about it."""
     result = subprocess.run(
-        [executable("python"), "-m", "rfgen_sionna.scene.backend"], capture_output=True, text=True, cwd=str(ROOT)
+        [executable("python"), "-m", "rfgen_sionna.scene.mitsuba_backend"],
+        capture_output=True,
+        text=True,
+        cwd=str(ROOT),
     )
     return None if result.returncode == 0 else (result.stderr or result.stdout).strip()
 

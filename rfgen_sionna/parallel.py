@@ -9,7 +9,7 @@ from threading import Condition
 from typing import Any
 
 
-class Limit:
+class ThreadLimit:
     """Something that a whole process is limited to while anybody holds it: the first to come sets it, the last to go
     lifts it. `limit` sets it and returns what lifts it."""
 
@@ -60,7 +60,7 @@ def _controller() -> Any:
     return ThreadpoolController()
 
 
-_BLAS = Limit(lambda: _controller().limit(limits=1, user_api="blas").restore_original_limits)
+_BLAS = ThreadLimit(lambda: _controller().limit(limits=1, user_api="blas").restore_original_limits)
 
 
 @contextmanager

@@ -32,7 +32,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rfgen_sionna.parallel import alone, nobody_at_work
-from rfgen_sionna.scene.backend import may_use_cuda, without_threads
+from rfgen_sionna.scene.mitsuba_backend import may_use_cuda, without_threads
 
 T = TypeVar("T")
 AHEAD = 1
@@ -42,7 +42,7 @@ _PATIENCE = 5.0
 """How long a process may take to go when nobody asks for it any more [s]."""
 
 
-class _Said(Enum):
+class _Message(Enum):
     """What a process tells."""
 
     MADE = auto()
@@ -93,11 +93,11 @@ def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -
     RuntimeError
         If a process ended before its work did.
     """
-    to_do, begun, warned = deque(runs), deque[_Run](), dict[Any, Any]()
+    to_do, begun, warned = deque(runs), deque[_Worker](), dict[Any, Any]()
     try:
         while to_do or begun:
             while to_do and sum(not each.over for each in begun) < workers and len(begun) < workers + AHEAD:
-                begun.append(_Run(job, to_do.popleft(), begun))
+                begun.append(_Worker(job, to_do.popleft(), begun))
             first, working = begun[0], {each.connection: each for each in begun if not each.over}
             # What others send is taken from them, but not waited for where something is at hand.
             for ready in wait(list(working), 0.0 if first.told else None) if working else ():
@@ -105,14 +105,14 @@ def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -
             if not first.told:
                 continue
             said, what = first.told.popleft()
-            if said is _Said.MADE:
+            if said is _Message.MADE:
                 yield what
-            elif said is _Said.LOGGED:
+            elif said is _Message.LOGGED:
                 logging.getLogger(what.name).handle(what)
-            elif said is _Said.WARNED:
+            elif said is _Message.WARNED:
                 message, category, filename, line = what
                 warnings.warn_explicit(message, category, filename, line, registry=warned)
-            elif said is _Said.FAILED:
+            elif said is _Message.FAILED:
                 raise what
             else:
                 begun.popleft().end()
@@ -121,13 +121,13 @@ def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -
             each.end()
 
 
-class _Run:
+class _Worker:
     """A process that works on some numbers, forked while others are."""
 
-    def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Run]) -> None:
+    def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Worker]) -> None:
         context = get_context("fork")
         self.connection, theirs = context.Pipe()
-        self.told, self.over, self._numbers = deque[tuple[_Said, Any]](), False, numbers
+        self.told, self.over, self._numbers = deque[tuple[_Message, Any]](), False, numbers
         # Ends of pipes that it does not need would hide from other processes that this one has gone.
         inherited = [self.connection, *(each.connection for each in others)]
         self._process = context.Process(target=_work, args=(job, numbers, theirs, inherited), daemon=True)
@@ -143,12 +143,12 @@ class _Run:
             said, what = self.connection.recv()
         except (EOFError, OSError):  # the latter in the middle of what it told
             self._process.join()
-            said, what = _Said.FAILED, RuntimeError(
+            said, what = _Message.FAILED, RuntimeError(
                 f"the process that worked on frames {self._numbers.start} … {self._numbers.stop - 1} ended with "
                 f"{self._process.exitcode} (below 0 it is a signal; -9 is often want of memory: take fewer workers)"
             )  # fmt: skip
         self.told.append((said, what))
-        self.over = said in (_Said.FAILED, _Said.OVER)
+        self.over = said in (_Message.FAILED, _Message.OVER)
 
     def end(self) -> None:
         """Let the process go, wherever it is."""
@@ -174,11 +174,11 @@ def _work(job: Callable[[int], Any], numbers: range, results: Connection, inheri
     try:
         with threadpool_limits(1):
             for number in numbers:
-                _tell(results, _Said.MADE, job(number))
-        _tell(results, _Said.OVER, None)
+                _tell(results, _Message.MADE, job(number))
+        _tell(results, _Message.OVER, None)
     except Exception as error:
         error.add_note("".join(["In another process:\n", *traceback.format_exception(error)]))
-        _tell(results, _Said.FAILED, _portable(error))
+        _tell(results, _Message.FAILED, _portable(error))
 
 
 def _end_with(parent: Connection) -> None:
@@ -188,7 +188,7 @@ def _end_with(parent: Connection) -> None:
     os._exit(1)
 
 
-def _tell(parent: Connection, said: _Said, what: Any) -> None:
+def _tell(parent: Connection, said: _Message, what: Any) -> None:
     """Tell the parent, or end where there is none."""
     message = ForkingPickler.dumps((said, what))
     try:
@@ -210,7 +210,7 @@ def _speak_through(results: Connection) -> None:
             pickle.loads(pickle.dumps((message, category)))
         except Exception:
             message, category = f"{category.__name__}: {message}", UserWarning
-        _tell(results, _Said.WARNED, (message, category, filename, lineno))
+        _tell(results, _Message.WARNED, (message, category, filename, lineno))
 
     warnings.showwarning = show
 
@@ -223,7 +223,7 @@ class _Sender(logging.handlers.QueueHandler):
         self._results = results
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        _tell(self._results, _Said.LOGGED, record)
+        _tell(self._results, _Message.LOGGED, record)
 
 
 def _portable(error: Exception) -> Exception:

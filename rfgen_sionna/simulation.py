@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.echoes import echoes, stretches
+from rfgen_sionna._deprecation import Renamed
+from rfgen_sionna.frame_loop import frame_samples, frame_tracer
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.fused import Fusion, Refiner
 from rfgen_sionna.pir.fusion import image, together
@@ -22,7 +23,6 @@ from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube, Pir, RadarPaths
-from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.checks.actors import (
     POLICIES,
     Policy,
@@ -40,6 +40,7 @@ from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import load_scene
 from rfgen_sionna.scene.materials import warn_uncovered
+from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.signal import Receiver, receive
@@ -123,7 +124,7 @@ class Simulator:
         self,
         scene: RadarScene | Any | None,
         radar: Radar,
-        actors: Sequence[Actor] = (),
+        actors: Sequence[MeshActor] = (),
         *,
         rtol: float = 1e-3,
         collisions: Policy = "error",
@@ -135,13 +136,13 @@ class Simulator:
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
-        if isinstance(actors, Actor):
+        if isinstance(actors, MeshActor):
             actors = (actors,)
         if not isinstance(actors, Iterable) or getattr(actors, "ndim", 1) == 0:  # an array of one number looks iterable
             raise TypeError(f"actors is {actors!r}: a list of actors is needed, () for none")
         actors = tuple(actors)
         for actor in actors:
-            if not isinstance(actor, Actor):
+            if not isinstance(actor, MeshActor):
                 raise TypeError(f"actors holds a {type(actor).__name__}: Actor.from_mesh and from_prompt make actors")
         if not (is_number(rtol) and 1e-8 <= rtol <= 0.1):
             raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
@@ -335,18 +336,20 @@ class Simulator:
         self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str, workers: int
     ) -> Iterator[Frame]:
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
-        trace = stretches(self.tracer, self._fusion, times)
-        made = echoes(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers)
+        trace = frame_tracer(self.tracer, self._fusion, times)
+        made = frame_samples(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers)
         for index, (samples, stretch) in enumerate(made):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale, shown = capture.full_scale, stretch.shown
             yield Frame(index, stretch.begin, capture.samples, stretch.report, full_scale, capture.clipped, shown)
 
-    def is_occluded(self, actor: Actor, start: float, stop: float) -> bool:
+    def is_occluded(self, actor: MeshActor, start: float, stop: float) -> bool:
         """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar at every
         instant tried from `start` to `stop` [s]."""
         occluder = self._surroundings if self._fusion is None else self._fusion.surroundings
         return is_occluded(self.radar, occluder, actor, start, stop)
+
+    hidden = Renamed("is_occluded")
 
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
         """(frame,) starts of the frames that fit into `duration` [s]."""
@@ -386,7 +389,7 @@ class Simulator:
         warnings.warn(f"the radar receives nothing of scene '{self.scene.name}': {why}", stacklevel=3)
 
 
-def _end(actor: Actor) -> float:
+def _end(actor: MeshActor) -> float:
     return actor.duration if np.isfinite(actor.duration) else 0.0
 
 

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.dataset.layout import create_label, create_pir, create_run
+from rfgen_sionna.dataset.hdf5_layout import create_label, create_pir, create_run
 from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo
 from rfgen_sionna.records import Pir
 

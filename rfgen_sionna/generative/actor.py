@@ -23,7 +23,7 @@ from rfgen_sionna.generative.placing import before_radar, check_way, way_back
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.records import MeshSequence, Motion
-from rfgen_sionna.scene import actor as scene_actor
+from rfgen_sionna.scene.mesh_actor import MeshActor
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -35,7 +35,7 @@ DEFAULT_DURATION = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Actor(scene_actor.Actor):
+class Actor(MeshActor):
     """A :class:`rfgen_sionna.scene.Actor` that can be made from words, motions and clips."""
 
     motion: Motion | None = None

@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from rfgen_sionna.processing.slots import ComplexChannels, decoder, entry_times, in_bands, kept_bands, separated
+from rfgen_sionna.processing.profile_selection import (
+    ComplexChannels,
+    decoder,
+    entry_times,
+    in_bands,
+    kept_bands,
+    separated,
+)
 from rfgen_sionna.processing.spectrum import check_cube
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from rfgen_sionna.processing.angle import Directions, find_directions, unit_vect
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.focus import focused
-from rfgen_sionna.processing.slots import ComplexChannels, empty_bands, in_bands, kept_bands, separated
+from rfgen_sionna.processing.profile_selection import ComplexChannels, empty_bands, in_bands, kept_bands, separated
 from rfgen_sionna.processing.spectrum import (
     RangeDoppler,
     Window,

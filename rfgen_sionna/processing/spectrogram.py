@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.slots import in_bands, kept_bands, separated
+from rfgen_sionna.processing.profile_selection import in_bands, kept_bands, separated
 from rfgen_sionna.processing.spectrum import (
     Window,
     check_cube,

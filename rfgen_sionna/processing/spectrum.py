@@ -28,7 +28,7 @@ from scipy import fft
 from scipy.signal import CZT, get_window
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.processing.slots import axis_lengths, kept_bands, separated
+from rfgen_sionna.processing.profile_selection import axis_lengths, kept_bands, separated
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rfgen_sionna.radar.errors import RadarConfigError
+from rfgen_sionna.radar.config_error import RadarConfigError
 from rfgen_sionna.radar.plausible import check_units
 
 _NUMBER = (int, float)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.errors import RadarConfigError
+from rfgen_sionna.radar.config_error import RadarConfigError
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
 from rfgen_sionna.radar.plausible import check_cut, check_plausible
 from rfgen_sionna.radar.preset import preset_waveform

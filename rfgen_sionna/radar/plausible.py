@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rfgen_sionna.radar.errors import RadarConfigError
+from rfgen_sionna.radar.config_error import RadarConfigError
 
 _ZERO_OR: dict[str, tuple[float, float]] = {
     "transmitter.power_dbm": (0.1, 80.0),

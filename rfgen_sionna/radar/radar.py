@@ -12,12 +12,12 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import overridden, read_config
+from rfgen_sionna.radar.config_error import RadarConfigError
 from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.elements import checked_elements
-from rfgen_sionna.radar.errors import RadarConfigError
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
-from rfgen_sionna.radar.record import fields_from_record, waveform_record
+from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import slot_label
 from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform

@@ -3,7 +3,7 @@
 Importing it imports neither Mitsuba nor Sionna; they start when a scene is first loaded or traced.
 """
 
-from rfgen_sionna.scene.actor import Actor, rotation_matrix
+from rfgen_sionna._deprecation import former_names
 from rfgen_sionna.scene.checks.clearance import check_radar_clear
 from rfgen_sionna.scene.devices import add_radar, radar_alone, tabulated
 from rfgen_sionna.scene.errors import (
@@ -17,18 +17,19 @@ from rfgen_sionna.scene.errors import (
 from rfgen_sionna.scene.load import available_scenes, load_scene
 from rfgen_sionna.scene.materials import MATERIALS, Material, canonical_name, material
 from rfgen_sionna.scene.mesh import RigidMesh, check_mesh, face_normals
+from rfgen_sionna.scene.mesh_actor import MeshActor, rotation_matrix
 from rfgen_sionna.scene.rays import Hits, RayScene
 from rfgen_sionna.scene.scene import RadarScene, StaticObject
 
 __all__ = [
     "MATERIALS",
-    "Actor",
     "BackendError",
     "CoarseMeshWarning",
     "Hits",
     "Material",
     "MaterialError",
     "MaterialRangeWarning",
+    "MeshActor",
     "MeshError",
     "RadarScene",
     "RayScene",
@@ -47,3 +48,5 @@ __all__ = [
     "rotation_matrix",
     "tabulated",
 ]
+
+__getattr__ = former_names(__name__, {"Actor": "MeshActor"})

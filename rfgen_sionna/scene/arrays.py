@@ -14,7 +14,7 @@ from threading import Lock
 from types import ModuleType
 from typing import Any
 
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
 
 def drjit_types() -> tuple[ModuleType, Any]:

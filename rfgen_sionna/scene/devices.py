@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rfgen_sionna.radar import NamedPattern, Radar, TablePattern
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.scene import RadarScene
 
 if TYPE_CHECKING:

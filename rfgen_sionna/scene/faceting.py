@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.errors import CoarseMeshWarning
 from rfgen_sionna.scene.flats import planes
 from rfgen_sionna.scene.mesh import RigidMesh, face_normals, lengths
+from rfgen_sionna.scene.mesh_actor import MeshActor
 
 SMOOTH = np.radians(30.0)
 """Neighbouring faces that turn by more [rad] are taken for an edge of the thing itself, as of a box."""
@@ -65,7 +65,7 @@ def faceting(vertices: FloatArray, faces: IntArray) -> Faceting:
     return Faceting(float(turn[rank[np.searchsorted(share, 0.5)]]), len(faces))
 
 
-def warn_coarse(actor: Actor, stacklevel: int) -> None:
+def warn_coarse(actor: MeshActor, stacklevel: int) -> None:
     """Warn of an actor whose facets are too coarse for the smooth surface that they seem to be samples of.
 
     Only rigid meshes are looked at: bodies that move have folds.

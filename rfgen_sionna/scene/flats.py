@@ -27,7 +27,7 @@ equal heights over its chords, the wider of two neighbours is bent by the smalle
 
 
 @dataclass(frozen=True)
-class Planes:
+class PlaneParts:
     """Plane parts of a mesh, and how they go on where they turn by little."""
 
     part: NDArray[np.int32]
@@ -44,7 +44,7 @@ def planes(
     edge: NDArray[np.int64],
     other: NDArray[np.int64],
     turn: FloatArray,
-) -> Planes:
+) -> PlaneParts:
     """Find what is flat.
 
     Parameters
@@ -65,7 +65,7 @@ def planes(
     smooth, flat = np.ones(len(edge), np.bool_), np.zeros(len(edge), np.bool_)
     several = np.bincount(part, minlength=count) > 1
     if not several.any():
-        return Planes(part, smooth, flat)
+        return PlaneParts(part, smooth, flat)
     bent = np.flatnonzero(~within)
     one, two = part[here[bent]].astype(np.int64), part[there[bent]].astype(np.int64)
     start, end = faces.ravel()[edge[bent]], faces[:, [1, 2, 0]].ravel()[edge[bent]]
@@ -83,7 +83,7 @@ def planes(
     ends, alone = several & (like < 2), like == 0
     kink = (alike & ends[one] & ends[two]) | (wider & alone[one] & last[two]) | (narrower & alone[two] & last[one])
     smooth[bent] = ~kink
-    return Planes(part, smooth, flat & smooth)
+    return PlaneParts(part, smooth, flat & smooth)
 
 
 def _neighbours(link: NDArray[np.int64], count: int) -> NDArray[np.intp]:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import bounds, lengths
+from rfgen_sionna.scene.point_visibility import NO_PRIMITIVE, PointVisibility
 from rfgen_sionna.scene.ray_layer import Layer, before_another_scene
-from rfgen_sionna.scene.targets import NO_PRIMITIVE, Targets
 from rfgen_sionna.scene.transfer import joined, upload
 
 StaticHits = Callable[[Any, int, bool], tuple[Any, Any]]
@@ -95,7 +95,7 @@ class Looks:
         facets: NDArray[np.int64],
         moving: bool = False,
         bundled: bool = False,
-    ) -> Targets:
+    ) -> PointVisibility:
         """:meth:`rfgen_sionna.scene.rays.RayScene.targets` of pieces of facets at any of the times, `facets` being
         their numbers by :meth:`numbered`.
 
@@ -110,7 +110,7 @@ class Looks:
             return first(ray, own, None if moving else ray)
 
         scenes = 1 + (self._layer is not None and self._any_static and not moving)
-        return Targets(nearest, self._origin, viewpoint, corners, facets, self._extent, scenes)
+        return PointVisibility(nearest, self._origin, viewpoint, corners, facets, self._extent, scenes)
 
     def first_facet(self, directions: FloatArray, time: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
         """(ray,) what each ray from the viewpoint hits first, as a facet of the ray scene; -1 where there is nothing.

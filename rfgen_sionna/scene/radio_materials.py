@@ -1,6 +1,6 @@
 """Our materials as Sionna's: a `RadioMaterial` that follows the scene's frequency, and retuning of loaded scenes.
 
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` first.
+Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def sionna_material(
     Raises:
         MaterialError: unknown name.
     """
-    from rfgen_sionna.scene.backend import ensure_backend
+    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
     ensure_backend()
     from sionna.rt import RadioMaterial

@@ -1,6 +1,6 @@
 """A Mitsuba scene of one mesh whose vertices can move.
 
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` first.
+Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.parallel import Limit
+from rfgen_sionna.parallel import ThreadLimit
 from rfgen_sionna.scene.errors import BackendError
 from rfgen_sionna.scene.transfer import upload
 
@@ -114,7 +114,7 @@ def _one_thread() -> Callable[[], None]:
     return lambda: dr.set_thread_count(threads)
 
 
-_ONE_THREAD = Limit(_one_thread)
+_ONE_THREAD = ThreadLimit(_one_thread)
 """Embree builds the tree of what moves with one thread, however large it is, and takes up to twice as long (on two
 cores) where another waits to help."""
 

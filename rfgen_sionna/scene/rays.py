@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.point_visibility import CHUNK, NO_PRIMITIVE, SELF_GAP, PointVisibility
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, before_another_scene
-from rfgen_sionna.scene.targets import CHUNK, NO_PRIMITIVE, SELF_GAP, Targets
 from rfgen_sionna.scene.transfer import upload
 
 BLIND_GAP = 1e-4
@@ -69,7 +69,7 @@ class RayScene:
     def __init__(
         self, static: Sequence[MeshArrays], moving: Sequence[MeshArrays] = (), origin: ArrayLike | None = None
     ) -> None:
-        from rfgen_sionna.scene.backend import ensure_backend  # here, so that `python -m …backend` runs it once
+        from rfgen_sionna.scene.mitsuba_backend import ensure_backend  # here, so that `python -m …backend` runs it once
 
         ensure_backend()
         import drjit as dr
@@ -288,7 +288,7 @@ class RayScene:
         facets: IntArray,
         moving: bool = False,
         bundled: bool = False,
-    ) -> Targets:
+    ) -> PointVisibility:
         """Points on facets that are to be looked at from one place, as the objects stand now.
 
         Args:
@@ -304,7 +304,9 @@ class RayScene:
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
             return self._nearest(ray, len(own), static=not moving, bundled=bundled)[:2]
 
-        return Targets(nearest, self.origin, viewpoint, corners, facets, scenes=len(self._asked(not moving, True)))
+        return PointVisibility(
+            nearest, self.origin, viewpoint, corners, facets, scenes=len(self._asked(not moving, True))
+        )
 
 
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:

@@ -88,7 +88,7 @@ class RadarScene:
             SceneError: the file cannot be read as a scene.
             BackendError: Mitsuba cannot run here.
         """
-        from rfgen_sionna.scene.backend import ensure_backend
+        from rfgen_sionna.scene.mitsuba_backend import ensure_backend
         from rfgen_sionna.scene.radio_materials import retune
 
         variant = ensure_backend()

@@ -1,6 +1,6 @@
 """A radar's elements as Sionna's antenna arrays and radio devices.
 
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` first.
+Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
 """
 
 from __future__ import annotations

@@ -23,9 +23,9 @@ from PIL import Image
 from rfgen_sionna.dataset import Run, check_output
 from rfgen_sionna.show.page import colour_speed, headline
 from rfgen_sionna.show.panels import draw_range_doppler
-from rfgen_sionna.show.space import Coarse, Stage, draw_space
+from rfgen_sionna.show.run_view import opened, reach, view_frame
+from rfgen_sionna.show.space import Coarse, PlotLimits, draw_space
 from rfgen_sionna.show.style import INK
-from rfgen_sionna.show.view import opened, reach, view_frame
 
 Picture = NDArray[np.uint8]
 
@@ -92,7 +92,7 @@ def animation(
 
 def _pictures(run: Run, dpi: int, progress: Callable[[int, int], None] | None) -> list[Picture]:
     """One picture a frame, all with the same limits and colours."""
-    stage = Stage.of(run)
+    stage = PlotLimits.of(run)
     meshes = {name: Coarse.of(actor) for name, actor in run.actors.items()}
     views = [view_frame(run, frame, static=False) for frame in range(len(run))]
     far = max(reach(run, frame) for frame in (0, len(run) - 1))

@@ -20,9 +20,9 @@ from rfgen_sionna.show.panels import (
     draw_range_doppler,
     draw_range_time,
 )
-from rfgen_sionna.show.space import Coarse, Stage, draw_space
+from rfgen_sionna.show.run_view import check_frame, opened, reach, view_frame, view_run
+from rfgen_sionna.show.space import Coarse, PlotLimits, draw_space
 from rfgen_sionna.show.style import FAINT, INK
-from rfgen_sionna.show.view import check_frame, opened, reach, view_frame, view_run
 from rfgen_sionna.show.words import radar_line
 
 
@@ -99,7 +99,7 @@ def _draw(run: Run, frame: int | None) -> Figure:
         run,
         frame,
         view.cloud,
-        stage=Stage.of(run),
+        stage=PlotLimits.of(run),
         meshes={name: Coarse.of(actor, 12000) for name, actor in run.actors.items()},
         speed=colour_speed(view.cloud.velocity),
     )

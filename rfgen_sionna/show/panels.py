@@ -10,6 +10,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import Run
 from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
 from rfgen_sionna.records import Pir
+from rfgen_sionna.show.run_view import FrameView, RunView
 from rfgen_sionna.show.style import (
     ACCENT,
     DELAY_MAP,
@@ -21,7 +22,6 @@ from rfgen_sionna.show.style import (
     scale,
     titled,
 )
-from rfgen_sionna.show.view import FrameView, RunView
 
 
 def draw_pir(figure: Figure, axes: tuple[Axes, Axes, Axes], pir: Pir) -> None:

@@ -53,14 +53,14 @@ class Coarse:
 
 
 @dataclass(frozen=True)
-class Stage:
+class PlotLimits:
     """Limits of the picture [m], the same for all frames of a run."""
 
     low: FloatArray
     high: FloatArray
 
     @classmethod
-    def of(cls, run: Run) -> Stage:
+    def of(cls, run: Run) -> PlotLimits:
         """Around the radar and everything the actors reach."""
         places = [np.asarray(run.radar.position, np.float64)[None]]
         for actor in run.actors.values():
@@ -85,7 +85,7 @@ def draw_space(
     frame: int,
     cloud: PointCloud | None,
     *,
-    stage: Stage,
+    stage: PlotLimits,
     meshes: dict[str, Coarse],
     speed: float,
     zoom: float = 1.15,
@@ -136,7 +136,7 @@ def _mesh(axes: Axes3D, corners: FloatArray) -> None:
     )
 
 
-def _frame_axes(axes: Axes3D, stage: Stage, zoom: float) -> None:
+def _frame_axes(axes: Axes3D, stage: PlotLimits, zoom: float) -> None:
     axes.computed_zorder = False
     axes.set_xlim(stage.low[0], stage.high[0])
     axes.set_ylim(stage.low[1], stage.high[1])

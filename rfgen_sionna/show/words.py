@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 from rfgen_sionna.dataset import Run
-from rfgen_sionna.show.view import opened
+from rfgen_sionna.show.run_view import opened
 
 
 def radar_line(run: Run) -> str:

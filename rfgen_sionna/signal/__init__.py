@@ -1,8 +1,8 @@
 """From paths to the samples of a radar's ADC."""
 
+from rfgen_sionna._deprecation import former_names
 from rfgen_sionna.signal.noise import add_thermal_noise, noise_power
 from rfgen_sionna.signal.receiver import (
-    Capture,
     Chassis,
     Coupling,
     DcOffset,
@@ -13,6 +13,7 @@ from rfgen_sionna.signal.receiver import (
     PhaseNoise,
     RampError,
     RangeBias,
+    ReceivedFrame,
     Receiver,
     read_receiver,
     receive,
@@ -22,7 +23,6 @@ from rfgen_sionna.signal.receiver import (
 from rfgen_sionna.signal.synthesis import synthesize
 
 __all__ = [
-    "Capture",
     "Chassis",
     "Coupling",
     "DcOffset",
@@ -33,6 +33,7 @@ __all__ = [
     "PhaseNoise",
     "RampError",
     "RangeBias",
+    "ReceivedFrame",
     "Receiver",
     "add_thermal_noise",
     "noise_power",
@@ -42,3 +43,5 @@ __all__ = [
     "receiver_record",
     "synthesize",
 ]
+
+__getattr__ = former_names(__name__, {"Capture": "ReceivedFrame"})

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.signal.streams import frame_stream
+from rfgen_sionna.signal.random_streams import frame_stream
 
 BOLTZMANN = 1.380649e-23
 """[J/K] (exact, SI)."""

@@ -6,7 +6,7 @@ Dechirping a path of delay tau(t) gives (FACTS of the trade: TI, Infineon and RF
 
 with t counted from the start of the ramp. `A` is conjugated because the mixer multiplies the transmitted signal with
 the conjugate of the received one. The phase is a constant, a beat frequency and a small quadratic term
-(:mod:`rfgen_sionna.signal.phase`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.spreading`). The slope mu may
+(:mod:`rfgen_sionna.signal.phase`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu may
 be negative, or 0: then only Doppler is left.
 
 Gains that change with time (visibility, the element pattern, a facet's own return) are those of each chirp's middle and
@@ -27,8 +27,18 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths, knot_weights
-from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
+from rfgen_sionna.scene.mitsuba_backend import ensure_llvm, has_cuda
 from rfgen_sionna.signal.checks import check_synthesis
+from rfgen_sionna.signal.nufft import (
+    BEAT,
+    GAINS,
+    PHASE,
+    QUADRATIC,
+    ChirpTable,
+    nonuniform_fft,
+    single_precision_suffices,
+)
+from rfgen_sionna.signal.nufft_taps import NEGLIGIBLE, needed_terms, width_for
 from rfgen_sionna.signal.phase import (
     Course,
     Window,
@@ -39,8 +49,6 @@ from rfgen_sionna.signal.phase import (
     most_power,
     phase_terms,
 )
-from rfgen_sionna.signal.spreading import BEAT, GAINS, PHASE, QUADRATIC, Lanes, single_will_do, spread
-from rfgen_sionna.signal.taps import NEGLIGIBLE, needed_terms, width_for
 
 DEVICES = ("auto", "cpu", "cuda")
 _TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of several channels, 32 MB of one
@@ -207,7 +215,7 @@ def _moving(
     changing = gains_change(radar, paths, amplitude, course, window, channels[0][1:], NEGLIGIBLE * eps)
     orders = (1 if paths.dispersion is None else 1 + len(paths.dispersion)) + changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
-    single = single_will_do(*_largest(radar, paths, course, window, channels[0][1:]), window.count, eps)
+    single = single_precision_suffices(*_largest(radar, paths, course, window, channels[0][1:]), window.count, eps)
     numbers = fields * len(course.knots) * paths.num_paths
     cells = 4 * len(times) * window.count
     room = max(_GRID, min(_MOST_GRID, cells * len(channels) // _SHARE))
@@ -290,9 +298,9 @@ def _spread_channels(
         own[..., GAINS + 1 : GAINS + 1 + 2 * len(gains) : 2] = turned.imag.T
     at = [course.place(times[:, entry]) for entry, _, _ in channels]
     rows = np.concatenate([first + knots * index for index, (first, _) in enumerate(at)])
-    lanes = Lanes(table.reshape(-1, *table.shape[2:]), rows, np.concatenate([weights for _, weights in at]))
+    lanes = ChirpTable(table.reshape(-1, *table.shape[2:]), rows, np.concatenate([weights for _, weights in at]))
     terms = needed_terms(angle, sizes, eps)
-    samples = spread(lanes, window.count, tuple(terms), width_for(terms, 0.5 * eps), eps, device)
+    samples = nonuniform_fft(lanes, window.count, tuple(terms), width_for(terms, 0.5 * eps), eps, device)
     samples = samples.reshape(len(channels), len(times), window.count)
     chebyshev = 2 * window.u**2 - 1
     for index, (first, weights) in enumerate(at):

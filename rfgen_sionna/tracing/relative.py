@@ -18,7 +18,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.materials import Material
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene import Actor, RadarScene
+    from rfgen_sionna.scene import MeshActor, RadarScene
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Seen:
     """Time [s] to (vertex, 3) positions [m]."""
 
 
-def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[Actor | Seen]) -> tuple[Seen, ...]:
+def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[MeshActor | Seen]) -> tuple[Seen, ...]:
     """The static objects, then the actors, as the radar sees them while it follows its trajectory."""
 
     def carried(vertices: Callable[[float], FloatArray]) -> Callable[[float], FloatArray]:

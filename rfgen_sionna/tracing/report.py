@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rfgen_sionna._deprecation import Renamed
+
 
 @dataclass(frozen=True)
 class TraceReport:
@@ -30,7 +32,7 @@ class TraceReport:
     (:mod:`rfgen_sionna.tracing.bounces.mirror_edges`; not of ghosts in walls), and where bent ones do
     (:mod:`rfgen_sionna.tracing.curved.doubts`), of a walking person by two bounces 10 to 45 % of its direct return at
     77 GHz, as most of its glints are near an edge or a shadow. No smaller tolerance mends that."""
-    between: float
+    time_error: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
     gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
     squares.
@@ -46,3 +48,5 @@ class TraceReport:
     not in it.
 
     It is an estimate: of 88 frames of people more was off in six, up to twice as much."""
+
+    between = Renamed("time_error")

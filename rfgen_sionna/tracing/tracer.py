@@ -42,7 +42,7 @@ from rfgen_sionna.tracing.veils.bounces import VeiledBounces
 from rfgen_sionna.tracing.veils.veils import Veils
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene import Actor, RadarScene
+    from rfgen_sionna.scene import MeshActor, RadarScene
 
 PHASE_PER_RTOL = 0.5
 """Phase error between knots [rad, root mean square over the vertices], and relative error of the antennas' gain, per
@@ -104,14 +104,14 @@ class Tracer:
         self,
         scene: RadarScene | None,
         radar: Radar,
-        actors: Sequence[Actor | Seen],
+        actors: Sequence[MeshActor | Seen],
         rtol: float = 1e-3,
         seed: int = 0,
         max_bounces: int = 1,
         transmission: bool = False,
     ) -> None:
         self.radar = radar
-        self.actors: tuple[Actor | Seen, ...] = tuple(actors)
+        self.actors: tuple[MeshActor | Seen, ...] = tuple(actors)
         if radar.trajectory is not None:
             # Seen from the radar all the world moves, in the frame of t = 0.
             self.actors, scene = seen_from(radar, scene, actors), None
@@ -267,7 +267,7 @@ class Tracer:
                 break
         if more <= 1.0 or len(instants) == 1:
             return traced
-        report = replace(traced.report, between=max(traced.report.between, more * turned))
+        report = replace(traced.report, time_error=max(traced.report.time_error, more * turned))
         return replace(traced, report=report)
 
     @one_blas_thread()
@@ -373,7 +373,7 @@ class Tracer:
             instants=len(instants),
             knots=len(knots),
             error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
-            between=max(float(np.hypot(moving.between, turned)), float(np.linalg.norm([hiding.error, *unseen]))),
+            time_error=max(float(np.hypot(moving.between, turned)), float(np.linalg.norm([hiding.error, *unseen]))),
         )
         return Traced(self._still, shadows, moving.paths, moving.glanced, report, moving.places, moving.glanced_places)
 

@@ -25,7 +25,7 @@ import numpy as np
 if __name__ == "__main__":  # as a script, from any folder
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rfgen_sionna.scene.backend import VARIANTS, ensure_llvm, has_cuda
+from rfgen_sionna.scene.mitsuba_backend import VARIANTS, ensure_llvm, has_cuda
 from tests.benchmarks.measuring import ROOT, code, machine, timed, versions
 
 RTOL = 1e-2

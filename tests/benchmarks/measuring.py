@@ -86,7 +86,7 @@ def _field(name: str) -> float:
 
 
 def machine() -> dict[str, Any]:
-    from rfgen_sionna.scene.backend import ensure_backend
+    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
     return {
         "cores": os.cpu_count(),

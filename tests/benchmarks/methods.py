@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.pir.patches import Stage, trace_footprints
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.ray_layer import Layer
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks.subjects import Subject

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import theilslopes
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
@@ -145,10 +145,10 @@ def small_run() -> Simulator:
     that no other facets are asked for in the end than in the beginning."""
     radar = Radar.load("awr1843", "mmmesh")
     radar = replace(radar, waveform=replace(radar.waveform, num_loops=4, num_samples=32, frame_period=0.01))
-    swinging = Actor.from_mesh(
+    swinging = MeshActor.from_mesh(
         ball(2, 0.1), material="pec", name="ball", trajectory=lambda t: (2.0, 0.3 * np.sin(2 * np.pi * t), 0.0)
     )
-    other = Actor.from_mesh(ball(2, 0.1), material="wood", position=(1.5, 0.6, 0), name="other")
+    other = MeshActor.from_mesh(ball(2, 0.1), material="wood", position=(1.5, 0.6, 0), name="other")
     return Simulator(None, radar, [swinging, other])
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
@@ -89,7 +89,7 @@ def _synthesis(radar: Radar, some: Any) -> float:
 def frames(quick: bool) -> tuple[list[int], list[float]]:
     """A whole run of a ball of 5,120 facets in free space, 12 channels, noise included."""
     radar = Radar.load("awr1843", "mmmesh")
-    actor = Actor.from_mesh(ball(4, 0.15), material="pec", position=(3, 0, 0), velocity=(SPEED, 0, 0), name="ball")
+    actor = MeshActor.from_mesh(ball(4, 0.15), material="pec", position=(3, 0, 0), velocity=(SPEED, 0, 0), name="ball")
     simulator = Simulator(None, radar, [actor])
     sizes = [1, 2, 4] if quick else [1, 2, 4, 8, 16]
 
@@ -106,7 +106,7 @@ def actors(quick: bool) -> tuple[list[int], list[float]]:
     sizes, seconds = [1, 2, 4] if quick else [1, 2, 4, 8, 16], []
     for size in sizes:
         balls = [
-            Actor.from_mesh(
+            MeshActor.from_mesh(
                 ball(4, 0.15), material="pec", position=(3, 0.4 * i, 0), velocity=(SPEED, 0, 0), name=f"{i}"
             )
             for i in range(size)

@@ -21,7 +21,7 @@ import numpy as np
 
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing import tracer
 from rfgen_sionna.tracing.bounces import bounces
@@ -162,12 +162,12 @@ QUICK = (SKIPS[1], SKIPS[2], SKIPS[6])
 
 
 @cache
-def _setting(room: bool) -> tuple[Radar, Any, Actor]:
+def _setting(room: bool) -> tuple[Radar, Any, MeshActor]:
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     scene = load_scene("living_room" if room else None)
     scene.tune(radar.center_frequency)
     mesh = standing()
-    person = Actor.from_mesh((mesh.vertices(0.0), mesh.faces), material="skin", position=(3, 0, 0),
+    person = MeshActor.from_mesh((mesh.vertices(0.0), mesh.faces), material="skin", position=(3, 0, 0),
                              orientation=(np.pi, 0, 0), velocity=(-0.5, 0, 0), name="person")  # fmt: skip
     return radar, scene, person
 
@@ -246,13 +246,17 @@ def row(skip: Skip, repeats: int = 2) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def corner() -> tuple[Radar, Any, Actor]:
+def corner() -> tuple[Radar, Any, MeshActor]:
     """A metal ball before a brick wall, over a floor of concrete."""
     radar = Radar.load("awr1843", "mmmesh", position=(-1.8, 0.3, 1.2), look_at=(0.0, 0.3, 1.0))
     scene = load_scene("floor_wall")
     scene.tune(radar.center_frequency)
     place, velocity = (-0.6, 0.3, 1.2), (-SPEED, 0, 0)
-    return radar, scene, Actor.from_mesh(ball(3, 0.15), material="pec", position=place, velocity=velocity, name="ball")
+    return (
+        radar,
+        scene,
+        MeshActor.from_mesh(ball(3, 0.15), material="pec", position=place, velocity=velocity, name="ball"),
+    )
 
 
 def bounces_row() -> dict[str, Any]:

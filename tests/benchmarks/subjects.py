@@ -18,7 +18,7 @@ import trimesh
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.scene import Actor, RadarScene, RigidMesh, load_scene
+from rfgen_sionna.scene import MeshActor, RadarScene, RigidMesh, load_scene
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.benchmarks import truth
@@ -36,7 +36,7 @@ class Subject:
     name: str
     title: str
     radar: Radar
-    actors: tuple[Actor, ...]
+    actors: tuple[MeshActor, ...]
     truth: str
     """Where what it truly returns comes from."""
     half_view: float
@@ -71,7 +71,7 @@ class Subject:
         return np.flatnonzero(paths.bounces >= self.least_bounces)
 
 
-def permittivity(actor: Actor, frequency: float) -> complex:
+def permittivity(actor: MeshActor, frequency: float) -> complex:
     return complex(actor.properties.relative_permittivity(frequency))
 
 
@@ -98,7 +98,7 @@ def ball(subdivisions: int, radius: float) -> trimesh.Trimesh:
 def sphere(band: int, subdivisions: int = 5) -> Subject:
     radius, distance = 0.15, 3.0
     radar = radar_of(band)
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         ball(subdivisions, radius), material="pec", position=(distance, 0, 0), velocity=(SPEED, 0, 0), name="ball"
     )
 
@@ -145,7 +145,7 @@ def _corner(
     name: str, title: str, band: int, mesh: trimesh.Trimesh, section: float, distance: float, bounces: int
 ) -> Subject:
     radar = radar_of(band, slope={24: 0.25e12, 77: 4e12}[band])  # 128 and 165 m of range
-    actor = Actor.from_mesh(mesh, material="pec", position=(distance, 0, 0), velocity=(SPEED, 0, 0), name=name)
+    actor = MeshActor.from_mesh(mesh, material="pec", position=(distance, 0, 0), velocity=(SPEED, 0, 0), name=name)
 
     centre = radar.center_frequency
 
@@ -220,7 +220,7 @@ def _body(
         scene.tune(radar.center_frequency)
     viewpoint, towards = np.asarray(radar.position), np.zeros(3)
     shape = mesh.vertices(0.0) if isinstance(mesh, RigidMesh) else np.asarray(mesh.vertices)
-    actor = Actor.from_mesh((shape, mesh.faces),
+    actor = MeshActor.from_mesh((shape, mesh.faces),
                             material=material, position=place, orientation=orientation, name=name)  # fmt: skip
     points = actor.vertices(0.0)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))

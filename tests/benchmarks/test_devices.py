@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rfgen_sionna.scene.backend import has_cuda
+from rfgen_sionna.scene.mitsuba_backend import has_cuda
 from tests.benchmarks import devices
 
 

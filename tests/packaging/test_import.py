@@ -6,6 +6,7 @@ import ast
 import json
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -91,3 +92,27 @@ print(sim.adc(0.05).data.shape, sim.paths(0.01).num_paths > 0, sim.pir(0.0, (16,
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stderr
     assert result.stdout.split("\n")[0] == "(1, 64, 2, 4, 128) True True"
+
+
+def imports_of(path: Path, modules: set[str]) -> set[str]:
+    """Modules of the package that a file imports anywhere, under TYPE_CHECKING as well."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}: relative import"
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= names & modules or {str(node.module)}
+    return found & modules
+
+
+def test_no_import_circles() -> None:
+    paths = {path.relative_to(PACKAGE.parent).with_suffix(""): path for path in PACKAGE.rglob("*.py")}
+    named = {".".join(parts.parts).removesuffix(".__init__"): path for parts, path in paths.items()}
+    del named["rfgen_sionna"]  # it names all others for type checkers, and none of them imports it
+    sorter = TopologicalSorter({name: imports_of(path, set(named)) - {name} for name, path in named.items()})
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))

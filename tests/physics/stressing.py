@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import HealthCheck, settings
 
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import po_gain
 
@@ -50,7 +50,7 @@ def channel(paths, at: int = 0) -> complex:
     return complex((paths.a[0, 0, :, at] * np.exp(-2j * np.pi * turns)).sum())
 
 
-def traced(radar: Radar, *actors: Actor, rtol: float = 1e-3):
+def traced(radar: Radar, *actors: MeshActor, rtol: float = 1e-3):
     """Channel at t = 0 and the error that the report states."""
     found = Tracer(None, radar, actors, rtol).trace(0.0, 0.0)
     for array in (found.moving.a, found.moving.tau, found.moving.tau_rate, found.moving.direction):
@@ -58,7 +58,7 @@ def traced(radar: Radar, *actors: Actor, rtol: float = 1e-3):
     return channel(found.moving), found.report.error
 
 
-def true_channel(actor: Actor, radar: Radar, n: int, permeability: complex = 1.0) -> complex:
+def true_channel(actor: MeshActor, radar: Radar, n: int, permeability: complex = 1.0) -> complex:
     """Dense quadrature over all faces, n^2 points each: for what hides nothing of itself."""
     element, frequency = radar.tx_world[0], radar.center_frequency
     corners = actor.vertices(0.0)[actor.faces]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.bounces.landing import DIRECT
 from rfgen_sionna.tracing.bounces.roles import role_shares
@@ -62,7 +62,7 @@ def placed(kind, size, distance, tilt=None, name="corner"):
     """The actor in front of the radar at the origin, and its sides."""
     vertices, faces, sides, turn = corner(kind, size)
     matrix = ((tilt or Rotation.identity()) * turn).as_matrix()
-    actor = Actor.from_mesh((vertices @ matrix.T, faces), material="pec", position=(distance, 0, 0), name=name)
+    actor = MeshActor.from_mesh((vertices @ matrix.T, faces), material="pec", position=(distance, 0, 0), name=name)
     return actor, [
         Side(each.corner @ matrix.T + [distance, 0, 0], each.u @ matrix.T, each.v @ matrix.T, each.triangle)
         for each in sides
@@ -79,7 +79,7 @@ def dihedral(widths, height, distance, angles):
     quads = [np.array([side.corner, side.corner + side.u, side.corner + side.u + side.v, side.corner + side.v])
              for side in sides]  # fmt: skip
     mesh = np.concatenate(quads), [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
-    actor = Actor.from_mesh(mesh, material="pec", name="dihedral")
+    actor = MeshActor.from_mesh(mesh, material="pec", name="dihedral")
     plates = {f"plate{number}": (quad, "pec", 0.01) for number, quad in enumerate(quads)}
     return actor, plates, sides
 
@@ -213,9 +213,9 @@ def test_two_plates_of_two_actors_are_a_dihedral():
     radar = radar_of(77)
     vertices, faces, _, turn = corner("dihedral", 0.1)
     vertices = turn.apply(vertices) + np.array([3.0, 0, 0])
-    whole = Actor.from_mesh((vertices, faces), material="pec", name="corner")
+    whole = MeshActor.from_mesh((vertices, faces), material="pec", name="corner")
     plates = [
-        Actor.from_mesh((vertices[index], [[0, 1, 2], [0, 2, 3]]), material="pec", name=f"plate {number}")
+        MeshActor.from_mesh((vertices[index], [[0, 1, 2], [0, 2, 3]]), material="pec", name=f"plate {number}")
         for number, index in enumerate(([0, 2, 3, 1], [0, 1, 5, 4]))
     ]
     one, other = (channel(bounced(radar, each, 2)) for each in ([whole], plates))
@@ -226,9 +226,9 @@ def test_two_plates_of_two_actors_are_a_dihedral():
 def test_a_board_that_may_move_shows_a_ball_as_a_wall_does():
     """The same image by the walls' ghosts and by plates."""
     radar = Radar.load("awr1843", position=(0, 0, 1), overrides=ISOTROPIC)
-    ball = Actor.from_mesh(sphere(3, 0.02), material="pec", position=(2.0, 0.2, 1.0), name="ball")
+    ball = MeshActor.from_mesh(sphere(3, 0.02), material="pec", position=(2.0, 0.2, 1.0), name="ball")
     corners = np.array([[-1.0, 1.5, -1], [4, 1.5, -1], [4, 1.5, 3], [-1, 1.5, 3]])
-    board = Actor.from_mesh((corners, [[0, 1, 2], [0, 2, 3]]), material="pec", name="board")
+    board = MeshActor.from_mesh((corners, [[0, 1, 2], [0, 2, 3]]), material="pec", name="board")
     there = bounced(radar, [ball], scene=side_wall("pec"), rtol=1e-2)
     here = bounced(radar, [ball, board], rtol=1e-2)
     for count in (2, 3):
@@ -246,7 +246,7 @@ def test_a_board_in_a_leg_removes_the_dihedral_s_return():
     board = trimesh.creation.box((0.2, 0.002, 0.3))
     # Edge on to the radar: in the bisecting plane, where the waves cross over from plate to plate, or beside it all.
     for place, remains in (((2.899, 0, 0), False), ((2.7, 0.6, 0), True)):
-        post = Actor.from_mesh(board, material="metal", position=place, name="board")
+        post = MeshActor.from_mesh(board, material="metal", position=place, name="board")
         # the board touches the plates where they meet
         paths = bounced(radar, [actor, post], 2, rtol=1e-2, collisions="ignore")
         left = np.abs(channel(paths.select(paths.object_id == 0))).mean()
@@ -262,7 +262,7 @@ def test_a_moving_trihedral_s_path_is_as_long_as_that_to_its_apex_all_the_time()
     def pose(t):
         return (3.0 - 0.7 * t, 0.5 * t, 0.1), (0.8 * t, 0.3 * t, 0.2)
 
-    actor = Actor.from_mesh((vertices, faces), material="pec", trajectory=pose, name="corner")
+    actor = MeshActor.from_mesh((vertices, faces), material="pec", trajectory=pose, name="corner")
     traced = Simulator(None, radar, [actor], max_bounces=3, rtol=1e-3).tracer.trace(0.0, 0.027)
     paths = traced.moving.select(traced.moving.bounces == 3)
     assert paths.num_paths > 0
@@ -292,7 +292,7 @@ def test_two_bounces_are_those_of_three_without_the_third():
 
 def test_a_ball_alone_has_no_second_bounce():
     """Its faces are flat, but stand for a surface that is bent."""
-    ball = Actor.from_mesh(sphere(3, 0.2), material="pec", position=(2, 0, 0), name="ball")
+    ball = MeshActor.from_mesh(sphere(3, 0.2), material="pec", position=(2, 0, 0), name="ball")
     assert set(bounced(radar_of(77), [ball], rtol=1e-2).bounces) == {1}
 
 
@@ -389,7 +389,7 @@ def test_a_body_before_static_plates_hides_what_they_return():
 
     def left(height, up):
         board = trimesh.creation.box((0.6, 0.002, height))
-        actor = Actor.from_mesh(board, material="clothing", position=(2.6995, 0, up), name="board")
+        actor = MeshActor.from_mesh(board, material="clothing", position=(2.6995, 0, up), name="board")
         paths = bounced(radar, [actor], scene=scene, count=2, rtol=1e-2)
         return channel(paths.select(paths.object_id < 2))
 
@@ -401,13 +401,15 @@ def test_a_body_before_static_plates_hides_what_they_return():
 def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
     """A face comes into view between two instants: the images that tell how many knots delays need stay the same."""
     rate = 10.0
-    box = Actor.from_mesh(
+    box = MeshActor.from_mesh(
         trimesh.creation.box((0.3, 0.3, 0.3)),
         material="pec",
         name="box",
         trajectory=lambda t: (np.array([2.0, 0.0, 0.0]), (rate * t, 0.0, 0.0)),
     )
-    beside = Actor.from_mesh(trimesh.creation.icosphere(1, 0.02), material="pec", position=(1.5, 0.5, 0.0), name="ball")
+    beside = MeshActor.from_mesh(
+        trimesh.creation.icosphere(1, 0.02), material="pec", position=(1.5, 0.5, 0.0), name="ball"
+    )
     simulator = Simulator(None, radar_of(77), [box, beside], rtol=1e-2, max_bounces=2)
     traced, there = simulator.tracer.trace(0.0, 0.01).moving.at(np.array([0.007])), simulator.paths(0.007)
     box_alone = [each.select(each.object_id == each.object_names.index("box")) for each in (traced, there)]
@@ -427,7 +429,7 @@ def test_a_large_plate_of_an_actor_before_one_that_stays(size):
         sides.append(Side(low, width * along, up))
     large, small = ([each.corner, each.corner + each.u, each.corner + each.u + each.v, each.corner + each.v]
                     for each in sides)  # fmt: skip
-    actor = Actor.from_mesh((np.array(large), [[0, 1, 2], [0, 2, 3]]), material="pec", name="large")
+    actor = MeshActor.from_mesh((np.array(large), [[0, 1, 2], [0, 2, 3]]), material="pec", name="large")
     scene = load_scene(scene_of(77e9, small=(small, "pec", 0.01)).sionna)
     found = channel(bounced(radar, [actor], 2, scene, rtol=1e-2))[0, -1]
     ends = radar.tx_world[0], radar.rx_world[-1], radar.tx_field, radar.rx_field, radar.center_frequency

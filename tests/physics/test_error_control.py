@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.reference.physical_optics import po_gain
@@ -70,7 +70,7 @@ def test_true_error_stays_under_the_stated_one(seed, rtol):
     place = rng.uniform(0.4, 3.0) * np.array([1.0, *rng.uniform(-0.3, 0.3, 2)])
     orientation = Rotation.random(random_state=seed).as_euler("ZYX")
     material = ["pec", "skin", "wood"][seed % 3]
-    actor = Actor.from_mesh(box, material=material, position=place, orientation=orientation)
+    actor = MeshActor.from_mesh(box, material=material, position=place, orientation=orientation)
     corners, _ = facing(actor)
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=150))
     assert error < report.error <= rtol
@@ -89,7 +89,7 @@ def test_it_holds_for_what_comes_back_across_its_polarisation(seed, rtol):
     orientation = tuple(rng.uniform(-1, 1, 3))
     place = (rng.uniform(0.5, 2), *rng.uniform(-0.3, 0.3, 2))
     material = ["skin", "metal", "wood", "glass", "concrete"][seed % 5]
-    actor = Actor.from_mesh(box, material=material, position=place, orientation=orientation)
+    actor = MeshActor.from_mesh(box, material=material, position=place, orientation=orientation)
     corners, _ = facing(actor)
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=200))
     assert error < report.error < max(20 * rtol, 0.03)  # of returns up to 71 dB below co-polar ones
@@ -100,9 +100,13 @@ def test_a_weak_actor_beside_strong_ones_returns_what_it_does_alone(rtol):
     """A tilted metal box, 40 dB below a plate square to the radar beside it."""
     radar = Radar.load("awr1843", overrides={"pattern": {"kind": "sionna:iso"}})
     box = trimesh.creation.box((0.2, 0.15, 0.3))
-    weak = Actor.from_mesh(box, material="metal", position=(2.5, -0.9, 0.1), orientation=(0.6, 0.2, 0.1), name="weak")
+    weak = MeshActor.from_mesh(
+        box, material="metal", position=(2.5, -0.9, 0.1), orientation=(0.6, 0.2, 0.1), name="weak"
+    )
     plate = trimesh.creation.box((1e-3, 0.24, 0.24))
-    strong = Actor.from_mesh(plate, material="metal", position=(2.2, 1.0, 0), orientation=(0.42, 0, 0), name="strong")
+    strong = MeshActor.from_mesh(
+        plate, material="metal", position=(2.2, 1.0, 0), orientation=(0.42, 0, 0), name="strong"
+    )
 
     def of_box(*actors):
         paths = Simulator(None, radar, actors, rtol=rtol).paths()
@@ -123,7 +127,7 @@ def test_it_holds_for_pairs_in_the_middle_of_the_array(rtol):
         "awr1843", position=(0, 0, 0), orientation=(0.05, 0.02, 0.4), overrides={"pattern": {"kind": "sionna:iso"}}
     )
     box = trimesh.creation.box((0.05, 0.06, 0.07))
-    actor = Actor.from_mesh(box, material="pec", position=(0.3, 0.006, 0.0), orientation=(0.3, 0.2, 0.1))
+    actor = MeshActor.from_mesh(box, material="pec", position=(0.3, 0.006, 0.0), orientation=(0.3, 0.2, 0.1))
     corners, _ = facing(actor)
     pairs = [(0, 1), (1, 2), (2, 1), (2, 2)]
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=150), pairs)
@@ -147,7 +151,9 @@ def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     egg.apply_scale(rng.uniform(0.01, 0.05, 3))
     place = rng.uniform(0.2, 0.5) * np.array([1.0, *rng.uniform(-0.3, 0.3, 2)])
     orientation = Rotation.random(random_state=seed).as_euler("ZYX")
-    actor = Actor.from_mesh(egg, material=["pec", "skin", "wood"][seed % 3], position=place, orientation=orientation)
+    actor = MeshActor.from_mesh(
+        egg, material=["pec", "skin", "wood"][seed % 3], position=place, orientation=orientation
+    )
     vertices = actor.vertices(0.0)
     corners = vertices[actor.faces]  # of those that look away a strip may be seen
     rises = smoothing(vertices, actor.faces).bend(vertices, actor.faces).rises

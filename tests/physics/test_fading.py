@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.moving.fading import brighter, when_seen_best
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel as channels
@@ -24,19 +24,19 @@ def radar():
 
 def ball(subdivisions=4):
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=RADIUS)
-    return Actor.from_mesh(mesh, material="pec", position=tuple(PLACE), name="thing")
+    return MeshActor.from_mesh(mesh, material="pec", position=tuple(PLACE), name="thing")
 
 
 def plate():
     mesh = trimesh.creation.box((0.01, 0.1, 0.1))
-    return Actor.from_mesh(mesh, material="pec", position=tuple(PLACE), orientation=(0.02, 0.01, 0), name="thing")
+    return MeshActor.from_mesh(mesh, material="pec", position=tuple(PLACE), orientation=(0.02, 0.01, 0), name="thing")
 
 
 def screen(y, speed=0.0):
     """A square that lies aslant half way to the ball, its middle at `y` [m] beside the line of sight."""
     half = SIDE / 2
     corners = np.array([[0, -half, -half], [0, half, -half], [0, half, half], [0, -half, half]])
-    return Actor.from_mesh(
+    return MeshActor.from_mesh(
         (corners, np.array([[0, 1, 2], [0, 2, 3]])),
         material="metal",
         position=(1, y, 1),
@@ -122,8 +122,8 @@ def test_what_goes_behind_a_screen_within_a_frame(radar, thing, speed, rtol):
     traced = tracer.trace(0.0, length)
     best = np.abs(truth).max()
     error = rms(channel(of(traced.actors, "thing"), times) - truth) / best
-    assert error < traced.report.between + 0.5 * rtol
-    assert traced.report.between < 8 * max(error, rtol)
+    assert error < traced.report.time_error + 0.5 * rtol
+    assert traced.report.time_error < 8 * max(error, rtol)
     assert traced.report.error < 0.15
 
 

@@ -8,7 +8,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MATERIALS, Actor
+from rfgen_sionna.scene import MATERIALS, MeshActor
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.permittivity import Conductor
 from rfgen_sionna.simulation import Simulator
@@ -67,7 +67,7 @@ def both(radar, actors, rtol, monkeypatch, name="body"):
 
 @pytest.mark.parametrize(("rtol", "fewer"), [(0.1, 0.8), (1e-2, 0.99)])
 def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer, monkeypatch):
-    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     error, stated, share = both(radar, [body], rtol, monkeypatch)
     assert error < 0.5 * rtol
     assert error < stated
@@ -76,7 +76,7 @@ def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer, monkeypatc
 
 def test_nothing_is_left_out_at_fine_tolerances(radar, monkeypatch):
     """To look for it would take longer."""
-    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     error, _, share = both(radar, [body], 1e-3, monkeypatch)
     assert (error, share) == (0.0, 1.0)
 
@@ -90,7 +90,7 @@ def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, 
         plastic, frequency = MATERIALS["plastic"], radar.center_frequency
         index = np.sqrt(complex(plastic.relative_permittivity(frequency)).real)
         made = replace(plastic, thickness=SPEED_OF_LIGHT / frequency / 2 / index)
-    body = Actor.from_mesh(lumpy(4), material=made, position=(3, 0, 1), name="body")
+    body = MeshActor.from_mesh(lumpy(4), material=made, position=(3, 0, 1), name="body")
     error, stated, _ = both(radar, [body], rtol, monkeypatch)
     assert error < 0.5 * rtol
     assert error < stated
@@ -101,7 +101,7 @@ def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, 
 def test_of_what_cancels_less_is_left_out(radar, rtol, turn, monkeypatch):
     """A box that lies aslant returns little of what its facets do: the error stated is not that of the facets."""
     box = trimesh.creation.box((0.3, 0.3, 0.3)).subdivide_to_size(0.02)
-    body = Actor.from_mesh(box, material="pec", position=(2, 0, 1), orientation=(turn, 0.1, 0), name="body")
+    body = MeshActor.from_mesh(box, material="pec", position=(2, 0, 1), orientation=(turn, 0.1, 0), name="body")
     error, stated, _ = both(radar, [body], rtol, monkeypatch)
     assert error < 0.5 * rtol
     assert error < stated < 2 * rtol
@@ -115,7 +115,7 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
         each[:, 1:] = 0.0
         each[:, 1] = np.linspace(-1.0, 1.0, len(each))
     wide = replace(radar, tx_positions=tx, rx_positions=rx + np.array([0, 0, 0.01]))
-    body = Actor.from_mesh(lumpy(), material="skin", position=(2, 0, 1), name="body")
+    body = MeshActor.from_mesh(lumpy(), material="skin", position=(2, 0, 1), name="body")
     found = []
     for share in (0.0, sight.FAINT_PER_RTOL):
         monkeypatch.setattr(sight, "FAINT_PER_RTOL", share)
@@ -130,8 +130,8 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
 def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
     """A disc before the body hides all but its rim, which is faint beside what would be seen without it: none of the
     rim is left out by what is hidden."""
-    disc = Actor.from_mesh(screen(0.23), material="pec", position=(2.4, 0, 1), name="disc")
-    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    disc = MeshActor.from_mesh(screen(0.23), material="pec", position=(2.4, 0, 1), name="disc")
+    body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     error, stated, _ = both(radar, [body, disc], rtol, monkeypatch)
     assert error < rtol
     assert error < stated
@@ -142,8 +142,8 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     """The same: by all that looks at the radar, seen or not, too much would be left out."""
     monkeypatch.setattr(sight, "_ROUNDS", rounds)
     rtol = 0.1
-    disc = Actor.from_mesh(screen(0.25), material="pec", position=(2.4, 0, 1), name="disc")
-    body = Actor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
+    disc = MeshActor.from_mesh(screen(0.25), material="pec", position=(2.4, 0, 1), name="disc")
+    body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     tracer = Tracer(None, radar, [body, disc], rtol)
     run = tracer.follow()
     positions = tracer._vertices
@@ -166,8 +166,10 @@ def test_a_surface_of_air_returns_nothing(permittivity, radar):
     """Rounding leaves it a reflection of 1e-16, which no tolerance can be relative to: facets were made finer for half
     a minute. It still hides what is behind it."""
     air = Material("air", Conductor(permittivity, 0.0, ((1e9, 1e12),)), "none")
-    board = Actor.from_mesh(trimesh.creation.box((0.01, 1, 1)), material=air, position=(2, 0, 1), name="board")
-    ball = Actor.from_mesh(trimesh.creation.icosphere(2, radius=0.1), material="pec", position=(3, 0, 1), name="ball")
+    board = MeshActor.from_mesh(trimesh.creation.box((0.01, 1, 1)), material=air, position=(2, 0, 1), name="board")
+    ball = MeshActor.from_mesh(
+        trimesh.creation.icosphere(2, radius=0.1), material="pec", position=(3, 0, 1), name="ball"
+    )
     traced = Simulator(None, radar, [board]).tracer.trace(0.0, 0.0)
     assert (traced.moving.num_paths, traced.report.error) == (0, 0.0)
     assert Simulator(None, radar, [board, ball]).paths().num_paths == 0

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.faceting import COARSE, faceting
 from rfgen_sionna.tracing.surface.smooth import smoothing
 from tests.physics.stressing import one_element, traced
@@ -50,7 +50,10 @@ def turned(steps, sections, height, bottom) -> trimesh.Trimesh:
 
 def truth(mesh, radar, orientation, points=6) -> complex:
     """Dense quadrature over what a convex mesh shows, cut to 6 mm; it is fine enough to stand for itself."""
-    actor, element = Actor.from_mesh(mesh, material="pec", position=BEFORE, orientation=orientation), radar.tx_world[0]
+    actor, element = (
+        MeshActor.from_mesh(mesh, material="pec", position=BEFORE, orientation=orientation),
+        radar.tx_world[0],
+    )
     corners = actor.vertices(0.0)[actor.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     corners = corners[np.einsum("fi,fi->f", normals, element - corners.mean(axis=1)) > 0]
@@ -77,7 +80,7 @@ def test_the_sides_of_a_rounded_box_are_flat(radius, yaw):
     radar, orientation = one_element(), (yaw, 0.0, 0.0)
     expected = truth(rounded_box(32, radius=radius), radar, orientation)
     for steps in (4, 9):
-        box = Actor.from_mesh(
+        box = MeshActor.from_mesh(
             rounded_box(steps, radius=radius), material="pec", position=BEFORE, orientation=orientation
         )
         assert abs(traced(radar, box)[0] / expected - 1) < 0.015, steps
@@ -94,7 +97,7 @@ def test_sides_of_pucks_and_capsules_are_straight(height, bottom, fine, coarse, 
     radar = one_element()
     expected = truth(turned(*fine, height, bottom), radar, orientation, points=2 if bottom == 0.05 else 6)
     mesh = turned(*coarse, height, bottom)
-    found, _ = traced(radar, Actor.from_mesh(mesh, material="pec", position=BEFORE, orientation=orientation))
+    found, _ = traced(radar, MeshActor.from_mesh(mesh, material="pec", position=BEFORE, orientation=orientation))
     assert abs(found / expected - 1) < 0.02
 
 

@@ -9,7 +9,7 @@ import trimesh
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.actor import Actor as Person
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -53,13 +53,13 @@ def test_a_plate_behind_a_slit_returns_what_the_slit_lets_through(radar, turn, r
     A facet of which the slit's shadow cuts off a corner in the dark has none that is lit.
     """
     cos, sin = np.cos(turn), np.sin(turn)
-    target = Actor.from_mesh(square(0.15), material="pec", position=(2, 0, 0), name="plate")
+    target = MeshActor.from_mesh(square(0.15), material="pec", position=(2, 0, 0), name="plate")
     screens = []
     for side in (-1, 1):
         edge = np.array([[0.0015, -0.3], [0.3, -0.3], [0.3, 0.3], [0.0015, 0.3]]) * [side, 1]
         corners = np.column_stack([np.zeros(4), edge @ np.array([[cos, sin], [-sin, cos]])])
         mesh = trimesh.Trimesh(corners, [[0, 2, 1], [0, 3, 2]], process=False)
-        screens.append(Actor.from_mesh(mesh, material="pec", position=(1, 0, 0), name=f"screen{side}"))
+        screens.append(MeshActor.from_mesh(mesh, material="pec", position=(1, 0, 0), name=f"screen{side}"))
     alone = channel(Tracer(None, radar, [target], 1e-4).trace(0.0, 0.0).moving, "plate")
     tracer = Tracer(None, radar, [target, *screens], rtol)
     traced = tracer.trace(0.0, 0.0)

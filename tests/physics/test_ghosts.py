@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind
-from rfgen_sionna.scene import Actor, load_scene, tabulated
+from rfgen_sionna.scene import MeshActor, load_scene, tabulated
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
@@ -43,7 +43,7 @@ def radar():
 
 @pytest.fixture(scope="module")
 def ball():
-    return Actor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
+    return MeshActor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
 
 
 def of(paths, name="ball"):
@@ -144,7 +144,7 @@ def test_ghosts_are_the_dense_quadrature_with_the_wall_s_own_fields(seed):
         radar = replace(radar, tx_polarization="+45", rx_polarization="V")
     scene = side_wall(["glass", "concrete"][seed // 2], thickness=0.006)
     box = trimesh.creation.box(rng.uniform(4, 9, 3) * radar.wavelength)
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         box,
         material=["pec", "skin"][seed % 2],
         position=(1.2, 0.3, 0.9),
@@ -223,8 +223,8 @@ def crossing(y=SIDE):
     ],
 )
 def test_what_stands_in_a_leg_removes_the_ghosts_that_use_it(radar, place, remains):
-    ball = Actor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
-    board = Actor.from_mesh(trimesh.creation.box((0.2, 0.2, 0.3)), material="wood", position=place, name="board")
+    ball = MeshActor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
+    board = MeshActor.from_mesh(trimesh.creation.box((0.2, 0.2, 0.3)), material="wood", position=place, name="board")
     found = ways(of(Simulator(side_wall("metal"), radar, [ball, board], rtol=1e-2, max_bounces=None).paths()))
     free = ways(of(Simulator(side_wall("metal"), radar, [ball], rtol=1e-2, max_bounces=None).paths()))
     for way, paths in found.items():
@@ -251,7 +251,7 @@ def test_direct_returns_alone_are_those_of_free_space_to_the_bit(radar, ball):
 
 def test_ghosts_below_the_tolerance_are_left_out_and_not_missed(radar):
     """The same wall at two tolerances: what the coarse one leaves out is less than it allows."""
-    near = Actor.from_mesh(sphere(4), material="pec", position=(0.4, 0, 1), name="ball")
+    near = MeshActor.from_mesh(sphere(4), material="pec", position=(0.4, 0, 1), name="ball")
     scene = side_wall("ceiling_board", thickness=0.012)
     left_out = of(Simulator(scene, radar, [near], rtol=0.1, max_bounces=None).paths())
     whole = of(Simulator(scene, radar, [near], rtol=1e-3, max_bounces=None).paths())
@@ -264,7 +264,7 @@ def test_ghosts_below_the_tolerance_are_left_out_and_not_missed(radar):
 def test_a_ghost_s_delay_and_rate_follow_the_image(radar):
     """Towards the wall at 1 m/s: nearer to the image, while the ball itself hardly gets nearer or farther."""
     velocity = np.array([0.0, 1.0, 0.0])
-    actor = Actor.from_mesh(sphere(4, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
+    actor = MeshActor.from_mesh(sphere(4, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
     simulator = Simulator(side_wall("metal"), radar, [actor], rtol=1e-2, max_bounces=None)
     traced = simulator.tracer.trace(0.0, radar.waveform.frame_length).moving
     flip = np.array([1, -1, 1.0])
@@ -292,7 +292,7 @@ def test_max_bounces_says_what_it_cannot_do(radar, ball):
 
 def test_what_mirrors_show_of_quiet_bodies_has_four_instants(radar):
     """Three are for direct paths, whose shadows are looked at between instants."""
-    slow = Actor.from_mesh(sphere(2), material="pec", position=(2, 0, 1), velocity=(0.1, 0, 0), name="ball")
+    slow = MeshActor.from_mesh(sphere(2), material="pec", position=(2, 0, 1), velocity=(0.1, 0, 0), name="ball")
     scene = side_wall("metal", thickness=0.012)
     tracers = [Tracer(scene, tabulated(radar), [slow], 1e-2, max_bounces=bounces) for bounces in (1, 2)]
     assert [each.trace(0.0, 0.02).report.instants for each in tracers] == [3, 4]

@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MATERIALS, Actor, load_scene
+from rfgen_sionna.scene import MATERIALS, MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.physics.test_corners import corner, placed
@@ -29,7 +29,7 @@ def radar():
 
 
 def ball(radius=0.01, detail=3, **pose):
-    return Actor.from_mesh(sphere(detail, radius), material="pec", name="ball", **{"position": BALL, **pose})
+    return MeshActor.from_mesh(sphere(detail, radius), material="pec", name="ball", **{"position": BALL, **pose})
 
 
 def returned(radar, actor, panes, **options):
@@ -122,7 +122,7 @@ def test_by_a_metal_wall_twice_all_is_as_if_unfolded(behind):
     board = (pane(0.0, half=0.35) @ Rotation.from_euler("ZYX", (0.5, 0.3, 0)).as_matrix().T) + place
     unfolded = board * flip + shift if behind else board
     glass = ("glass", 0.006)
-    actors = [Actor.from_mesh(each, material="pec", name="ball") for each in (here, there)]
+    actors = [MeshActor.from_mesh(each, material="pec", name="ball") for each in (here, there)]
     ghost = by_way(returned(radar, actors[0], {"side": (WALL, "pec", 0.1), "pane": (board, *glass)}, rtol=2e-3))
     straight = returned(radar, actors[1], {"pane": (unfolded, *glass)}, max_bounces=1, rtol=2e-3)
     a, b = channel(ghost[True, True]), channel(straight)
@@ -181,8 +181,8 @@ def test_a_wall_that_is_hidden_behind_a_slab_shows_the_back_of_who_stands_before
 def test_a_body_under_clothes_has_its_ghosts_through_them(radar):
     """A skin ball of 4 cm in a shell of cloth, by the wall twice: the cloth's coefficients at normal incidence."""
     sheet = replace(MATERIALS["clothing"], thickness=1e-3)
-    cloth = Actor.from_mesh(sphere(4, 0.05), material=sheet, position=BALL, name="cloth")
-    skin = Actor.from_mesh(sphere(4, 0.04), material="skin", position=BALL, name="ball")
+    cloth = MeshActor.from_mesh(sphere(4, 0.05), material=sheet, position=BALL, name="cloth")
+    skin = MeshActor.from_mesh(sphere(4, 0.04), material="skin", position=BALL, name="ball")
     scene = load_scene(scene_of(77e9, side=(WALL, "metal", 0.1)).sionna)
     sums = []
     for actors in ([skin], [skin, cloth]):
@@ -228,7 +228,7 @@ def test_who_stands_before_what_is_shown_through_a_board_hides_it(radar, place, 
     """An actor in between leaves as much of a corner behind a board as a static thing of its outline does; beside the
     ways, all of it to the bit."""
     panes = {**corner_of_walls(), "pane": (pane(half=0.5), *BOARD)}
-    box = Actor.from_mesh(trimesh.creation.box((0.02, 0.06, 0.3)), material="pec", name="box", position=place)
+    box = MeshActor.from_mesh(trimesh.creation.box((0.02, 0.06, 0.3)), material="pec", name="box", position=place)
     front = np.array([[-0.01, y, z] for y, z in ((-0.03, -0.15), (0.03, -0.15), (0.03, 0.15), (-0.03, 0.15))]) + place
     whole, actor, static = (
         of_corner(radar, {**panes, **more}, 2, *actors, rtol=1e-3)
@@ -329,7 +329,7 @@ def test_a_slab_on_one_way_alone_may_take_more_than_one_there_and_back(radar):
 def test_a_slab_that_turns_is_at_each_instant_as_it_stands_there(radar):
     """A glass leaf swung at 8 rad/s before a ball, and a ghost by a wall beside it."""
     leaf = np.array([[0, -0.4, -0.4], [0, 0.4, -0.4], [0, 0.4, 0.4], [0, -0.4, 0.4]], float)
-    door = Actor.from_mesh(
+    door = MeshActor.from_mesh(
         trimesh.Trimesh(leaf, [[0, 1, 2], [0, 2, 3]], process=False),
         material=replace(MATERIALS["glass"], thickness=0.006),
         name="door",

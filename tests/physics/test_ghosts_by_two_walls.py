@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.ghosts.sight import MirrorSight
 from rfgen_sionna.tracing.shadows.visibility import FINE, seen_by_both
@@ -57,7 +57,7 @@ def radar():
 
 @pytest.fixture(scope="module")
 def ball():
-    return Actor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
+    return MeshActor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def ball():
 )
 def test_they_are_as_far_and_as_strong_as_between_the_two_images(radar, left, right):
     """Half a decibel for each element pair; delays to what the ball's facets are from its specular point."""
-    scene, ball = corridor(left, right), Actor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
+    scene, ball = corridor(left, right), MeshActor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
     found = across(of(Simulator(scene, radar, [ball], rtol=2e-3, max_bounces=None).paths()))
     gamma = 1.0
     for name, wall in (("left", SIDE), ("right", OTHER)):
@@ -92,7 +92,7 @@ def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
     place, box = np.array([1.2, 0.3, 0.9]), trimesh.creation.box(radar.wavelength * np.array([2, 6, 5]))
     towards = sum((image - place) / np.linalg.norm(image - place) for image in IMAGES.values())
     turn = Rotation.align_vectors([towards], [[-1, 0, 0]])[0] * Rotation.from_rotvec(0.03 * rng.normal(size=3))
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         box, material=["pec", "skin"][seed], position=place, orientation=turn.as_euler("ZYX"), name="ball"
     )
     simulator = Simulator(scene, radar, [actor], rtol=3e-3, max_bounces=None)
@@ -125,7 +125,7 @@ def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
 @pytest.mark.parametrize(("reach", "seen"), [(0.03, True), (-0.03, False)])
 def test_the_range_window_is_of_the_whole_way(radar, reach, seen, monkeypatch):
     """By one wall a small ball is within it, by the other beyond: the mean of the two ways tells."""
-    point = Actor.from_mesh(sphere(3, 0.01), material="pec", position=BALL, name="ball")
+    point = MeshActor.from_mesh(sphere(3, 0.01), material="pec", position=BALL, name="ball")
     lengths = [np.linalg.norm(BALL - image) for image in IMAGES.values()]
     assert abs(lengths[0] - lengths[1]) > 0.15
     monkeypatch.setattr(Radar, "max_range", property(lambda _: float(np.mean(lengths)) + reach))
@@ -160,8 +160,8 @@ def test_changing_tx_and_rx_over_exchanges_them(ball):
 def test_what_stands_before_one_of_the_walls_removes_both_ways_round(radar, side):
     wall = SIDE if side > 0 else OTHER
     crossing = np.array([wall / (2 * wall - BALL[1]) * BALL[0], wall, 1.0])
-    ball = Actor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
-    board = Actor.from_mesh(
+    ball = MeshActor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
+    board = MeshActor.from_mesh(
         trimesh.creation.box((0.2, 0.2, 0.3)), material="wood", position=0.5 * (crossing + BALL), name="board"
     )
     free, hidden = (
@@ -180,7 +180,7 @@ def test_two_bounces_have_none(radar, ball):
 def test_over_time_they_follow_both_images(radar):
     """Across the corridor at 1 m/s the delay changes by one image's rate and the other's, which nearly cancel."""
     velocity = np.array([0.0, 1.0, 0.0])
-    actor = Actor.from_mesh(sphere(4, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
+    actor = MeshActor.from_mesh(sphere(4, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
     simulator = Simulator(corridor("metal", "metal"), radar, [actor], rtol=1e-2, max_bounces=None)
     traced = simulator.tracer.trace(0.0, radar.waveform.frame_length).moving
     for knot, t in enumerate(traced.times):
@@ -217,7 +217,7 @@ def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
         return found
 
     monkeypatch.setattr(MirrorSight, "__call__", watched)
-    board = Actor.from_mesh(
+    board = MeshActor.from_mesh(
         trimesh.creation.box((0.02, 0.02, 0.3)),
         material="wood",
         position=BALL + np.array([-0.15, 0.21, 0]),
@@ -246,7 +246,7 @@ def test_round_furniture_has_those_of_an_actor(radar):
     """The same ball as part of the scene: to a tolerance that is relative to what the room returns."""
     scene = scene_with_mesh(sphere(4, 0.1).apply_translation(FAR), corridor("pec", "pec"))
     stays = Simulator(scene, radar, [], rtol=1e-3, max_bounces=3).paths()
-    actor = Actor.from_mesh(sphere(4, 0.1), material="pec", position=FAR, name="ball")
+    actor = MeshActor.from_mesh(sphere(4, 0.1), material="pec", position=FAR, name="ball")
     moves = of(Simulator(corridor("pec", "pec"), radar, [actor], rtol=1e-3, max_bounces=3).paths())
     two = Simulator(scene, radar, [], rtol=1e-3, max_bounces=2).paths()
     assert all(each.num_paths == 0 for each in across(of(two, "thing")).values())
@@ -263,7 +263,7 @@ def test_what_the_radar_does_not_see_of_round_furniture_is_shown_by_a_wall(radar
     behind = load_scene(scene_of(77e9, wall=(wall, "pec", 0.1)).sionna)
     place = np.array([2.0, 0.0, 1.0])
     scene = scene_with_mesh(sphere(4, 0.1).apply_translation(place), behind)
-    actor = Actor.from_mesh(sphere(4, 0.1), material="pec", position=place, name="ball")
+    actor = MeshActor.from_mesh(sphere(4, 0.1), material="pec", position=place, name="ball")
     found = [
         of(Simulator(scene, radar, [], rtol=1e-3, max_bounces=3).paths(), "thing"),
         of(Simulator(behind, radar, [actor], rtol=1e-3, max_bounces=3).paths()),

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, knot_weights
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.ghosts.levels import folded_levels
 from tests.physics.test_ghosts import (
@@ -61,7 +61,7 @@ def radar():
 @pytest.mark.parametrize(("left", "right"), [("pec", "pec"), ("concrete", "wood")])
 def test_they_are_as_far_and_as_strong_as_the_image_of_the_image_says(radar, left, right):
     """Half a decibel for each element pair, delays to what the ball's facets are from its specular point."""
-    scene, ball = corridor(left, right), Actor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
+    scene, ball = corridor(left, right), MeshActor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
     found = in_a_row(of(Simulator(scene, radar, [ball], rtol=2e-3, max_bounces=3).paths()), FAR)
     for (first, _), paths in found.items():
         gamma, span = 1.0, image(first) - FAR
@@ -88,7 +88,7 @@ def test_they_are_the_dense_quadrature_with_the_fields_of_both_walls(seed):
     ends = image(first), VIEW
     towards = sum((each - place) / np.linalg.norm(each - place) for each in ends)
     turn = Rotation.align_vectors([towards], [[-1, 0, 0]])[0] * Rotation.from_rotvec(0.03 * rng.normal(size=3))
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         box, material=["pec", "skin"][seed], position=place, orientation=turn.as_euler("ZYX"), name="ball"
     )
     simulator = Simulator(scene, radar, [actor], rtol=3e-3, max_bounces=3)
@@ -151,7 +151,7 @@ def test_walls_at_any_angle_have_each_its_own(first):
     towards = sum((each - place) / np.linalg.norm(each - place) for each in ends)
     box = trimesh.creation.box(radar.wavelength * np.array([2, 6, 5]))
     turn = Rotation.align_vectors([towards], [[-1, 0, 0]])[0]
-    actor = Actor.from_mesh(box, material="pec", position=place, orientation=turn.as_euler("ZYX"), name="ball")
+    actor = MeshActor.from_mesh(box, material="pec", position=place, orientation=turn.as_euler("ZYX"), name="ball")
     simulator = Simulator(scene, radar, [actor], rtol=3e-3, max_bounces=3)
     error = simulator.tracer.trace(0.0, 0.0).report.error
     paths = of(simulator.paths())
@@ -185,7 +185,7 @@ def test_a_periscope_shows_what_neither_of_its_mirrors_does(radar):
         corners = [np.array(middle) + 0.5 * (a * across + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         plates[name] = [each.tolist() for each in corners], "pec"
     scene = load_scene(scene_of(77e9, **plates).sionna)
-    ball = Actor.from_mesh(sphere(), material="pec", position=place, name="ball")
+    ball = MeshActor.from_mesh(sphere(), material="pec", position=place, name="ball")
     paths = of(Simulator(scene, radar, [ball], rtol=2e-3, max_bounces=3).paths())
     assert set(paths.bounces) == {1, 3}
     there = paths.select((paths.bounces == 3) & (paths.direction[:, 0, 2] < 0.1))
@@ -195,7 +195,7 @@ def test_a_periscope_shows_what_neither_of_its_mirrors_does(radar):
 
 
 def test_changing_tx_and_rx_over_exchanges_them(radar):
-    ball = Actor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
+    ball = MeshActor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
     tx, rx = radar.tx_positions, radar.rx_positions
     swapped = replace(
         radar, tx_positions=rx, rx_positions=tx, tx_names=tuple(f"TX{n}" for n in range(len(rx))),
@@ -215,14 +215,14 @@ def test_changing_tx_and_rx_over_exchanges_them(radar):
 def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
     """Of the way by the left wall, then the right one, and straight back, before the first wall, between both, and
     before the ball: that by the right wall first is still there."""
-    ball = Actor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
+    ball = MeshActor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
     seen = FAR - np.array([0.0, image(1)[1], 0.0])
     shares = np.array([0.0, (SIDE - VIEW[1]), (SIDE - VIEW[1]) + (SIDE - OTHER)]) / (seen - VIEW)[1]
     places = [VIEW, *(VIEW + share * (seen - VIEW) for share in shares[1:])]
     places[1][1], places[2][1] = SIDE, OTHER
     places.append(FAR)
     middle = 0.45 * places[leg] + 0.55 * places[leg + 1]
-    board = Actor.from_mesh(trimesh.creation.box((0.15, 0.15, 0.3)), material="wood", position=middle, name="board")
+    board = MeshActor.from_mesh(trimesh.creation.box((0.15, 0.15, 0.3)), material="wood", position=middle, name="board")
     free, hidden = (
         in_a_row(of(Simulator(corridor("pec", "pec"), radar, actors, rtol=1e-2, max_bounces=3).paths()), FAR)
         for actors in ([ball], [ball, board])
@@ -234,7 +234,7 @@ def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
 
 
 def test_two_bounces_have_none(radar):
-    ball = Actor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
+    ball = MeshActor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
     paths = of(Simulator(corridor("pec", "pec"), radar, [ball], rtol=1e-2, max_bounces=2).paths())
     assert not any(each.num_paths for each in in_a_row(paths, FAR).values())
 
@@ -242,7 +242,7 @@ def test_two_bounces_have_none(radar):
 @pytest.mark.parametrize("material", ["pec", "glass"])
 def test_their_level_is_estimated(radar, material):
     """Within 2 dB of what a ball that returns alike to all sides does by way of both, relative to its direct return."""
-    scene, ball = corridor(material, "pec"), Actor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
+    scene, ball = corridor(material, "pec"), MeshActor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
     simulator = Simulator(scene, radar, [ball], rtol=1e-2, max_bounces=3)
     mirrors = simulator.tracer.mirrors
     names = [each.name for each in mirrors]
@@ -258,7 +258,7 @@ def test_their_level_is_estimated(radar, material):
 def test_over_time_they_follow_the_image_of_the_image(radar):
     """Across the corridor at 1 m/s: frames have what instants have."""
     velocity = np.array([0.0, 1.0, 0.0])
-    ball = Actor.from_mesh(sphere(4, 0.02), material="metal", position=FAR, velocity=velocity, name="ball")
+    ball = MeshActor.from_mesh(sphere(4, 0.02), material="metal", position=FAR, velocity=velocity, name="ball")
     tracer = Simulator(corridor("metal", "metal"), radar, [ball], rtol=1e-2, max_bounces=3).tracer
     traced = in_a_row(of(tracer.trace(0.0, radar.waveform.frame_length).moving), FAR)
     for t in np.linspace(0.0, radar.waveform.frame_length, 4)[:3].tolist():

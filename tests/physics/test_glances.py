@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.moving import glances, instants
 from rfgen_sionna.tracing.moving import parts as moving
@@ -45,21 +45,21 @@ def rms(values):
 
 def screened(radar, tilt=35.0, speed=0.3, rtol=1e-2):
     """A metal plate that lies aslant and turns a little, and a screen that passes before it."""
-    plate = Actor.from_mesh(
+    plate = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.12, 0.12)),
         material="pec",
         name="plate",
         trajectory=lambda t: (3.0 + 0.1 * t, 0.0, 1.0),
         orientation=(np.deg2rad(tilt), 0.0, 0.0),
     )
-    screen = Actor.from_mesh(
+    screen = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.3, 0.5)),
         material="pec",
         name="screen",
         trajectory=lambda t: (2.0, -0.155 + speed * t, 1.0),
         orientation=(np.deg2rad(-40.0), 0.0, 0.0),
     )
-    ball = Actor.from_mesh(
+    ball = MeshActor.from_mesh(
         trimesh.creation.icosphere(subdivisions=3, radius=0.04), material="pec", position=(3.2, -0.6, 1), name="ball"
     )
     return Tracer(None, radar, [plate, screen, ball], rtol=rtol)
@@ -80,7 +80,7 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     assert traced.glanced is not None
     assert len(traced.glanced.times) > len(traced.moving.times)
     error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
-    assert error < traced.report.between
+    assert error < traced.report.time_error
     # With four instants: three tell of a plate that edges pass by many wavelengths that it is one, and not how much.
     monkeypatch.setattr(instants, "PAIR_SPACING", 0.0)
     monkeypatch.setattr(instants, "QUIET_SPACING", 0.0)
@@ -88,7 +88,7 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     plain = tracer.trace(0.0, length)
     assert plain.glanced is None
     before = rms(channel(of(plain.actors, "plate"), times) - truth) / rms(truth)
-    assert before < plain.report.between
+    assert before < plain.report.time_error
     assert before > 0.1
     assert error < before / 4
 
@@ -112,7 +112,7 @@ def test_two_instants_do_while_hardly_a_shadow_moves(radar, tilt, speed, count):
         looked_at.append(traced.report.facets)
         assert traced.report.instants == count
         error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
-        assert error < traced.report.between + traced.report.error
+        assert error < traced.report.time_error + traced.report.error
     # The pair that did not do was looked at as well.
     assert looked_at[0] == pytest.approx(looked_at[1] * (1 if count == 2 else 5 / 3), rel=0.05)
 
@@ -121,31 +121,31 @@ def test_two_instants_do_while_hardly_a_shadow_moves(radar, tilt, speed, count):
 def test_what_comes_back_within_a_frame_is_not_left_to_two_instants(radar, way):
     """A bar that covers more of a ball half way between two instants than at both: they tell nothing of it."""
     length = radar.waveform.frame_length
-    bar = Actor.from_mesh(
+    bar = MeshActor.from_mesh(
         trimesh.creation.box((0.01, 0.02, 0.3)),
         material="pec",
         name="bar",
         trajectory=lambda t: (2.0, -0.0105 + way * np.sin(np.pi * t / length), 1.0),
     )
-    ball = Actor.from_mesh(trimesh.creation.icosphere(4, 0.1), material="pec", position=(3, 0, 1), name="ball")
+    ball = MeshActor.from_mesh(trimesh.creation.icosphere(4, 0.1), material="pec", position=(3, 0, 1), name="ball")
     tracer = Tracer(None, radar, [bar, ball], rtol=1e-2)
     times = np.linspace(0.0, length, 20)
     truth = traced_there(tracer, times, "ball")
     traced = tracer.trace(0.0, length)
     assert traced.report.instants > 2
     error = rms(channel(of(traced.actors, "ball"), times) - truth) / rms(truth)
-    assert error < traced.report.between + traced.report.error
+    assert error < traced.report.time_error + traced.report.error
 
 
 def test_what_was_hidden_at_first_is_not_left_to_two_instants(radar):
     """A screen before a ball is drawn aside: how the ball's facets interfere is not known when it comes out."""
-    screen = Actor.from_mesh(
+    screen = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.3, 0.3)),
         material="pec",
         name="screen",
         trajectory=lambda t: (2.0, 0.08 + 0.3 * t, 1.0),
     )
-    ball = Actor.from_mesh(trimesh.creation.icosphere(4, 0.1), material="pec", position=(3, 0, 1), name="ball")
+    ball = MeshActor.from_mesh(trimesh.creation.icosphere(4, 0.1), material="pec", position=(3, 0, 1), name="ball")
     tracer = Tracer(None, radar, [screen, ball], rtol=1e-2)
     run, length, whole = tracer.follow(), radar.waveform.frame_length, 0.0
     for frame in range(0, 8, 2):
@@ -156,7 +156,7 @@ def test_what_was_hidden_at_first_is_not_left_to_two_instants(radar):
         whole = max(whole, rms(truth))
         if rms(truth) > 0:
             error = rms(channel(of(traced.actors, "ball"), times) - truth) / rms(truth)
-            assert error < traced.report.between + traced.report.error, frame
+            assert error < traced.report.time_error + traced.report.error, frame
         else:
             assert frame == 0
     assert whole > 0
@@ -175,13 +175,13 @@ def test_what_comes_and_goes_between_two_instants_is_stated(radar, monkeypatch):
         traced = tracer.trace(0.0, length)
         assert traced.report.instants == 2
         found.append(rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth))
-        assert found[-1] < traced.report.between + traced.report.error
+        assert found[-1] < traced.report.time_error + traced.report.error
     assert max(found) > 0.1
 
 
 def test_nothing_is_glanced_at_where_no_shadow_moves(radar):
     """A ball alone, that shadows itself and moves fast, is followed by its instants, as well as phases are."""
-    ball = Actor.from_mesh(
+    ball = MeshActor.from_mesh(
         trimesh.creation.icosphere(subdivisions=4, radius=0.1), material="pec", position=(3, 0, 1), velocity=(2, 1, 0)
     )
     tracer = Tracer(None, radar, [ball], rtol=1e-2)
@@ -191,8 +191,8 @@ def test_nothing_is_glanced_at_where_no_shadow_moves(radar):
     assert traced.changing() == (traced.moving,)
     times = np.linspace(0.0, length, 31)
     truth = traced_there(tracer, times)
-    assert rms(channel(traced.actors, times) - truth) / rms(truth) < PHASE_PER_RTOL * 1e-2 + traced.report.between
-    assert traced.report.between < 1e-3
+    assert rms(channel(traced.actors, times) - truth) / rms(truth) < PHASE_PER_RTOL * 1e-2 + traced.report.time_error
+    assert traced.report.time_error < 1e-3
 
 
 def test_samples_hold_what_is_glanced_at(radar):
@@ -202,7 +202,7 @@ def test_samples_hold_what_is_glanced_at(radar):
     assert traced.changing()[:2] == (traced.moving, traced.glanced)
     found = [next(Simulator(None, radar, tracer.actors, rtol=1e-2).frames(0.05)) for _ in range(2)]
     assert np.array_equal(found[0].samples, found[1].samples)
-    assert found[0].report.between > 0
+    assert found[0].report.time_error > 0
 
 
 def test_a_plate_that_vibrates_keeps_the_knots_of_its_delays(radar):
@@ -213,7 +213,7 @@ def test_a_plate_that_vibrates_keeps_the_knots_of_its_delays(radar):
     def place(t):
         return 3.0 + 3e-4 * np.sin(2 * np.pi * 200 * t), 0.0, 1.0
 
-    shaking = Actor.from_mesh(
+    shaking = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.12, 0.12)),
         material="pec",
         name="plate",
@@ -226,12 +226,12 @@ def test_a_plate_that_vibrates_keeps_the_knots_of_its_delays(radar):
     assert len(traced.glanced.times) >= len(traced.moving.times) > 13
     times = np.linspace(0.0, length, 41)[1::2]
     truth = traced_there(tracer, times, "plate")
-    assert rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth) < min(traced.report.between, 0.1)
+    assert rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth) < min(traced.report.time_error, 0.1)
 
 
 def test_who_leaves_the_range_window_is_not_in_a_shadow(radar):
     """A ball alone that goes out of the window is not looked at between instants."""
-    ball = Actor.from_mesh(
+    ball = MeshActor.from_mesh(
         trimesh.creation.icosphere(subdivisions=4, radius=0.2),
         material="pec",
         position=(radar.max_range - 0.12, 0, 1),
@@ -250,14 +250,14 @@ def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
     traced = tracer.trace(0.0, length)
     assert traced.report.instants == 3
     error = rms(channel(of(traced.actors, "plate"), times) - truth) / rms(truth)
-    assert error < min(traced.report.between + traced.report.error, 0.03)
+    assert error < min(traced.report.time_error + traced.report.error, 0.03)
 
 
 @pytest.mark.parametrize("start", [0.6, pytest.param(1.8, marks=pytest.mark.slow), 1.9])
 def test_a_walking_person_between_instants(radar, start):
     """Where an arm swings before the body, and where all are so slow that three instants do: right to what is stated,
     against single instants. These differ from the frame's own by 0.3 to 1.3 % at its instants, too, as facets and edges
-    of shadows are looked at anew; that is in `report.error`, and what comes between them in `report.between`."""
+    of shadows are looked at anew; that is in `report.error`, and what comes between them in `report.time_error`."""
     pytest.importorskip("anny")
     from rfgen_sionna.generative.actor import Actor as Person
 
@@ -269,7 +269,7 @@ def test_a_walking_person_between_instants(radar, start):
     times = np.linspace(start, start + length, 25)[1::2]
     truth = traced_there(tracer, times)
     error = rms(channel(traced.actors, times) - truth) / rms(truth)
-    assert error < np.hypot(traced.report.between, traced.report.error)
+    assert error < np.hypot(traced.report.time_error, traced.report.error)
     assert error < 0.03
 
 
@@ -402,13 +402,13 @@ def test_what_gains_miss_between_instants_is_stated(radar, motion, rtol):
     def pose(t):
         return (2.0, 0.0, 1.0), np.eye(3)[axis] * angle(t)
 
-    tracer = Tracer(None, radar, [Actor.from_mesh(mesh, material="pec", trajectory=pose)], rtol)
+    tracer = Tracer(None, radar, [MeshActor.from_mesh(mesh, material="pec", trajectory=pose)], rtol)
     traced = tracer.trace(0.0, 0.02)
     times = np.linspace(0.0, 0.02, 61) + 1e-5
     error = rms(channel(traced.actors, times) - traced_there(tracer, times)) / rms(traced_there(tracer, times))
-    assert error < np.hypot(traced.report.between, traced.report.error)
+    assert error < np.hypot(traced.report.time_error, traced.report.error)
     # The limb turns away from the light at its own rims as well, and shadows are in it.
-    assert traced.report.between <= (3.1 * rtol if motion != "a limb that swings" else 0.02)
+    assert traced.report.time_error <= (3.1 * rtol if motion != "a limb that swings" else 0.02)
 
 
 def test_what_is_left_of_a_return_that_cancels_is_followed_too(radar):
@@ -419,11 +419,11 @@ def test_what_is_left_of_a_return_that_cancels_is_followed_too(radar):
     def pose(t):
         return (2.0, 0.1, 1.0), np.array([0.5, 0.3, 4 * np.pi * t])
 
-    tracer = Tracer(None, radar, [Actor.from_mesh(plate, material="pec", trajectory=pose)], 1e-2)
+    tracer = Tracer(None, radar, [MeshActor.from_mesh(plate, material="pec", trajectory=pose)], 1e-2)
     traced = tracer.trace(0.0, 0.0276)
     times = np.linspace(0.0, 0.0276, 25)[1:-1] + 1e-5
     truth = traced_there(tracer, times)
     error = rms(channel(traced.actors, times) - truth) / rms(truth)
     assert error < 0.05
-    assert error < 2 * np.hypot(traced.report.between, traced.report.error)
+    assert error < 2 * np.hypot(traced.report.time_error, traced.report.error)
     assert traced.report.instants > 14

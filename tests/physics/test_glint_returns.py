@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.moving import sight
 from rfgen_sionna.tracing.tracer import Tracer
@@ -46,7 +46,7 @@ def test_what_an_edge_leaves_of_a_glint_is_in_doubt(radar):
         mesh = ball(4, RADIUS)
         mesh.update_faces(mesh.triangles_center[:, 1] < cut)
         mesh.remove_unreferenced_vertices()
-        part = Actor.from_mesh(mesh, material="pec", position=PLACES["side by side"][0], name="a")
+        part = MeshActor.from_mesh(mesh, material="pec", position=PLACES["side by side"][0], name="a")
         found = [Tracer(None, radar, [part, whole], 1e-2, max_bounces=n).trace(0.0, 1e-4) for n in (1, 2)]
         return found[1].report.error - found[0].report.error, around(found[1].moving).num_paths
 
@@ -91,7 +91,7 @@ def test_rods_that_lean_have_their_glint_however_they_are_meshed(radar, sections
         for (radius, height, *place), name in zip([(*a, b, c) for a, b, c in RODS], "ab", strict=True):
             vertices, faces = rod(radius, height, *mesh)
             turn = trimesh.geometry.align_vectors([0, 0, 1], place[1])[:3, :3]
-            actors.append(Actor.from_mesh((vertices @ turn.T, faces), material="pec", position=place[0], name=name))
+            actors.append(MeshActor.from_mesh((vertices @ turn.T, faces), material="pec", position=place[0], name=name))
         simulator = Simulator(None, radar, actors, rtol=1e-2, max_bounces=2, collisions="ignore")
         return around(simulator.paths(0.0))
 

@@ -10,7 +10,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.moving.parts import MEASURED_EVERY, MovingParts
 from rfgen_sionna.tracing.moving.precision import Precision
@@ -43,7 +43,7 @@ def of_a_ball(radius: float, distance: float, wavenumber: float) -> complex:
 
 def traced(radar: Radar, mesh: trimesh.Trimesh, distance: float, rtol: float) -> tuple[complex, float, int]:
     """Gain, the error that is stated, and the number of paths."""
-    ball = Actor.from_mesh(mesh, material="pec", position=(distance, 0, 0), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="pec", position=(distance, 0, 0), name="ball")
     found = Simulator(None, radar, [ball], rtol=rtol).tracer.trace(0.0, 0.0)
     paths = found.moving
     gain = (paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0))).sum()
@@ -110,7 +110,7 @@ def test_rims_are_weighed_again_where_a_thing_turns() -> None:
     def turned(t: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         return (2.0, 0.0, 0.0), (0.0, 0.9 + t, 0.0)
 
-    ring = Actor.from_mesh(mesh, material="pec", trajectory=turned, name="ring")
+    ring = MeshActor.from_mesh(mesh, material="pec", trajectory=turned, name="ring")
     tracer = Simulator(None, radar, [ring], rtol=1e-2).tracer
 
     def rim(run: MovingParts) -> float:

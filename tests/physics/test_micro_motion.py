@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.mesh import RigidMesh
 from rfgen_sionna.simulation import Simulator
 
@@ -33,12 +33,12 @@ def swing(t):
 
 MOTIONS = {
     "breath": (
-        lambda: Actor(Breathing(BALL.vertices, BALL.faces), "pec", "chest", position=(DISTANCE, 0, 0)),
+        lambda: MeshActor(Breathing(BALL.vertices, BALL.faces), "pec", "chest", position=(DISTANCE, 0, 0)),
         lambda t: np.array([DISTANCE, 0.0, 0.0]),
         radius,
     ),
     "pendulum": (
-        lambda: Actor.from_mesh(BALL, material="pec", trajectory=lambda t: tuple(swing(t))),
+        lambda: MeshActor.from_mesh(BALL, material="pec", trajectory=lambda t: tuple(swing(t))),
         swing,
         lambda t: RADIUS,
     ),
@@ -76,7 +76,9 @@ def test_what_a_vibration_too_fast_for_knots_is_off_by_is_stated(amplitude, rate
     def path(t):
         return np.array([DISTANCE + amplitude * np.sin(2 * np.pi * rate * t), 0.0, 0.0])
 
-    simulation = Simulator(None, radar, [Actor.from_mesh(BALL, material="pec", trajectory=lambda t: tuple(path(t)))])
+    simulation = Simulator(
+        None, radar, [MeshActor.from_mesh(BALL, material="pec", trajectory=lambda t: tuple(path(t)))]
+    )
     length = radar.waveform.frame_length
     traced = simulation.tracer.trace(0.0, length)
     times, off = np.linspace(0.0, length, 1501), 0.0
@@ -88,7 +90,7 @@ def test_what_a_vibration_too_fast_for_knots_is_off_by_is_stated(amplitude, rate
     ways = np.array([sum(np.linalg.norm(path(t) - end) for end in ends) for t in times])
     off = off * np.exp(2j * np.pi * np.mod(traced.moving.frequency * ways / SPEED_OF_LIGHT, 1.0))
     missed = np.sqrt(np.mean(np.abs(off / off.mean() - 1) ** 2))
-    stated = np.hypot(traced.report.between, traced.report.error)
+    stated = np.hypot(traced.report.time_error, traced.report.error)
     assert missed < 1.5 * stated
     broken = rate >= 1000
     assert ("not smooth" in caplog.text) == broken

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from tests.physics.test_corners import radar_of
 from tests.reference.corners import Side, corner_gain
@@ -54,7 +54,7 @@ def simulated(radar, sides, static=False, velocity=(0, 0, 0)):
         faces = np.array([[0, 1, 2], [0, 2, 3]])
         mesh = np.concatenate(quads(sides)), np.concatenate([faces + 4 * k for k in range(len(sides))])
         mesh = trimesh.Trimesh(*mesh, process=False)
-        scene, actors = None, [Actor.from_mesh(mesh, material="pec", name="corner", velocity=velocity)]
+        scene, actors = None, [MeshActor.from_mesh(mesh, material="pec", name="corner", velocity=velocity)]
     return Simulator(scene, radar, actors, max_bounces=len(sides), rtol=1e-3)
 
 

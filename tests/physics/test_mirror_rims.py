@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from tests.physics.test_ghosts import ISOTROPIC, SIDE, channel, of, side_wall, ways
 from tests.reference.physical_optics import Wall, po_gain
@@ -27,7 +27,7 @@ def plate(turn):
     normal = towards[0] + towards[1]
     yaw = np.arctan2(normal[1], normal[0]) + turn
     mesh = trimesh.creation.box((0.004, SIZE, SIZE))
-    return Actor.from_mesh(mesh, material="pec", position=PLACE, orientation=(yaw, 0, 0), name="ball")
+    return MeshActor.from_mesh(mesh, material="pec", position=PLACE, orientation=(yaw, 0, 0), name="ball")
 
 
 def kept(corners, normal, offset):

@@ -13,7 +13,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.processing import point_cloud, range_spectrum
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import Radar, Trajectory
-from rfgen_sionna.scene import Actor, SceneError, add_radar, load_scene
+from rfgen_sionna.scene import MeshActor, SceneError, add_radar, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 
@@ -28,7 +28,7 @@ TINY = {
 
 
 def ball(**pose):
-    return Actor.from_mesh(MESH, material="pec", name="ball", **pose)
+    return MeshActor.from_mesh(MESH, material="pec", name="ball", **pose)
 
 
 def test_the_radars_speed_is_the_scenes_the_other_way():
@@ -188,7 +188,7 @@ def test_the_beam_of_a_radar_that_turns_fast_passes_a_still_ball(axis):
     )[:, :, None]  # fmt: skip
     scale = (level * expected).sum(axis=0) / (expected**2).sum(axis=0)
     missed = level / scale - expected
-    stated = float(np.hypot(frame.report.error, frame.report.between))
+    stated = float(np.hypot(frame.report.error, frame.report.time_error))
     assert rms(missed) < stated * rms(expected)
     # Any one chirp, even where the pattern has fallen away: a spline errs most at its ends, by some three times that.
     assert np.abs(missed).max() < 10 * stated * rms(expected)
@@ -216,7 +216,7 @@ def test_elements_of_a_radar_that_turns_fast_have_their_phases():
             ways = np.linalg.norm(ends - place, axis=1)
             turned = np.exp(-2j * np.pi * np.outer(ways[1:] - ways[0], frequency) / SPEED_OF_LIGHT)
             off.append(np.angle((each[1:] * np.conj(each[0]) * turned).sum(axis=-1)))
-    stated = float(np.hypot(frame.report.error, frame.report.between))
+    stated = float(np.hypot(frame.report.error, frame.report.time_error))
     assert rms(np.array(off)) < 2 * stated
     assert stated < 2e-3
 

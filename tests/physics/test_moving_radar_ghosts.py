@@ -10,7 +10,7 @@ import trimesh
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from tests.physics.test_corners import corner, radar_of
@@ -47,7 +47,7 @@ def room(material="concrete", floor=True):
 
 
 def ball(radius=0.05, detail=4, position=BALL, **pose):
-    return Actor.from_mesh(sphere(detail, radius), material="pec", position=position, name="ball", **pose)
+    return MeshActor.from_mesh(sphere(detail, radius), material="pec", position=position, name="ball", **pose)
 
 
 def of(paths, name):
@@ -77,10 +77,10 @@ def test_a_weak_actor_s_ghost_is_what_it_is_alone_beside_a_strong_one():
     of all was right for a trihedral's ghost and 0.9 % of its direct return off for a ball of skin."""
     pane = [[0.3, SIDE, 0.0], [2.5, SIDE, 0.0], [2.5, SIDE, 2.0], [0.3, SIDE, 2.0]]
     scene = load_scene(scene_of(77e9, side=(pane, "glass", 0.012)).sionna)
-    weak = Actor.from_mesh(sphere(4, 0.09), material="skin", position=(1.6, -0.3, 1.1), name="ball")
+    weak = MeshActor.from_mesh(sphere(4, 0.09), material="skin", position=(1.6, -0.3, 1.1), name="ball")
     vertices, faces, _, turn = corner("triangle", 0.09)
     vertices = vertices @ turn.as_matrix().T
-    strong = Actor.from_mesh((vertices, faces), material="pec", position=(2, 0.1, 1), name="corner")
+    strong = MeshActor.from_mesh((vertices, faces), material="pec", position=(2, 0.1, 1), name="corner")
     radar, places, found = Radar.load("awr1843", overrides=ISOTROPIC, trajectory=turning), np.linspace(-1, 1, 9), []
     for actors in ([weak], [strong, weak]):
         paths = of(Simulator(scene, radar, actors, rtol=3e-3, max_bounces=3).paths(0.01), "ball")
@@ -149,7 +149,7 @@ def test_samples_of_the_ghost_by_a_metal_wall_twice_are_those_of_the_image_witho
     found = of(simulator.tracer.trace(0.0, radar.waveform.frame_length).moving, "ball")
     ghost = synthesize(simulator.radar, found.select(found.bounces == 3), 0.0)
     image = (sphere(3).vertices * FLIP, sphere(3).faces[:, ::-1])
-    there = Actor.from_mesh(image, material="pec", position=BALL * FLIP + [0, 2 * SIDE, 0], name="ball")
+    there = MeshActor.from_mesh(image, material="pec", position=BALL * FLIP + [0, 2 * SIDE, 0], name="ball")
     alone = Simulator(None, radar, [there], rtol=1e-2)
     expected = synthesize(alone.radar, alone.tracer.trace(0.0, radar.waveform.frame_length).moving, 0.0)
     assert np.abs(ghost - expected).max() < 0.02 * np.abs(expected).max()

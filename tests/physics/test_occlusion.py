@@ -7,7 +7,7 @@ from scipy.special import fresnel
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.shadows import parallax, sampling
@@ -44,13 +44,13 @@ def of(paths, name):
 
 def test_plate_hides_a_sphere(radar):
     """A metal plate in between leaves nothing of the sphere; beside it the sphere is as strong as alone."""
-    ball = Actor.from_mesh(
+    ball = MeshActor.from_mesh(
         trimesh.creation.icosphere(subdivisions=4, radius=0.1), material="pec", position=(3, 0, 1), name="ball"
     )
     alone = abs(channel(Simulator(None, radar, [ball]).paths()))
     board = trimesh.creation.box((0.01, 0.4, 0.4))
     for y, remains in ((0.0, False), (0.6, True)):
-        plate = Actor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
+        plate = MeshActor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
         paths = of(Simulator(None, radar, [ball, plate]).paths(), "ball")
         if remains:
             assert abs(channel(paths)) == pytest.approx(alone, rel=1e-3)
@@ -67,9 +67,11 @@ def test_shadows_are_geometric_whatever_would_bend_around_a_plate(size, around):
     the first Fresnel zone, here 11 cm across, hides less in truth than it does here.
     """
     radar = Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1))
-    ball = Actor.from_mesh(trimesh.creation.icosphere(3, radius=0.02), material="pec", position=(3, 0, 1), name="ball")
+    ball = MeshActor.from_mesh(
+        trimesh.creation.icosphere(3, radius=0.02), material="pec", position=(3, 0, 1), name="ball"
+    )
     side = size * radar.wavelength
-    plate = Actor.from_mesh(
+    plate = MeshActor.from_mesh(
         trimesh.creation.box((0.001, side, side)), material="pec", position=(1.5, 0, 1), name="plate"
     )
     alone = abs(channel(Simulator(None, radar, [ball]).paths()))
@@ -106,9 +108,9 @@ def half_hidden(edge):
     all of it: as traced, and by quadrature; and this from the phase centre."""
     radar = Radar.load("awr1843", position=(0, 0, 0), look_at=(3, 0, 0), overrides={"pattern": {"kind": "sionna:iso"}})
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
-    ball = Actor.from_mesh(mesh, material="pec", position=(3, 0, 0), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="pec", position=(3, 0, 0), name="ball")
     board = trimesh.creation.box((0.001, 0.4, 0.4))
-    plate = Actor.from_mesh(board, material="pec", position=(1.5, 0.5 * edge - 0.2, 0), name="plate")
+    plate = MeshActor.from_mesh(board, material="pec", position=(1.5, 0.5 * edge - 0.2, 0), name="plate")
     behind = of(Simulator(None, radar, [ball, plate]).paths(), "ball")
     found = channels(behind) / channels(Simulator(None, radar, [ball]).paths())
     k = 2 * np.pi * radar.center_frequency / SPEED_OF_LIGHT
@@ -139,11 +141,11 @@ def half_hidden(edge):
 def test_half_a_sphere_hidden_by_rows(radar):
     """A plate's edge through the line of sight leaves part of the facets, more of them as it moves out."""
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
-    ball = Actor.from_mesh(mesh, material="pec", position=(3, 0, 1), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="pec", position=(3, 0, 1), name="ball")
     board = trimesh.creation.box((0.01, 0.4, 0.4))
     seen = []
     for y in np.linspace(0.15, 0.26, 6):
-        plate = Actor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
+        plate = MeshActor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
         # So coarse a tolerance that the mesh's own faces will do: their number is what is seen.
         seen.append(of(Simulator(None, radar, [ball, plate], rtol=0.1).paths(), "ball").num_paths)
     assert seen == sorted(seen)
@@ -155,7 +157,7 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     file = tmp_path / "backdrop.xml"
     file.write_text(BACKDROP)
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.15)
-    ball = Actor.from_mesh(mesh, material="pec", position=(2.5, -0.4, 1), velocity=(0, 20.0, 0), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="pec", position=(2.5, -0.4, 1), velocity=(0, 20.0, 0), name="ball")
     sim = Simulator(str(file), radar, [ball])
     traced = sim.tracer.trace(0.0, 0.02)
     changing, *others = traced.shadows
@@ -219,7 +221,7 @@ def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, r
         sim = Simulator(str(half), radar, rtol=rtol)
     else:
         board = trimesh.creation.box((0.001, 0.8, 0.8))
-        sim = Simulator(str(whole), radar, [Actor.from_mesh(board, material="pec", position=(2, y, 1))], rtol=rtol)
+        sim = Simulator(str(whole), radar, [MeshActor.from_mesh(board, material="pec", position=(2, y, 1))], rtol=rtol)
     found = channel(of(sim.paths(), "wall")) / channel(alone)
     stated = sim.tracer.trace(0.0, 0.0).report.error * sim.tracer.static.level / abs(channel(alone))
     truth = left_of_the_wall(radar, y, 0.4)
@@ -253,7 +255,7 @@ def test_a_box_that_stays_returns_what_one_that_moves_does(tmp_path, seed):
     (tmp_path / "box.ply").write_bytes(trimesh.exchange.ply.export_ply(moved))
     file = tmp_path / "box.xml"
     file.write_text(BOX)
-    moving = channel(Simulator(None, radar, [Actor.from_mesh(mesh, material="pec", position=place)]).paths())
+    moving = channel(Simulator(None, radar, [MeshActor.from_mesh(mesh, material="pec", position=place)]).paths())
     # 0.1 % of tolerance each, and metal is not quite a perfect conductor: 0.1 %
     assert abs(channel(Simulator(str(file), radar).paths()) - moving) < 3e-3 * abs(moving)
 
@@ -307,11 +309,11 @@ def test_a_facet_that_is_seen_in_part_loses_nothing_where_nobody_is(furnished):
 def test_what_goes_behind_another_does_not_state_more_than_it_returned(radar):
     """A screen that goes before a ball at 1 m/s hides it by the end of the frame: what is unknown of the shadow's edge
     is a part of what the ball returned before, however little is left (more than the whole of it, relative to that)."""
-    ball = Actor.from_mesh(
+    ball = MeshActor.from_mesh(
         trimesh.creation.icosphere(subdivisions=4, radius=0.05), material="metal", position=(2, 0, 1), name="ball"
     )
     board = trimesh.creation.box((1e-3, 0.3, 0.3))
-    screen = Actor.from_mesh(
+    screen = MeshActor.from_mesh(
         board, material="metal", position=(1, -0.144, 1), velocity=(0, 1, 0), orientation=(0.5, 0.3, 0)
     )
     tracer = Simulator(None, radar, [ball, screen], rtol=0.01).tracer

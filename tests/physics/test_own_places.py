@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.moving.own_places import OwnPlaces
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_moving_radar_ghosts import scene_with_mesh
@@ -67,8 +67,8 @@ def looking(mesh, radar):
 
 def actors_of(flat, hider, trajectory=None):
     return [
-        Actor.from_mesh(flat, material="pec", name="target", trajectory=trajectory),
-        Actor.from_mesh(hider, material="pec", name="hider"),
+        MeshActor.from_mesh(flat, material="pec", name="target", trajectory=trajectory),
+        MeshActor.from_mesh(hider, material="pec", name="hider"),
     ]
 
 
@@ -165,8 +165,8 @@ def test_a_ball_half_hidden(edge):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
     screen = np.array([[SCREEN, y, z] for y in (edge - 1.0, edge) for z in (-1.0, 1.0)]), [[0, 2, 1], [1, 2, 3]]
     actors = [
-        Actor.from_mesh(ball, material="pec", position=(BALL, 0, 0), name="target"),
-        Actor.from_mesh(screen, material="pec", name="hider"),
+        MeshActor.from_mesh(ball, material="pec", position=(BALL, 0, 0), name="target"),
+        MeshActor.from_mesh(screen, material="pec", name="hider"),
     ]
     traced = Tracer(None, radar, actors, 1e-2).trace(0.0, 0.0)
     found = by(traced)
@@ -193,21 +193,21 @@ def test_what_goes_behind_something_is_followed_from_its_own_places(seed, beyond
         truth = returned(radar, [each + velocity * t for each in looking(flat, radar)], [hider[0]])
         errors.append(np.abs(by(traced, t) - truth).max())
         levels.append(np.abs(truth).max())
-    assert max(errors) < beyond * (1.5 * traced.report.error + traced.report.between) * max(levels)
+    assert max(errors) < beyond * (1.5 * traced.report.error + traced.report.time_error) * max(levels)
     assert max(errors) < 0.1 * max(levels)
 
 
 def passing_screen(radar):
     """A metal plate aslant at 3 m, and a screen before it whose edge has come to where the outermost elements see it
     on the plate from 8 ms on, and the phase centre from 14 ms."""
-    plate = Actor.from_mesh(
+    plate = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.12, 0.12)),
         material="pec",
         name="target",
         trajectory=lambda t: (3.0 + 0.1 * t, 0.0, 1.0),
         orientation=(np.deg2rad(35.0), 0.0, 0.0),
     )
-    screen = Actor.from_mesh(
+    screen = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.3, 0.5)),
         material="pec",
         name="screen",
@@ -254,7 +254,7 @@ def test_edges_of_what_stays_that_the_phase_centre_does_not_see(name, before, as
     places saw edges of what stays; the last where the centre has no ray past the edge come near the plate."""
     radar = replace(Radar.load(name, position=(0, 0, 1), look_at=(3, 0, 1)), pattern=ElementPattern(0.0))
     plate, screen = beside_a_plate(radar, before, aside)
-    target = Actor.from_mesh(plate, material="pec", name="target", velocity=(0.5, 0, 0))
+    target = MeshActor.from_mesh(plate, material="pec", name="target", velocity=(0.5, 0, 0))
     scene = scene_with_mesh(trimesh.Trimesh(*screen, process=False))
     for length in (0.0, 0.01) if name == "awr1843" else (0.0,):
         traced = Tracer(scene, radar, [target], 1e-2, max_bounces=1).trace(0.0, length)
@@ -272,15 +272,15 @@ def test_what_nothing_stands_before_is_not_looked_at_from_elsewhere(yaw, monkeyp
     monkeypatch.setattr(OwnPlaces, "look", lambda *given: asked.append(1) or look(*given))
     turned = {"material": "pec", "orientation": (yaw, 0.1, 0.0)}
     actors = [
-        Actor.from_mesh(trimesh.creation.box((0.1, 0.2, 0.3)), position=(2, 0, 0), name="box", **turned),
-        Actor.from_mesh(trimesh.creation.box((0.002, 0.2, 0.2)), position=(3, 0.6, 0), name="plate", **turned),
-        Actor.from_mesh(trimesh.creation.icosphere(3, 0.1), material="pec", position=(2.5, -0.5, 0), name="ball"),
+        MeshActor.from_mesh(trimesh.creation.box((0.1, 0.2, 0.3)), position=(2, 0, 0), name="box", **turned),
+        MeshActor.from_mesh(trimesh.creation.box((0.002, 0.2, 0.2)), position=(3, 0.6, 0), name="plate", **turned),
+        MeshActor.from_mesh(trimesh.creation.icosphere(3, 0.1), material="pec", position=(2.5, -0.5, 0), name="ball"),
     ]
     radar = Radar.load("awr1843")
     Tracer(None, radar, actors, 1e-2).trace(0.0, 0.0)
     assert not asked
     if yaw == 0.0:  # the edge of a screen is 2 mm aside of the box for the phase centre, and on it for others
         shade = trimesh.creation.box((0.002, 0.2, 0.6))
-        screen = Actor.from_mesh(shade, material="pec", position=(1, 0.1523, 0), name="screen")
+        screen = MeshActor.from_mesh(shade, material="pec", position=(1, 0.1523, 0), name="screen")
         Tracer(None, radar, [actors[0], screen], 1e-2).trace(0.0, 0.0)
         assert asked

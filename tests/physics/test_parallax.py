@@ -10,7 +10,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -70,8 +70,8 @@ def held_against_quadrature(radar, traced, edge, points=500, pairs=slice(None)):
 def test_each_pair_sees_the_shadow_from_its_own_place(edge, rtol):
     """At 0 the phase centre's edge falls between two rows of facets. Shadows from there alone were up to 3 dB off."""
     radar_here = radar()
-    plate = Actor.from_mesh(rectangle(PLATE, -WIDTH / 2, WIDTH / 2, WIDTH / 2), material="pec", name="plate")
-    screen = Actor.from_mesh(rectangle(SCREEN, edge - 1.0, edge, 1.0), material="pec", name="screen")
+    plate = MeshActor.from_mesh(rectangle(PLATE, -WIDTH / 2, WIDTH / 2, WIDTH / 2), material="pec", name="plate")
+    screen = MeshActor.from_mesh(rectangle(SCREEN, edge - 1.0, edge, 1.0), material="pec", name="screen")
     traced = Tracer(None, radar_here, [plate, screen], rtol).trace(0.0, 0.0)
     error, levels = held_against_quadrature(radar_here, traced, edge)
     assert error < min(traced.report.error, 0.006 + rtol)
@@ -85,7 +85,7 @@ def test_of_what_stays_and_of_what_moves_alike(tmp_path, still):
     meshes["screen"] = rectangle(SCREEN, edge - 1.0, edge, 1.0)
     for name, mesh in meshes.items():
         if still not in (name, "both"):
-            actors.append(Actor.from_mesh(mesh, material="pec", name=name))
+            actors.append(MeshActor.from_mesh(mesh, material="pec", name=name))
             continue
         mesh.export(tmp_path / f"{name}.ply")
         metal = rt.RadioMaterial(f"metal-{name}", relative_permittivity=1.0, conductivity=1e9)
@@ -103,9 +103,9 @@ def test_through_a_slit_each_pair_sees_its_own_part_or_nothing(edge, other, erro
     """Tx and Rx 5 to 19 mm apart see parts of the plate through a slit of 3 mm that have nothing in common, but
     for the two nearest."""
     radar_here = radar()
-    plate = Actor.from_mesh(rectangle(PLATE, -WIDTH / 2, WIDTH / 2, WIDTH / 2), material="pec", name="plate")
+    plate = MeshActor.from_mesh(rectangle(PLATE, -WIDTH / 2, WIDTH / 2, WIDTH / 2), material="pec", name="plate")
     screens = [
-        Actor.from_mesh(rectangle(SCREEN, *ends, 1.0), material="pec", name=name)
+        MeshActor.from_mesh(rectangle(SCREEN, *ends, 1.0), material="pec", name=name)
         for name, ends in (("left", (edge - 1.0, edge)), ("right", (other, other + 1.0)))
     ]
     traced = Tracer(None, radar_here, [plate, *screens], 1e-2).trace(0.0, 0.0)

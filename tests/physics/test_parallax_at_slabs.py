@@ -11,7 +11,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import MATERIALS, Actor, load_scene
+from rfgen_sionna.scene import MATERIALS, MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.sionna.rectangles import scene_of
@@ -58,7 +58,7 @@ class Slab:
     def actor(self, name):
         name_of, thickness = self.made_of or ("metal", 0.01)
         material = replace(MATERIALS[name_of], thickness=thickness)
-        return Actor.from_mesh((rectangle(self.x, *self.ends, 1.0), FACES), material=material, name=name)
+        return MeshActor.from_mesh((rectangle(self.x, *self.ends, 1.0), FACES), material=material, name=name)
 
     def in_a_scene(self):
         return (rectangle(self.x, *self.ends, 1.0), *(self.made_of or ("metal", 0.01)))
@@ -113,7 +113,7 @@ def traced(radar, slabs, still=(), rtol=1e-2):
     if "plate" in still:
         panes["plate"] = (plate, "pec", 0.01)
     else:
-        actors.append(Actor.from_mesh((plate, FACES), material="pec", name="plate"))
+        actors.append(MeshActor.from_mesh((plate, FACES), material="pec", name="plate"))
     scene = load_scene(scene_of(77e9, **panes).sionna) if panes else None
     return Simulator(scene, radar, actors, rtol=rtol, transmission=True).tracer.trace(0.0, 0.0)
 
@@ -171,7 +171,9 @@ def test_behind_a_slab_there_may_be_another_one(other):
 def test_an_opaque_edge_is_what_it_was():
     """To the bit, whether slabs are seen through or not."""
     radar, slab = array("awr1843"), Slab(1.0, -1.0, 0.013)
-    plate = Actor.from_mesh(trimesh.Trimesh(rectangle(PLATE, -HALF, HALF, HALF), FACES), material="pec", name="plate")
+    plate = MeshActor.from_mesh(
+        trimesh.Trimesh(rectangle(PLATE, -HALF, HALF, HALF), FACES), material="pec", name="plate"
+    )
     pane = Slab(1.0, 2.0, 3.0, THIN).actor("pane")
     here, there = (
         Simulator(None, radar, [plate, slab.actor("slab"), pane], rtol=1e-2, transmission=each).tracer.trace(0.0, 0.0)

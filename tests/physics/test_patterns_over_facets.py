@@ -8,7 +8,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.surface import fineness
 from rfgen_sionna.tracing.surface.facets import stack_facets
 from rfgen_sionna.tracing.surface.smooth import smoothing
@@ -52,7 +52,7 @@ def test_each_point_of_a_ball_counts_by_its_own_direction(place, rtol):
     0.16 % that was found at 0.001, part of it at the ball's rim with isotropic elements, too. By the directions of its
     facets' middles alone it errs by 0.4 to 8 %."""
     radar = Radar.load("awr1843", position=(0, 0, 0), look_at=(3, 0, 0))
-    ball = Actor.from_mesh(trimesh.creation.icosphere(2, 0.2), material="pec", position=place, name="ball")
+    ball = MeshActor.from_mesh(trimesh.creation.icosphere(2, 0.2), material="pec", position=place, name="ball")
     found = weighted(Tracer(None, radar, [ball], rtol).instant(0.0), radar)
     truth = dense(ball.vertices(0.0), ball.faces, radar, 60)
     assert abs(found - truth) < max(0.7 * rtol, 2e-3) * abs(truth)
@@ -65,7 +65,9 @@ def test_each_point_of_a_box_counts_by_its_own_direction(name, rtol, aside):
     middles alone it errs by 0.7 to 1.9 %."""
     radar = Radar.load(name, position=(0, 0, 0), look_at=(3, 0, 0))
     mesh = trimesh.creation.box((0.02, 0.2, 0.2))
-    box = Actor.from_mesh(mesh, material="pec", position=(0.7, aside, 0.1), orientation=(np.arctan(aside / 0.7), 0, 0))
+    box = MeshActor.from_mesh(
+        mesh, material="pec", position=(0.7, aside, 0.1), orientation=(np.arctan(aside / 0.7), 0, 0)
+    )
     found = weighted(Tracer(None, radar, [box], rtol).instant(0.0), radar)
     truth = dense(box.vertices(0.0), box.faces, radar, 250)
     assert abs(found - truth) < max(0.7 * rtol, 1.5e-3) * abs(truth)
@@ -82,7 +84,7 @@ def narrow(width, turn, tilt=0.0):
 
 def wide_plate(**motion):
     mesh = trimesh.creation.box((0.02, 0.6, 0.6))
-    return Actor.from_mesh(mesh, material="pec", position=(1.01, 0.03, 0.02), name="plate", **motion)
+    return MeshActor.from_mesh(mesh, material="pec", position=(1.01, 0.03, 0.02), name="plate", **motion)
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3])
@@ -125,7 +127,7 @@ def test_halves_of_facets_add_up_to_them(name):
     radar = Radar.load(name, position=(0, 0, 0), look_at=(3, 0, 0))
     mesh = trimesh.creation.icosphere(2, 0.05)
     mesh = trimesh.util.concatenate([mesh, trimesh.creation.box((0.02, 0.05, 0.05)).apply_translation([0, 0.1, 0])])
-    thing = Actor.from_mesh(mesh, material="pec", position=(1.0, 0.6, 0.2), name="thing")
+    thing = MeshActor.from_mesh(mesh, material="pec", position=(1.0, 0.6, 0.2), name="thing")
     tracer = Tracer(None, radar, [thing], 1e-2)
     band, (surface,), origin, vertices = tracer._band, tracer.surfaces.moving, np.zeros(3), thing.vertices(0.0)
     pieces = tessellate(vertices, surface.faces, origin, band.highest, 1e-2, smooth=surface.smooth)

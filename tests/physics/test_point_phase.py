@@ -8,7 +8,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS = 0.01
@@ -35,7 +35,7 @@ def test_a_targets_phase_over_frames_and_their_borders(motion, preset):
         changed["preset.mmmesh.tx_order"] = ["TX1", "TX3"]
     radar = Radar.load("awr1843", preset, overrides=changed)
     course = MOTIONS[motion]
-    ball = Actor.from_mesh(
+    ball = MeshActor.from_mesh(
         MESH, material="pec", name="ball", trajectory=lambda t: (DISTANCE + RADIUS + course(t), 0.0, 0.0)
     )
     cube = Simulator(None, radar, [ball], rtol=1e-4).adc(0.02, noise=False)
@@ -74,7 +74,7 @@ def test_a_vibration_of_a_tenth_of_a_millimetre_over_a_whole_frame(frequency):
     def centre(t):
         return DISTANCE + RADIUS + 1e-4 * np.sin(2 * np.pi * frequency * t)
 
-    ball = Actor.from_mesh(MESH, material="pec", name="ball", trajectory=lambda t: (centre(t), 0.0, 0.0))
+    ball = MeshActor.from_mesh(MESH, material="pec", name="ball", trajectory=lambda t: (centre(t), 0.0, 0.0))
     paths = Simulator(None, radar, [ball]).tracer.trace(0.0, radar.waveform.frame_length).moving
     times = np.linspace(0.0, radar.waveform.frame_length, 700)
     weights = paths.weights(times).T

@@ -7,7 +7,7 @@ import trimesh
 from rfgen_sionna.processing import point_cloud
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS = 0.01
@@ -43,7 +43,7 @@ def test_sphere_is_where_it_is(preset, targets):
         world = radar.rotation @ towards
         middle = observation_time(radar)
         position = np.asarray(radar.position) + (range_ - velocity * middle) * world
-        ball = Actor.from_mesh(mesh, material="pec", position=position, velocity=velocity * world, name="ball")
+        ball = MeshActor.from_mesh(mesh, material="pec", position=position, velocity=velocity * world, name="ball")
         cube = Simulator(None, radar, [ball]).adc(radar.waveform.frame_length, noise=False).data[0]
         found = point_cloud(cube, radar, max_points=1)
         assert len(found.range) == 1

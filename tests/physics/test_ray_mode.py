@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import PathKind
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from tests.benchmarks.subjects import radar_of
 from tests.physics.test_corners import placed
@@ -44,7 +44,7 @@ def radar():
 
 def plate(degrees=0.0, position=(2.0, 0.05, 0.03), name="plate"):
     turned = SQUARE @ Rotation.from_euler("z", degrees, degrees=True).as_matrix().T
-    return Actor.from_mesh((turned, FACES), material="pec", position=position, name=name)
+    return MeshActor.from_mesh((turned, FACES), material="pec", position=position, name=name)
 
 
 def ends(radar, tx=0, rx=0):
@@ -72,7 +72,7 @@ def test_a_plate_returns_what_dense_quadrature_does(radar, degrees, allowed):
 @pytest.mark.parametrize("material", ["pec", pytest.param("concrete", marks=SLOW)])
 def test_a_ball_returns_the_same_by_rays_and_by_facets_over_the_band(radar, material):
     """Within 0.2 dB and 2 degrees: what both say that they may be off by is 0.15 dB."""
-    ball = Actor.from_mesh(sphere(4), material=material, position=(2, 0.2, 0), name="ball")
+    ball = MeshActor.from_mesh(sphere(4), material=material, position=(2, 0.2, 0), name="ball")
     simulator = Simulator(None, radar, [ball], rtol=3e-3)
     facets, found = simulator.paths(), shoot(simulator.tracer, rtol=1e-2)
     assert found.report.error < 0.015
@@ -125,7 +125,7 @@ def test_a_plate_behind_a_slab_returns_what_the_slab_s_coefficients_leave(radar,
 def test_a_ghost_by_a_wall_is_as_strong_as_its_image(name):
     """By the wall once, there or back: within half a decibel of the bistatic closed form, and where its image is."""
     radar = replace(radar_of(77), position=(0, 0, 1))
-    ball = Actor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
+    ball = MeshActor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
     scene = side_wall(name)
     found = shoot(Simulator(scene, radar, [ball]).tracer, max_bounces=2).paths
     ghost = of(found.select(found.bounces == 2), "ball")
@@ -160,7 +160,7 @@ def test_a_plate_before_a_wall_is_integrated_for_the_wall_s_image_of_the_radar(e
     towards = [(each - place) / np.linalg.norm(each - place) for each in (view, wall.image(view))]
     yaw = np.arctan2(*-np.sum(towards, axis=0)[[1, 0]]) + np.radians(off)
     square = SQUARE * (edge / np.ptp(SQUARE[:, 1])) @ Rotation.from_euler("z", yaw).as_matrix().T
-    board = Actor.from_mesh((square, FACES), material="pec", position=place, name="plate")
+    board = MeshActor.from_mesh((square, FACES), material="pec", position=place, name="plate")
     corners = board.vertices(0.0)[FACES]
     truth = sum(po_gain(corners, *ends(radar), n=150, **{by: wall}) for by in ("tx_wall", "rx_wall"))
     simulator = Simulator(side_wall("pec"), radar, [board], max_bounces=2)
@@ -176,7 +176,7 @@ def test_a_plate_that_a_wall_shows_there_and_back_is_in_the_stated_error(edge):
     towards = wall.image(np.array(radar.position)) - place
     yaw = np.arctan2(*-towards[[1, 0]])
     square = SQUARE * (edge / np.ptp(SQUARE[:, 1])) @ Rotation.from_euler("z", yaw).as_matrix().T
-    board = Actor.from_mesh((square, FACES), material="pec", position=place, name="plate")
+    board = MeshActor.from_mesh((square, FACES), material="pec", position=place, name="plate")
     truth = po_gain(board.vertices(0.0)[FACES], *ends(radar), n=150, tx_wall=wall, rx_wall=wall)
     found = shoot(Simulator(side_wall("pec"), radar, [board], max_bounces=3).tracer, rtol=1e-2)
     off = abs(channel(found.paths.select(found.paths.bounces == 3))[0, 0] - truth)
@@ -192,7 +192,9 @@ def test_a_box_before_a_wall_shows_the_wall_to_the_radar_in_neither_mode():
     radar = radar_of(77)
     turn = rotation_matrix((0.6, 0.2, 0.1))
     box = trimesh.creation.box((0.3, 0.3, 0.3))
-    actor = Actor.from_mesh((box.vertices @ turn.T, box.faces), material="metal", position=(1.5, 0.1, 0), name="box")
+    actor = MeshActor.from_mesh(
+        (box.vertices @ turn.T, box.faces), material="metal", position=(1.5, 0.1, 0), name="box"
+    )
     corners = actor.vertices(0.0)[actor.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     seen = [np.einsum("fi,fi->f", normal, np.array([x, 0, 0]) - corners[:, 0]) > 0 for x in (0.0, 5.0)]
@@ -212,7 +214,7 @@ def test_two_metal_balls_return_by_way_of_each_other_what_quadrature_says(radar,
     round. Physical optics from either end is not the same number: they differ by about 1 / sqrt(k a), a tenth of it."""
     places = np.array([2.0, 0.2, 0.0]), np.array([2.05, -0.2, 0.03])
     actors = [
-        Actor.from_mesh(sphere(5, radius), material="pec", position=place, name=name)
+        MeshActor.from_mesh(sphere(5, radius), material="pec", position=place, name=name)
         for radius, place, name in zip(radii, places, ("one", "other"), strict=True)
     ]
     true_radii = [
@@ -243,7 +245,7 @@ def test_rates_are_how_delays_change(radar, count):
     """Of a ball, and of its ghost by a wall: Doppler of the path's own length."""
     place, velocity = np.array([1.5, 0.1, 0.0]), np.array([0.4, -0.3, 0.0])
     wall = scene_of(77e9, side=([[-1, 0.6, -1], [4, 0.6, -1], [4, 0.6, 1], [-1, 0.6, 1]], "pec"))
-    ball = Actor.from_mesh(sphere(3), material="pec", position=place, velocity=velocity, name="ball")
+    ball = MeshActor.from_mesh(sphere(3), material="pec", position=place, velocity=velocity, name="ball")
     simulator = Simulator(None if count == 1 else load_scene(wall.sionna), radar, [ball])
     paths = of(shoot(simulator.tracer, max_bounces=count, rtol=3e-2).paths, "ball")
     chosen = paths.select(paths.bounces == count)
@@ -257,7 +259,7 @@ def test_rates_are_how_delays_change(radar, count):
 @SLOW
 def test_more_rays_go_where_they_are_needed(radar):
     """Adaptive sampling is more accurate than uniform sampling with five times as many rays; both are reported."""
-    ball = Actor.from_mesh(sphere(4), material="pec", position=(2, 0.2, 0), name="ball")
+    ball = MeshActor.from_mesh(sphere(4), material="pec", position=(2, 0.2, 0), name="ball")
     simulator = Simulator(None, radar, [ball])
     truth = channel(shoot(simulator.tracer, rtol=2e-3).paths)[0, 0]
     adaptive, uniform = shoot(simulator.tracer, rtol=2e-2), shoot(simulator.tracer, sampling="uniform", level=7)
@@ -274,7 +276,7 @@ def test_more_rays_go_where_they_are_needed(radar):
 def test_the_pir_shows_a_ghost_where_the_radar_sees_it():
     """Beside the ball a wall shows it again: at the image's direction there is nothing by one surface."""
     radar = replace(radar_of(77), position=(0, 0, 1))
-    ball = Actor.from_mesh(sphere(3), material="pec", position=BALL, name="ball")
+    ball = MeshActor.from_mesh(sphere(3), material="pec", position=BALL, name="ball")
     simulator = Simulator(side_wall("pec"), radar, [ball])
     view = {"resolution": (32, 64), "fov_deg": (130.0, 60.0)}
     one, two = simulator.pir(**view), simulator.pir(**view, bounces=2)

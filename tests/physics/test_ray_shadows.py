@@ -9,7 +9,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from tests.benchmarks.subjects import radar_of
 from tests.physics.test_ghosts import channel, of, sphere
@@ -38,12 +38,12 @@ ARRAYS = {
 def screen(left, right, low=-1.0, high=1.0, name="screen"):
     """Across the boresight half way."""
     corners = [[SCREEN, left, low], [SCREEN, right, low], [SCREEN, right, high], [SCREEN, left, high]]
-    return Actor.from_mesh((np.array(corners), np.array([[0, 2, 1], [0, 3, 2]])), material="pec", name=name)
+    return MeshActor.from_mesh((np.array(corners), np.array([[0, 2, 1], [0, 3, 2]])), material="pec", name=name)
 
 
 def plate():
     corners = PLATE * np.eye(3)[0] + HALF * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]])
-    return Actor.from_mesh((corners, np.array([[0, 2, 1], [0, 3, 2]])), material="pec", name="it")
+    return MeshActor.from_mesh((corners, np.array([[0, 2, 1], [0, 3, 2]])), material="pec", name="it")
 
 
 def seen_by_both(tx, rx, screens, wavenumber, points=400, through=0.0):
@@ -107,7 +107,7 @@ def test_it_is_all_one_how_much_there_is_within_a_shadow():
     radar = pair([0, 0.012, 0], [0, 0.01, 0.004])
     square = np.array([[0, -1, -1], [0, 0, -1], [0, 0, 1], [0, -1, 1]])
     before = [
-        Actor.from_mesh(
+        MeshActor.from_mesh(
             (square + np.array([SCREEN + 0.02 * k, -0.0015 * k, 0]), np.array([[0, 2, 1], [0, 3, 2]])),
             material="pec",
             name=f"{k}",
@@ -147,7 +147,7 @@ def test_rays_and_facets_agree_on_what_is_half_hidden(subject, elements, edge, e
     """Of what the phase centre sees, and as far as both say that they may be off."""
     radar = ARRAYS[elements]()
     mesh = sphere(5, 0.1) if subject == "ball" else body()
-    actor = Actor.from_mesh(mesh, material="pec", position=(2.0, 0.0, 0.0), name="it")
+    actor = MeshActor.from_mesh(mesh, material="pec", position=(2.0, 0.0, 0.0), name="it")
     simulator = Simulator(None, radar, [actor, screen(-1, edge)], rtol=3e-3)
     rays, facets = shoot(simulator.tracer, max_bounces=1), simulator.paths()
     ours, theirs = (channel(of(each, "it")) for each in (rays.paths, facets))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import knot_weights
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.errors import MaterialError
 from rfgen_sionna.scene.materials import MATERIALS
 from rfgen_sionna.scene.scattering import ScatteringPattern
@@ -32,7 +32,9 @@ def radar():
 
 def plate(material, distance=2.0, tilt=0.0, size=0.3):
     mesh = trimesh.creation.box((1e-3, size, size))
-    return Actor.from_mesh(mesh, material=material, position=(distance, 0, 0), orientation=(tilt, 0, 0), name="plate")
+    return MeshActor.from_mesh(
+        mesh, material=material, position=(distance, 0, 0), orientation=(tilt, 0, 0), name="plate"
+    )
 
 
 def channel(paths):
@@ -58,7 +60,7 @@ def test_a_pattern_spreads_all_of_the_energy_and_no_more(pattern, theta):
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2), st.floats(0.0, 1.5), st.floats(0.0, 1.5), st.floats(0.0, 6.28))
 def test_patterns_are_those_of_sionna(which, theta_in, theta_out, phi):
-    from rfgen_sionna.scene.backend import ensure_backend
+    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
     ensure_backend()
     import mitsuba as mi
@@ -122,7 +124,7 @@ def test_errors_are_relative_to_what_is_scattered_as_well(s, xpd, fields, caplog
     square = trimesh.Trimesh(
         0.25 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]), [[0, 2, 1], [0, 3, 2]], process=False
     )
-    actor = Actor.from_mesh(square, material=rough, position=(1.5, 0, 0), orientation=(0.7, 0, 0))
+    actor = MeshActor.from_mesh(square, material=rough, position=(1.5, 0, 0), orientation=(0.7, 0, 0))
     of = replace(radar(), tx_polarization=fields[0], rx_polarization=fields[1])
     found = []
     for rtol in (1e-2, 1e-3):
@@ -138,7 +140,7 @@ def test_speckle_goes_on_where_facets_are_chosen_anew():
     the next, and with a tenth of the tolerance, it returns the same. Where each facet had a phase of its own that was
     off by 9 to 84 %."""
     rough, box = replace(MATERIALS["concrete"], scattering_coefficient=0.9), trimesh.creation.box((0.2, 0.5, 0.5))
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         box, material=rough, position=(2, 0, 0), velocity=(-1.5, 0.3, 0), orientation=(0.5, 0.2, 0), name="box"
     )
     tracer, fine = (Simulator(None, radar(), [actor], seed=1, rtol=rtol).tracer for rtol in (1e-2, 1e-3))
@@ -165,7 +167,7 @@ def test_phases_stay_with_the_facets():
     one, same, other = (Simulator(None, radar(), [plate(rough, tilt=0.6)], seed=seed) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one.paths().a, same.paths().a)
     assert abs(channel(one.paths()) / channel(other.paths()) - 1) > 0.05
-    moving = Actor.from_mesh(
+    moving = MeshActor.from_mesh(
         trimesh.creation.box((1e-3, 0.3, 0.3)), material=rough, position=(2, 0, 0), orientation=(0.6, 0, 0),
         velocity=(1.0, 0, 0), name="plate",
     )  # fmt: skip
@@ -193,7 +195,7 @@ def test_elements_far_apart_see_each_their_own_side_of_a_rough_plate(baseline):
     apart = replace(one, **there, tx_names=("T",), rx_names=("R",), waveform=replace(one.waveform, tx_order=(0,)))
     rough = replace(MATERIALS["metal"], scattering_coefficient=1.0)
     mesh = trimesh.creation.box((1e-3, 0.3, 0.3)).subdivide_to_size(0.03)
-    actor = Actor.from_mesh(mesh, material=rough, position=(2, 0, 0), orientation=(0.4, 0, 0), name="plate")
+    actor = MeshActor.from_mesh(mesh, material=rough, position=(2, 0, 0), orientation=(0.4, 0, 0), name="plate")
     found = (np.abs(Simulator(None, apart, [actor], rtol=1e-2).paths().a[0, 0, :, 0]) ** 2).sum()
     step = (np.arange(200) + 0.5) / 200 - 0.5
     y, z = (0.3 * each.ravel() for each in np.meshgrid(step, step))

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 import rfgen_sionna as rfgen
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, knot_weights
-from rfgen_sionna.scene import Actor, load_scene
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces
 from rfgen_sionna.tracing.tracer import Tracer
@@ -38,7 +38,7 @@ def radar():
 
 def metal(place, name, level=3, radius=RADIUS, **motion):
     mesh = ball(level, radius)
-    return Actor.from_mesh(
+    return MeshActor.from_mesh(
         mesh, material="pec", position=None if motion.get("trajectory") else place, name=name, **motion
     )
 
@@ -103,7 +103,7 @@ def test_one_mesh_of_two_balls_is_two_balls(radar):
     """Limb and trunk of one body: what it shows of itself."""
     places = PLACES["one behind"]
     parts = [ball(3, RADIUS).apply_translation(place) for place in places]
-    body = Actor.from_mesh(trimesh.util.concatenate(parts), material="pec", name="body")
+    body = MeshActor.from_mesh(trimesh.util.concatenate(parts), material="pec", name="body")
     two = [metal(place, name) for place, name in zip(places, "ab", strict=True)]
     one, other = (around(Simulator(None, radar, each, rtol=1e-2, max_bounces=2).paths(0.0)) for each in ([body], two))
     assert one.num_paths == other.num_paths == 2
@@ -189,7 +189,7 @@ def test_what_stands_between_hides_them(radar):
     places = PLACES["side by side"]
     actors = [metal(place, name) for place, name in zip(places, "ab", strict=True)]
     plate = np.array([[2.5, 0.0, -0.5], [3.5, 0.0, -0.5], [3.5, 0.0, 0.5], [2.5, 0.0, 0.5]])
-    screen = Actor.from_mesh((plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen")
+    screen = MeshActor.from_mesh((plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen")
     paths = around(Simulator(None, radar, [*actors, screen], rtol=1e-2, max_bounces=2).paths(0.0))
     by_balls = paths.select((paths.arrival[:, 0, 1] * paths.direction[:, 0, 1]) < -1e-3)
     assert not by_balls.num_paths
@@ -199,7 +199,7 @@ def test_glints_fade_where_something_comes_between(radar):
     """A small plate that falls between two balls: the frame in which it cuts the way off ends without that."""
     actors = [metal(place, name) for place, name in zip(PLACES["side by side"], "ab", strict=True)]
     plate = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.3], [-0.3, 0.0, 0.3]])
-    screen = Actor.from_mesh(
+    screen = MeshActor.from_mesh(
         (plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen",
         trajectory=lambda t: (3.0, 0.0, 0.03 - 3.0 * t),
     )  # fmt: skip
@@ -222,12 +222,12 @@ def test_something_strong_elsewhere_hides_no_glints(radar):
     """Balls of skin before a metal board that returns ten times as much: what they show of one another counts against
     what they return themselves."""
     balls = [
-        Actor.from_mesh(ball(3, RADIUS), material="skin", position=place, name=name)
+        MeshActor.from_mesh(ball(3, RADIUS), material="skin", position=place, name=name)
         for place, name in zip(PLACES["above"], "ab", strict=True)
     ]
     corners = np.array([[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]])
     faces = np.array([[0, 2, 1], [0, 3, 2]])
-    board = Actor.from_mesh((corners, faces), material="pec", position=(6.0, 0.0, 0.0), name="board")
+    board = MeshActor.from_mesh((corners, faces), material="pec", position=(6.0, 0.0, 0.0), name="board")
     alone, both = (
         around(Simulator(None, radar, actors, rtol=0.1, max_bounces=2).paths(0.0))
         for actors in (balls, [*balls, board])
@@ -244,7 +244,7 @@ def test_something_strong_elsewhere_hides_no_glints(radar):
 def test_what_comes_is_there_from_its_first_frame_on(radar):
     """A ball that comes from behind another one: frames have what instants have, whatever was before."""
     still = metal((2.5, 0.0, 0.0), "still")
-    comes = Actor.from_mesh(ball(3, RADIUS), material="pec", name="comes", trajectory=lambda t: (2.9, 1.5 * t, 0.0))
+    comes = MeshActor.from_mesh(ball(3, RADIUS), material="pec", name="comes", trajectory=lambda t: (2.9, 1.5 * t, 0.0))
     tracer = Tracer(None, radar, [still, comes], rtol=1e-2, max_bounces=2)
     run = tracer.follow()
     seen = []
@@ -320,7 +320,7 @@ def test_what_moves_is_shown_by_furniture_that_is_round(radar):
     scene = scene_of(77e9)
     add_meshes(scene, column=((column.vertices, column.faces), "pec"))
     near = metal((3.0, 0.25, 0.0), "near", velocity=(0.0, 0.5, 0.0))
-    as_actor = Actor.from_mesh(column, material="pec", name="column")
+    as_actor = MeshActor.from_mesh(column, material="pec", name="column")
     still = around(Simulator(load_scene(scene.sionna), radar, [near], rtol=1e-2, max_bounces=2).paths(0.0))
     moving = around(Simulator(None, radar, [near, as_actor], rtol=1e-2, max_bounces=2).paths(0.0))
     assert still.num_paths == moving.num_paths == 2
@@ -381,7 +381,7 @@ def test_glints_of_a_bowl_are_no_more_than_what_comes_from_it(radar, level):
     mesh = ball(level, 0.5)
     mesh.update_faces(mesh.triangles_center @ [np.cos(0.3), np.sin(0.3), 0.0] > 0.25)
     mesh.remove_unreferenced_vertices()
-    bowl = Actor.from_mesh(mesh, material="pec", position=(3.4, 0.0, 0.0), name="bowl")
+    bowl = MeshActor.from_mesh(mesh, material="pec", position=(3.4, 0.0, 0.0), name="bowl")
     simulator = Simulator(None, radar, [bowl], rtol=1e-2, max_bounces=2)
     found = channel(around(simulator.paths(0.0)))[0, 0]
     truth = channel(around(shoot(simulator.tracer, 0.0, max_bounces=2, rtol=3e-2).paths))[0, 0]
@@ -392,7 +392,7 @@ def test_an_actor_between_balls_that_stay_hides_them(radar):
     """A plate that falls between them, edge on to the radar: what is left of the glint goes from all to nothing."""
     places = PLACES["side by side"]
     plate = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.3], [-0.3, 0.0, 0.3]])
-    screen = Actor.from_mesh(
+    screen = MeshActor.from_mesh(
         (plate, np.array([[0, 1, 2], [0, 2, 3]])), material="pec", name="screen",
         trajectory=lambda t: (3.0, 0.0, 0.03 - 3.0 * t),
     )  # fmt: skip
@@ -448,7 +448,7 @@ def test_furniture_of_which_some_glints_are_too_weak_is_hidden_by_actors(radar):
     plate = np.array([[-0.3, 0.0, -0.3], [0.3, 0.0, -0.3], [0.3, 0.0, 0.3], [-0.3, 0.0, 0.3]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     screen, aside = (
-        Actor.from_mesh((plate, faces), material="pec", name="screen", position=position)
+        MeshActor.from_mesh((plate, faces), material="pec", name="screen", position=position)
         for position in ((3.0, 0.0, 0.0), (2.0, -2.0, 0.0))
     )
     tracer = Tracer(scene, radar, [screen], rtol=1e-2, max_bounces=2)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pattern import ElementPattern
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.surface.bend import Bend, edge_rises
@@ -43,7 +43,7 @@ def section(mesh, material, distance, radius, frequency, seeds=(0, 1)):
     for seed in seeds:
         turned = mesh.copy()
         turned.apply_transform(np.block([[Rotation.random(rng=seed).as_matrix(), np.zeros((3, 1))], [0, 0, 0, 1]]))
-        ball = Actor.from_mesh(turned, material=material, position=(distance, 0, 0), name="ball")
+        ball = MeshActor.from_mesh(turned, material=material, position=(distance, 0, 0), name="ball")
         paths = Tracer(None, radar, [ball], 1e-3).instant(0.0)
         turns = np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0)
         energy = np.abs((paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * turns)).sum()) ** 2
@@ -86,7 +86,7 @@ def test_spheres_of_skin_and_concrete_against_metal(material, radius):
     found, centre = section(mesh, material, 3.0, radius, 77e9, seeds=(0,))
     metal, _ = section(mesh, "pec", 3.0, radius, 77e9, seeds=(0,))
     size = 2 * np.pi * radius * centre / SPEED_OF_LIGHT
-    ball = Actor.from_mesh(mesh, material=material)
+    ball = MeshActor.from_mesh(mesh, material=material)
     index = np.sqrt(complex(ball.properties.relative_permittivity(centre)))
     mie = miepython.efficiencies_mx(index.real - 1j * abs(index.imag), size)[2]
     of_metal = miepython.efficiencies_mx(1.0 - 1e6j, size)[2]
@@ -243,7 +243,7 @@ def test_the_sides_of_a_cone_are_straight(sections):
     radar = radar_at(77e9)
     mesh = trimesh.creation.cone(*CONE, sections=sections)
     aslant = -float(np.arctan(CONE[0] / CONE[1]))
-    cone = Actor.from_mesh(mesh, material="pec", position=(1.5, 0, -0.07), orientation=(0, aslant, 0), name="cone")
+    cone = MeshActor.from_mesh(mesh, material="pec", position=(1.5, 0, -0.07), orientation=(0, aslant, 0), name="cone")
     paths = Tracer(None, radar, [cone], 1e-2).instant(0.0)
     turns = np.mod(paths.frequency * paths.tau[..., 0], 1.0)
     found = (paths.a[..., 0] * np.exp(-2j * np.pi * turns)).sum(axis=2)[0, 0]

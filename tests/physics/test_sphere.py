@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 
 
@@ -20,7 +20,7 @@ def test_phase_follows_the_motion():
     radar = Radar.load("awr1843")
     radius, range_, speed = 0.15, 3.0, 0.5
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
-    ball = Actor.from_mesh(mesh, material="pec", position=(range_, 0, 0), velocity=(speed, 0, 0), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="pec", position=(range_, 0, 0), velocity=(speed, 0, 0), name="ball")
     tracer = Simulator(None, radar, [ball]).tracer
     run = tracer.follow()
     steps = 0.5e-3 * np.arange(41)
@@ -46,12 +46,12 @@ def test_translation_and_rotation_of_everything_change_nothing():
 
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
     place = np.array([2.0, 0.3, -0.2])
-    here = Simulator(None, Radar.load("awr1843"), [Actor.from_mesh(mesh, material="skin", position=place)]).paths()
+    here = Simulator(None, Radar.load("awr1843"), [MeshActor.from_mesh(mesh, material="skin", position=place)]).paths()
     orientation = (1.1, -0.4, 0.6)
     turn = Rotation.from_euler("ZYX", orientation).as_matrix()
     shift = np.array([10_000.0, -7_000.0, 300.0])
     radar = Radar.load("awr1843", position=tuple(shift), orientation=orientation)
-    actor = Actor.from_mesh(mesh, material="skin", position=shift + turn @ place, orientation=orientation)
+    actor = MeshActor.from_mesh(mesh, material="skin", position=shift + turn @ place, orientation=orientation)
     there = Simulator(None, radar, [actor]).paths()
     for tx in range(3):
         for rx in range(4):
@@ -73,7 +73,7 @@ def test_edges_alike_are_split_alike_wherever_they_are():
     def returned(turned, moved, chosen):
         radar = Radar.load("awr1843", position=tuple(moved), orientation=tuple(turned.as_euler("ZYX")))
         actors = [
-            Actor.from_mesh(
+            MeshActor.from_mesh(
                 mesh,
                 material=material,
                 position=turned.apply(place) + moved,

@@ -8,7 +8,7 @@ import trimesh
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.resources import resolve
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS = 0.1
@@ -35,7 +35,7 @@ def test_signal_to_noise_ratio_of_a_sphere(radar: Radar, distance: float) -> Non
     Facets of 1.7 mm lie within 4 um of the sphere: 0.01 rad.
     """
     mesh = trimesh.creation.icosphere(subdivisions=6, radius=RADIUS)
-    ball = Actor.from_mesh(mesh, material="pec", position=(distance, 0, 0), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="pec", position=(distance, 0, 0), name="ball")
     simulator = Simulator(None, radar, [ball], rtol=0.01)
     length = radar.waveform.frame_length
     clean = simulator.adc(length, noise=False).data.astype(complex)

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.moving import instants
 from rfgen_sionna.tracing.static import glances as static_glances
@@ -38,7 +38,7 @@ def plate(tilt, width=0.12):
 
 def screen(speed, place=-0.155):
     """It passes before the plate, half way."""
-    return Actor.from_mesh(
+    return MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.3, 0.5)),
         material="pec",
         name="screen",
@@ -72,7 +72,7 @@ def errors(tracer, length, monkeypatch):
         monkeypatch.setattr("rfgen_sionna.tracing.moving.glances.BETWEEN_PER_RTOL", tolerance)
         traced = tracer.trace(0.0, length)
         error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
-        found.append((error, traced.report.between + traced.report.error, traced))
+        found.append((error, traced.report.time_error + traced.report.error, traced))
     return found
 
 
@@ -99,7 +99,7 @@ def test_facets_in_phase_are_missed_together(radar, count):
     tx, rx = (each - each[0] for each in (radar.tx_positions, radar.rx_positions))
     radar = replace(radar, tx_positions=tx, rx_positions=rx)
     length = radar.waveform.frame_length
-    passing = Actor.from_mesh(
+    passing = MeshActor.from_mesh(
         trimesh.creation.box((0.002, 0.1, 0.2)),
         material="pec",
         name="screen",
@@ -111,7 +111,7 @@ def test_facets_in_phase_are_missed_together(radar, count):
     times = np.linspace(0.0, length, 25)
     truth = np.array([static_channel(tracer, tracer.trace(t, t), np.array([t]))[0] for t in times.tolist()])
     error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
-    assert error < 1.25 * traced.report.between  # an estimate: of four squares to a side it is a fifth too low
+    assert error < 1.25 * traced.report.time_error  # an estimate: of four squares to a side it is a fifth too low
     assert error < 0.08  # 0.03 is asked for, of an estimate that is taken by a third before more looks are
 
 
@@ -129,7 +129,7 @@ def test_a_plate_that_nobody_passes_is_left_alone(radar, monkeypatch):
     traced = tracer.trace(0.0, radar.waveform.frame_length)
     assert traced.shadows == ()
     alone = Tracer(None, radar, [screen(0.3, place=-1.0)], rtol=1e-2).trace(0.0, radar.waveform.frame_length)
-    assert traced.report.between == pytest.approx(alone.report.between, abs=1e-3)  # the screen's own
+    assert traced.report.time_error == pytest.approx(alone.report.time_error, abs=1e-3)  # the screen's own
 
 
 def test_what_corners_return_is_in_the_error_stated(radar):
@@ -144,7 +144,7 @@ def test_what_corners_return_is_in_the_error_stated(radar):
     found = []
     for bounces in (1, 2):
         tracer = Tracer(scene_with_mesh(corner), radar, [screen(1.0)], rtol=1e-2, max_bounces=bounces)
-        found.append((tracer, tracer.trace(0.0, radar.waveform.frame_length).report.between))
+        found.append((tracer, tracer.trace(0.0, radar.waveform.frame_length).report.time_error))
     assert sum(each.paths.num_paths for each in found[1][0].beyond) > 0
     assert found[1][1] > 1.05 * found[0][1]
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, Material, MeshError
+from rfgen_sionna.scene import Material, MeshActor, MeshError
 from rfgen_sionna.scene.permittivity import Computed
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
@@ -45,7 +45,9 @@ def test_ranges_from_a_centimetre_to_a_kilometre(distance, zones, tilt, turn):
     radar = far_radar()
     size = min(zones * np.sqrt(radar.wavelength * distance), 0.6 * distance, 30 * radar.wavelength)
     orientation = Rotation.from_euler("xz", [turn, tilt], degrees=True).as_euler("ZYX")
-    actor = Actor.from_mesh(plate(size, 0.7 * size), material="pec", position=(distance, 0, 0), orientation=orientation)
+    actor = MeshActor.from_mesh(
+        plate(size, 0.7 * size), material="pec", position=(distance, 0, 0), orientation=orientation
+    )
     found, error = traced(radar, actor)
     truth = true_channel(actor, radar, int(20 + 8 * size / radar.wavelength))
     assert abs(found - truth) <= max(error, 1e-6) * abs(truth)
@@ -57,8 +59,8 @@ def test_from_exactly_normal_to_exactly_grazing_incidence(angle, material):
     """Edge on, a plate returns next to nothing: what is left is held to a part of what it returns head on."""
     radar = one_element()
     shape = plate(0.1, 0.1)
-    head_on = Actor.from_mesh(shape, material=material, position=(2, 0, 0))
-    actor = Actor.from_mesh(shape, material=material, position=(2, 0, 0), orientation=(np.radians(angle), 0, 0))
+    head_on = MeshActor.from_mesh(shape, material=material, position=(2, 0, 0))
+    actor = MeshActor.from_mesh(shape, material=material, position=(2, 0, 0), orientation=(np.radians(angle), 0, 0))
     found, error = traced(radar, actor)
     scale = abs(true_channel(head_on, radar, 60))
     eps = complex(actor.properties.relative_permittivity(radar.center_frequency))
@@ -72,8 +74,8 @@ def test_from_exactly_normal_to_exactly_grazing_incidence(angle, material):
 def test_behind_the_radar():
     """An isotropic element hears behind as before; the shipped antenna hears it, but less."""
     radar = one_element()
-    before = Actor.from_mesh(plate(0.1, 0.1), material="pec", position=(2, 0, 0))
-    behind = Actor.from_mesh(plate(0.1, 0.1), material="pec", position=(-2, 0, 0))
+    before = MeshActor.from_mesh(plate(0.1, 0.1), material="pec", position=(2, 0, 0))
+    behind = MeshActor.from_mesh(plate(0.1, 0.1), material="pec", position=(-2, 0, 0))
     assert traced(radar, behind)[0] == pytest.approx(traced(radar, before)[0], rel=2e-3)
     directive = replace(radar, pattern=Radar.load("awr1843").pattern)
     # Gains are for unit elements: the antenna's own weight comes with the samples.
@@ -91,10 +93,10 @@ def test_facets_through_the_radar(shift, tilt, roll):
     """The tracer stays finite however a plate passes the element; the simulator refuses it."""
     radar = one_element()
     turned = Rotation.from_euler("xy", [roll, tilt], degrees=True).as_euler("ZYX")
-    actor = Actor.from_mesh(plate(0.2, 0.2), material="pec", position=(shift, 0.0, 0.0), orientation=turned)
+    actor = MeshActor.from_mesh(plate(0.2, 0.2), material="pec", position=(shift, 0.0, 0.0), orientation=turned)
     found, _ = traced(radar, actor, rtol=1e-2)
     assert np.isfinite(found)
-    through = Actor.from_mesh(plate(0.2, 0.2), material="pec", position=(0.0, 0.0, 0.0), orientation=turned)
+    through = MeshActor.from_mesh(plate(0.2, 0.2), material="pec", position=(0.0, 0.0, 0.0), orientation=turned)
     assert np.isfinite(traced(radar, through, rtol=1e-2)[0])
     with pytest.raises(ValueError, match="radar"):
         Simulator(None, radar, [through])
@@ -112,7 +114,7 @@ def test_any_soup_of_triangles_is_refused_with_a_sentence_or_finite(seed, vertic
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # faces that are dropped, or turned round, are told of
         try:
-            actor = Actor.from_mesh((points, index), material="skin", position=(2, 0, 0), name="soup")
+            actor = MeshActor.from_mesh((points, index), material="skin", position=(2, 0, 0), name="soup")
         except MeshError as refused:
             actor, reason = None, str(refused)
     if actor is None:
@@ -126,18 +128,18 @@ def test_faces_without_area_change_nothing():
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     points, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
     flat = np.concatenate([faces, [[0, 0, 1], [5, 5, 5]]])
-    whole = Actor.from_mesh((points, faces), material="pec", position=(2, 0, 0))
+    whole = MeshActor.from_mesh((points, faces), material="pec", position=(2, 0, 0))
     with pytest.warns(UserWarning, match="dropped 2 of 322 faces"):
-        padded = Actor.from_mesh((points, flat), material="pec", position=(2, 0, 0))
+        padded = MeshActor.from_mesh((points, flat), material="pec", position=(2, 0, 0))
     assert traced(one_element(), padded) == traced(one_element(), whole)
 
 
 def test_inside_out_is_turned_round():
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     points, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
-    whole = Actor.from_mesh((points, faces), material="pec", position=(2, 0, 0))
+    whole = MeshActor.from_mesh((points, faces), material="pec", position=(2, 0, 0))
     with pytest.warns(UserWarning, match="orientation was reversed"):
-        turned = Actor.from_mesh((points, faces[:, ::-1]), material="pec", position=(2, 0, 0))
+        turned = MeshActor.from_mesh((points, faces[:, ::-1]), material="pec", position=(2, 0, 0))
     assert traced(one_element(), turned)[0] == pytest.approx(traced(one_element(), whole)[0], rel=1e-9)
 
 
@@ -150,14 +152,14 @@ def test_meshes_that_are_no_surfaces_are_refused(what):
         "twisted": [[0, 1, 2], [1, 2, 3]],
     }[what]
     with pytest.raises(MeshError, match="edges"):
-        Actor.from_mesh((points, faces), material="pec", name="thing")
+        MeshActor.from_mesh((points, faces), material="pec", name="thing")
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e-5, 1e-3])
 def test_things_of_a_micrometre(size):
     """A box far smaller than the wavelength: what its faces return is their area, and the phases of their places."""
     radar = one_element()
-    actor = Actor.from_mesh(trimesh.creation.box((size, size, size)), material="pec", position=(1.0, 0.1, 0.2))
+    actor = MeshActor.from_mesh(trimesh.creation.box((size, size, size)), material="pec", position=(1.0, 0.1, 0.2))
     found, error = traced(radar, actor)
     assert error <= 1e-3
     vertices = actor.vertices(0.0)
@@ -181,7 +183,7 @@ def test_two_million_triangles():
     quads = np.stack([first, first + 1, first + side + 2, first + side + 1], axis=1)
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     assert len(faces) > 2_000_000
-    actor = Actor.from_mesh((points, faces), material="pec", position=(distance, 0, 0), name="dome")
+    actor = MeshActor.from_mesh((points, faces), material="pec", position=(distance, 0, 0), name="dome")
     found, _ = traced(radar, actor, rtol=1e-2)
     expected = radar.wavelength / (4 * np.pi) * (radius / 2) / (distance * (distance - radius))
     assert abs(found) == pytest.approx(expected, rel=0.05)  # the rim returns a few percent
@@ -202,10 +204,10 @@ def test_materials_from_vacuum_to_perfect_conductors(permittivity, conductivity,
     model = Computed(lambda frequency: (permittivity, conductivity))
     thing = Material("thing", model, "made up", permeability=permeability)
     orientation = (np.radians(angle), 0.1, 0.3)
-    actor = Actor.from_mesh(plate(0.02, 0.03), material=thing, position=(1, 0, 0), orientation=orientation)
+    actor = MeshActor.from_mesh(plate(0.02, 0.03), material=thing, position=(1, 0, 0), orientation=orientation)
     found, error = traced(radar, actor)
     truth = true_channel(actor, radar, 60, permeability)
-    metal = Actor.from_mesh(plate(0.02, 0.03), material="pec", position=(1, 0, 0), orientation=orientation)
+    metal = MeshActor.from_mesh(plate(0.02, 0.03), material="pec", position=(1, 0, 0), orientation=orientation)
     scale = abs(true_channel(metal, radar, 60))
     assert np.isfinite(truth)
     assert abs(found - truth) <= max(error * abs(truth), 1e-5 * scale)

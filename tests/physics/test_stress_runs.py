@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
@@ -41,7 +41,7 @@ def test_velocities_up_to_300_metres_a_second(speed, aside):
     """Between its knots a path is where the thing is: samples of a fast ball against traces at each chirp."""
     radar = one_element(num_loops=16)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.03)
-    actor = Actor.from_mesh(ball, material="pec", position=(5, 0, 0), velocity=(speed, aside, 0), name="ball")
+    actor = MeshActor.from_mesh(ball, material="pec", position=(5, 0, 0), velocity=(speed, aside, 0), name="ball")
     tracer = Tracer(None, radar, [actor])
     paths = tracer.trace(0.0, radar.waveform.frame_length).moving
     for t in radar.waveform.chirp_times[:, 0]:
@@ -57,7 +57,7 @@ def test_frames_of_one_chirp_and_of_ten_thousand(loops):
     """A single chirp, and 0.72 s of them while a ball swings: the last ones are as right as the first."""
     radar = one_element(num_loops=loops, num_samples=8, frame_period=1.0)
     ball = trimesh.creation.icosphere(subdivisions=1, radius=0.02)
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         ball, material="pec", name="ball", trajectory=lambda t: (2.0 + 0.05 * np.sin(9 * t), 0.1 * np.cos(7 * t), 0.0)
     )
     tracer = Tracer(None, radar, [actor], rtol=1e-3)
@@ -82,7 +82,7 @@ def test_frames_of_one_chirp_and_of_ten_thousand(loops):
 def many_paths(radar: Radar, count: int, seed: int = 0):
     """Paths of a ball, again and again at random delays."""
     ball = trimesh.creation.icosphere(subdivisions=1, radius=0.02)
-    some = Tracer(None, radar, [Actor.from_mesh(ball, material="pec", position=(2, 0, 0))]).trace(0.0, 0.0).moving
+    some = Tracer(None, radar, [MeshActor.from_mesh(ball, material="pec", position=(2, 0, 0))]).trace(0.0, 0.0).moving
     index = np.resize(np.arange(some.num_paths), count)
     rng = np.random.default_rng(seed)
     chosen = some.select(index)
@@ -96,7 +96,7 @@ def test_no_paths_at_all():
     assert not synthesize(radar, many_paths(radar, 10).select(np.zeros(0, np.intp)), 0.0).any()
     with pytest.raises(ValueError, match="range"):
         # beyond the range window nothing is received, and the simulator says so
-        Simulator(None, radar, [Actor.from_mesh(plate(1, 1), material="pec", position=(500, 0, 0))]).adc(0.1)
+        Simulator(None, radar, [MeshActor.from_mesh(plate(1, 1), material="pec", position=(500, 0, 0))]).adc(0.1)
 
 
 @pytest.mark.parametrize("count", [1000, pytest.param(1_000_000, marks=pytest.mark.slow)])
@@ -124,7 +124,7 @@ def test_single_precision_input_is_the_same_numbers(seed):
     points = (np.asarray(ball.vertices) + 0.01 * rng.normal(size=(len(ball.vertices), 3))).astype(np.float32)
     place = rng.uniform(1, 5, 3).astype(np.float32)
     made = [
-        Actor.from_mesh((points.astype(kind), np.asarray(ball.faces)), material="skin", position=place.astype(kind))
+        MeshActor.from_mesh((points.astype(kind), np.asarray(ball.faces)), material="skin", position=place.astype(kind))
         for kind in (np.float32, np.float64)
     ]
     assert traced(one_element(), made[0]) == traced(one_element(), made[1])
@@ -140,10 +140,10 @@ def test_ten_kilometres_from_the_origin(shift, yaw, pitch):
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     place, shift = np.array([2.0, 0.3, -0.2]), np.array(shift)
     turn = Rotation.from_euler("ZYX", (yaw, pitch, 0.3))
-    here, _ = traced(one_element(), Actor.from_mesh(ball, material="skin", position=place))
+    here, _ = traced(one_element(), MeshActor.from_mesh(ball, material="skin", position=place))
     radar = one_element().placed(position=tuple(shift), orientation=(yaw, pitch, 0.3))
     orientation = turn.as_euler("ZYX")
-    actor = Actor.from_mesh(ball, material="skin", position=shift + turn.apply(place), orientation=orientation)
+    actor = MeshActor.from_mesh(ball, material="skin", position=shift + turn.apply(place), orientation=orientation)
     there, _ = traced(radar, actor)
     assert abs(there / here - 1) < 2e-3
 
@@ -159,7 +159,7 @@ def small_run(radar_number: int, seed: int) -> bytes:
         Radar.load("position2go").placed(orientation=(0.1, 0, 0)),
     ][radar_number]
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    actor = Actor.from_mesh(ball, material="skin", position=(2, 0.1 * radar_number, 0), velocity=(1.5, 0.2, 0))
+    actor = MeshActor.from_mesh(ball, material="skin", position=(2, 0.1 * radar_number, 0), velocity=(1.5, 0.2, 0))
     duration = 2 * radar.waveform.frame_period
     return Simulator(None, radar, [actor], rtol=1e-2, seed=seed).adc(duration, seed=seed).data.tobytes()
 
@@ -189,7 +189,7 @@ def test_facets_are_as_fine_as_the_pose_asks_for_and_not_as_all_before_did():
     """A wooden ball that drifts past: where its return fades more are asked for, again and again."""
     radar = one_element(frame_period=0.05)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    drifting = Actor.from_mesh(ball, material="wood", position=(1.5, 0.6, 0), name="ball", velocity=(0.145, 0, 0))
+    drifting = MeshActor.from_mesh(ball, material="wood", position=(1.5, 0.6, 0), name="ball", velocity=(0.145, 0, 0))
     tracer = Tracer(None, radar, [drifting], rtol=1e-3)
     run, length = tracer.follow(), radar.waveform.frame_length
     counts = [tracer.trace(t, t + length, run).report.facets for t in np.arange(0.0, 3.4, 0.04)]
@@ -202,7 +202,7 @@ def test_facets_are_as_fine_as_the_pose_asks_for_and_not_as_all_before_did():
 def test_memory_does_not_grow_with_the_frames(frames):
     radar = one_element(frame_period=0.01)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         ball, material="pec", name="ball", trajectory=lambda t: (2.0, 0.3 * np.sin(2 * np.pi * t), 0.0)
     )
 

@@ -13,7 +13,7 @@ import trimesh
 from rfgen_sionna.processing import find_directions, point_cloud, range_azimuth, range_doppler
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS = 0.01
@@ -30,7 +30,7 @@ def ball(radar, range_, towards, velocity, name="ball"):
     """A sphere whose front is `range_` [m] away in device direction `towards` in the middle of the frame."""
     world = radar.rotation @ towards
     position = np.asarray(radar.position) + (range_ + RADIUS - velocity * observation_time(radar)) * world
-    return Actor.from_mesh(MESH, material="pec", position=position, velocity=velocity * world, name=name)
+    return MeshActor.from_mesh(MESH, material="pec", position=position, velocity=velocity * world, name=name)
 
 
 def frame(radar, *actors):

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MATERIALS, Actor, load_scene
+from rfgen_sionna.scene import MATERIALS, MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.physics.test_ghosts import decibels, sphere
@@ -31,7 +31,7 @@ def scene_with(**panes):
 
 
 def ball(material="pec", radius=0.01, position=BALL):
-    return Actor.from_mesh(sphere(3, radius), material=material, position=position, name="ball")
+    return MeshActor.from_mesh(sphere(3, radius), material=material, position=position, name="ball")
 
 
 def channel(paths, offset=0.0):
@@ -135,8 +135,8 @@ def test_a_body_under_clothes_returns_through_them(radar):
     """A skin ball of 4 cm in a shell of cloth 1 cm before it: its own return, as the cloth's coefficients leave it."""
     thickness = 1e-3
     sheet = replace(MATERIALS["clothing"], thickness=thickness)
-    cloth = Actor.from_mesh(sphere(4, 0.05), material=sheet, position=(1.5, 0, 0), name="cloth")
-    skin = Actor.from_mesh(sphere(4, 0.04), material="skin", position=(1.5, 0, 0), name="ball")
+    cloth = MeshActor.from_mesh(sphere(4, 0.05), material=sheet, position=(1.5, 0, 0), name="cloth")
+    skin = MeshActor.from_mesh(sphere(4, 0.04), material="skin", position=(1.5, 0, 0), name="ball")
     bare = channel(returned(radar, skin))
     paths = Simulator(None, radar, [skin, cloth], rtol=1e-2, transmission=True).paths()
     under = channel(paths.select(paths.object_id == 0))
@@ -156,7 +156,7 @@ def test_round_clothes_are_gone_through_at_the_angle_of_each_point(radar):
     size, shell, away, thickness = 0.1, 0.115, 1.5, 3e-3
     sheet = replace(MATERIALS["clothing"], thickness=thickness)
     actors = [
-        Actor.from_mesh(trimesh.creation.icosphere(4, radius), material=material, position=(away, 0, 0), name=name)
+        MeshActor.from_mesh(trimesh.creation.icosphere(4, radius), material=material, position=(away, 0, 0), name=name)
         for name, radius, material in (("ball", size, "pec"), ("cloth", shell, sheet))
     ]
     paths = Simulator(None, single, actors, rtol=1e-3, transmission=True).paths()
@@ -197,7 +197,7 @@ def test_what_is_cut_by_a_pane_s_rim_returns_what_an_opening_there_shows(radar, 
     window = scene_with(**walls, glass=(wall(-half, half), "glass", thickness))
     quad = [[3.0, -0.2, -0.15], [3.004, 0.3, -0.15], [3.007, 0.3, 0.25], [3.003, -0.2, 0.25]]
     vertices, faces = trimesh.remesh.subdivide_to_size(np.array(quad), np.array([[0, 2, 1], [0, 3, 2]]), size)
-    plate = Actor.from_mesh((vertices, faces), material="metal", name="plate")
+    plate = MeshActor.from_mesh((vertices, faces), material="metal", name="plate")
 
     def shown(scene):
         paths = Simulator(scene, single, [plate], rtol=1e-3, transmission=True).paths()
@@ -218,7 +218,9 @@ def test_between_instants_a_pane_s_rim_moves_on_over_what_is_behind(radar):
     scene = scene_with(glass=(pane(1.0, half=0.15), "glass", 0.5e-3))
 
     def tracer():
-        plate = Actor.from_mesh(mesh, material="metal", trajectory=lambda t: (2.5, 0.35 + 1.5 * t, 0.02), name="plate")
+        plate = MeshActor.from_mesh(
+            mesh, material="metal", trajectory=lambda t: (2.5, 0.35 + 1.5 * t, 0.02), name="plate"
+        )
         return Simulator(scene, radar, [plate], rtol=1e-3, transmission=True).tracer
 
     def at(traced, t):
@@ -243,7 +245,7 @@ def test_the_back_of_a_hollow_ball_is_as_round_as_its_front(radar):
     wood = replace(MATERIALS["wood"], name="shell", thickness=3e-3)
 
     def shown(faces, transmission):
-        actor = Actor.from_mesh((shell.vertices, faces), material=wood, position=(2.0, 0.1, 0.0), name="shell")
+        actor = MeshActor.from_mesh((shell.vertices, faces), material=wood, position=(2.0, 0.1, 0.0), name="shell")
         return channel(Simulator(None, radar, [actor], rtol=1e-2, transmission=transmission).paths())
 
     whole = shown(shell.faces, True)
@@ -260,7 +262,9 @@ def test_coming_out_from_behind_a_pane_is_a_slope_and_not_a_step(radar):
     radar = replace(radar, **there, **near)
     # The pane's rim at y = 0 as seen from the radar; the ball moves across it within a frame or so.
     scene = scene_with(pane=(pane(y=-0.3), "plasterboard", 0.0125))
-    actor = Actor.from_mesh(sphere(4, 0.03), material="pec", position=(2, -0.06, 0), velocity=(0, 4.0, 0), name="ball")
+    actor = MeshActor.from_mesh(
+        sphere(4, 0.03), material="pec", position=(2, -0.06, 0), velocity=(0, 4.0, 0), name="ball"
+    )
     simulator = Simulator(scene, radar, [actor], rtol=1e-2, transmission=True)
     run = simulator.tracer.follow()
     levels = []
@@ -284,7 +288,7 @@ def test_furniture_behind_a_wall_is_seen_through_it_and_hidden_by_who_stands_bef
     sums = []
     for panes in ({}, {"pane": (pane(1.2), "plasterboard", 0.0125)}):
         scene = scene_with(**target, **panes)
-        for actors in ([], [Actor.from_mesh(trimesh.creation.box((0.01, 0.4, 0.4)), material="metal",
+        for actors in ([], [MeshActor.from_mesh(trimesh.creation.box((0.01, 0.4, 0.4)), material="metal",
                                             position=(0.8, 0, 0), name="board")]):  # fmt: skip
             paths = Simulator(scene, radar, actors, rtol=1e-3, transmission=True).paths()
             name = paths.object_names.index("target")
@@ -328,7 +332,9 @@ def test_the_echo_of_a_back_face_that_is_left_out_is_told(radar, caplog, thickne
     """Of foam: at 2 cm it is part of what the slab returns, at 5 cm it is 65 % of the front's, and at 1 m it is lost
     in the slab. One material is told of once."""
     foam = replace(MATERIALS["foam"], thickness=thickness)
-    plates = [Actor.from_mesh((pane(y=y), [[0, 2, 1], [0, 3, 2]]), material=foam, name=f"pane {y}") for y in (0.0, 1.0)]
+    plates = [
+        MeshActor.from_mesh((pane(y=y), [[0, 2, 1], [0, 3, 2]]), material=foam, name=f"pane {y}") for y in (0.0, 1.0)
+    ]
     with caplog.at_level("WARNING"):
         _ = Simulator(None, radar, plates).tracer
     assert ["back face" in each.message for each in caplog.records] == [True] * told

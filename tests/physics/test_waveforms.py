@@ -22,7 +22,7 @@ from rfgen_sionna.processing import (
 )
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS = 0.01
@@ -43,7 +43,7 @@ def frame(radar, *targets):
         world = radar.rotation @ direction(azimuth, elevation)
         position = np.asarray(radar.position) + (range_ + RADIUS - velocity * observation_time(middle)) * world
         balls.append(
-            Actor.from_mesh(MESH, material="pec", position=position, velocity=velocity * world, name=str(index))
+            MeshActor.from_mesh(MESH, material="pec", position=position, velocity=velocity * world, name=str(index))
         )
     return Simulator(None, radar, balls).adc(radar.waveform.frame_length, noise=False).data[0]
 

@@ -10,7 +10,7 @@ import pytest
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import add_radar, load_scene, radar_alone, tabulated
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
 
 HEIGHT = 3.0

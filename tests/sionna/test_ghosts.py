@@ -5,7 +5,7 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, add_radar, load_scene
+from rfgen_sionna.scene import MeshActor, add_radar, load_scene
 from rfgen_sionna.simulation import Simulator
 from tests.sionna.rectangles import add_rectangles, scene_of
 
@@ -16,7 +16,7 @@ def test_a_ball_over_a_concrete_floor_has_sionna_s_ghosts():
 
     radar = Radar.load("awr1843", position=(0, 0, 1.0), overrides={"pattern": {"kind": "sionna:iso"}})
     mesh = trimesh.creation.icosphere(subdivisions=5, radius=0.02)
-    actor = Actor.from_mesh(mesh, material="metal", position=(4, 0, 0.6), velocity=(0.5, 0.0, -1.5), name="ball")
+    actor = MeshActor.from_mesh(mesh, material="metal", position=(4, 0, 0.6), velocity=(0.5, 0.0, -1.5), name="ball")
     scene = scene_of(radar.center_frequency)
     floor = [[-3, -3, 0], [6, -3, 0], [6, 3, 0], [-3, 3, 0]]
     add_rectangles(scene, floor=(floor, "concrete", 0.2))

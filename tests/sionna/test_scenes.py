@@ -22,7 +22,7 @@ from rfgen_sionna.scene import (
     load_scene,
     material,
 )
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.sionna.target import add_actor

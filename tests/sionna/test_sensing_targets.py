@@ -11,8 +11,8 @@ import trimesh
 import rfgen_sionna as rfgen
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, add_radar, load_scene
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene import MeshActor, add_radar, load_scene
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
 from tests.reference.physical_optics import po_gain
 from tests.sionna.rectangles import add_rectangles, apart, scene_of
@@ -91,7 +91,7 @@ def test_metal_obeys_the_radar_equation_with_its_cross_section(rt, mesh, cross_s
     """At 40 m, 20 times the far-field distance of the sphere, where its centre and its front differ by 0.02 dB."""
     radar = Radar.load("awr1843", position=(1.0, 2.0, 1.0), orientation=(0.7, 0.0, 0.0))
     towards = radar.rotation @ [1.0, 0, 0]
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         mesh, material="metal", position=radar.position + 40.0 * towards, orientation=(0.7, 0, 0), name="thing"
     )
     scene = free_space(radar)
@@ -111,7 +111,7 @@ def test_a_tilted_plate_s_bistatic_return_is_physical_optics(rt, name, polarizat
         tx_polarization=polarizations[0],
         rx_polarization=polarizations[1],
     )
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         plate(0.05, 0.03), material=name, position=(30, 5, 4), orientation=(0.175, -0.11, 0.6), name="plate"
     )
     scene = free_space(radar)
@@ -126,7 +126,7 @@ def test_a_tilted_plate_s_bistatic_return_is_physical_optics(rt, name, polarizat
 def test_in_the_near_field_the_actor_becomes_many_points(rt):
     """A plate of 16 wavelengths at 1.5 m; one point would err by 4 dB."""
     radar = Radar.load("awr1843", position=(0, 0, 1))
-    actor = Actor.from_mesh(plate(0.12, 0.12), material="metal", position=(1.5, 0.02, 1.01), name="plate")
+    actor = MeshActor.from_mesh(plate(0.12, 0.12), material="metal", position=(1.5, 0.02, 1.01), name="plate")
     expected = reference(actor, radar, 160)
     errors = {}
     for distance in (None, 1.5):
@@ -147,7 +147,7 @@ def test_in_the_near_field_the_lobes_of_a_flat_face_err_by_a_share_of_the_main_o
     radar = Radar.load("awr1843", position=(0, 0, 1))
     found, expected = [], []
     for yaw in (0.0, 0.01, 0.05, 0.1):
-        actor = Actor.from_mesh(
+        actor = MeshActor.from_mesh(
             plate(0.1, 0.08), material="metal", position=(3, 0, 1), orientation=(yaw, 0, 0), name="plate"
         )
         scene = free_space(radar)
@@ -165,7 +165,7 @@ def test_our_tracer_finds_the_same(rt):
     front, back = ball(0.03, 4), plate(0.1, 0.08)
     vertices = np.concatenate([front[0] - np.array([0.1, 0.02, 0.01]), back[0]])
     faces = np.concatenate([front[1], back[1] + len(front[0])])
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         (vertices, faces), material="concrete", position=(2.0, 0.0, 1.0), velocity=(1.0, -2.0, 0.5), name="both"
     )
     scene = free_space(radar)
@@ -184,7 +184,7 @@ def test_a_coarse_ball_is_the_round_one_that_our_tracer_takes_it_for(rt, materia
     """320 and 1,280 facets: gains of all element pairs within 0.2 dB and 2 degrees of our tracer's, the delay to the
     nearest point and the radial velocity as far as one point stands for a piece of 1.5 cm."""
     radar = Radar.load("awr1843", position=(0, 0, 1))
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         ball(0.05, subdivisions), material=material, position=(6, 0.3, 1.2), velocity=(1.0, -2, 0.5), name="ball"
     )
     scene = free_space(radar)
@@ -204,7 +204,7 @@ def test_it_is_reciprocal(rt):
     swapped = replace(
         radar, tx_positions=-radar.tx_positions, rx_positions=-radar.rx_positions, orientation=(0.0, 0.0, 0.0)
     )
-    actor = Actor.from_mesh(ball(0.05, 3), material="skin", position=(6, 1, 1.5), name="ball")
+    actor = MeshActor.from_mesh(ball(0.05, 3), material="skin", position=(6, 1, 1.5), name="ball")
     gains = []
     for each in (radar, swapped):
         scene = free_space(each)
@@ -220,7 +220,7 @@ def test_targets_of_different_kinds_stand_in_one_scene_and_may_be_moved_there(rt
         "board": {"mesh": plate(0.05, 0.04), "material": "wood", "position": (6, 1.0, 1.5), "orientation": (0.2, 0, 0)},
         "ball": {"mesh": ball(0.04, 3), "material": "metal", "position": (5, -1.0, 0.8)},
     }
-    actors = {name: Actor.from_mesh(**values, name=name) for name, values in made.items()}
+    actors = {name: MeshActor.from_mesh(**values, name=name) for name, values in made.items()}
     both, moved = free_space(radar), free_space(radar)
     for actor in actors.values():
         rfgen.add_actor(both, actor)
@@ -241,7 +241,7 @@ def test_a_target_over_a_floor_has_its_ghosts_at_their_images(rt):
     """Directly, by the floor on one way or the other, by the floor on both: each at its delay, level and Doppler."""
     radar = apart(axis=2, position=(0, 0, 1.0))
     velocity = np.array([0.5, 0.0, -1.5])
-    actor = Actor.from_mesh(ball(0.02, 5), material="metal", position=(4, 0, 0.8), velocity=velocity, name="ball")
+    actor = MeshActor.from_mesh(ball(0.02, 5), material="metal", position=(4, 0, 0.8), velocity=velocity, name="ball")
     scene = scene_of(radar.center_frequency)
     floor = [[-3, -3, 0], [6, -3, 0], [6, 3, 0], [-3, 3, 0]]
     add_rectangles(scene, floor=(floor, "metal"))
@@ -277,7 +277,7 @@ def test_a_target_over_a_floor_has_its_ghosts_at_their_images(rt):
 
 def test_the_callables_serve_under_a_name_of_the_registry(rt):
     radar = Radar.load("awr1843", position=(0, 0, 1))
-    actor = Actor.from_mesh(plate(0.06, 0.04), material="metal", position=(30, 0, 1), name="plate")
+    actor = MeshActor.from_mesh(plate(0.06, 0.04), material="metal", position=(30, 0, 1), name="plate")
     scene = free_space(radar)
     points = rfgen.add_actor(scene, actor).scattering_model.spst
     other = free_space(radar)
@@ -320,7 +320,7 @@ def test_sionna_s_own_point_targets_convert(rt):
 def test_what_cannot_be_a_target_is_refused(rt):
     radar = Radar.load("awr1843", position=(0, 0, 1))
     scene = free_space(radar)
-    actor = Actor.from_mesh(plate(2.0, 2.0), material="metal", position=(3, 0, 1), name="plate")
+    actor = MeshActor.from_mesh(plate(2.0, 2.0), material="metal", position=(3, 0, 1), name="plate")
     with pytest.raises(ValueError, match=r"distance is -1\.0: a positive value"):
         rfgen.add_actor(scene, actor, distance=-1.0)
     with pytest.raises(ValueError, match=r"distance is '3': a positive value"):

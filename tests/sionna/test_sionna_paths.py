@@ -11,8 +11,8 @@ import rfgen_sionna as rfgen
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind
-from rfgen_sionna.scene import Actor, add_radar, material, radar_alone
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene import MeshActor, add_radar, material, radar_alone
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from tests.sionna.rectangles import add_rectangles, apart, scene_of, wall
@@ -160,7 +160,7 @@ def test_our_tracer_s_samples_of_a_moving_mirror_are_the_same(rt):
     add_radar(scene, radar)
     found = synthesize(radar, rfgen.from_sionna(solve(rt, scene), radar), 0.0)
     mesh = corners, np.array([[0, 1, 2], [0, 2, 3]])
-    actor = Actor.from_mesh(mesh, material="metal", velocity=velocity, name="mirror")
+    actor = MeshActor.from_mesh(mesh, material="metal", velocity=velocity, name="mirror")
     ours = synthesize(radar, Simulator(None, radar, [actor], rtol=1e-2).paths(), 0.0)
     share = np.vdot(found, ours) / np.vdot(found, found)
     assert abs(share - 1) < 0.036

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor, MaterialRangeWarning, RayScene, available_scenes
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene import MaterialRangeWarning, MeshActor, RayScene, available_scenes
 from rfgen_sionna.scene.checks.clearance import distance, nearest_surface
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
 
 pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.errors.MaterialRangeWarning")
@@ -86,7 +86,7 @@ def check(name: str, radar: Radar, rtol: float) -> None:
     ahead /= np.linalg.norm(ahead)
     place = np.asarray(position) + AHEAD * ahead
     shape = trimesh.creation.capsule(0.9, 0.16, count=[32, 32])
-    person = Actor.from_mesh(shape, material="skin", position=place, velocity=0.5 * ahead, name="person")
+    person = MeshActor.from_mesh(shape, material="skin", position=place, velocity=0.5 * ahead, name="person")
     seen = Simulator(scene, radar, [person], rtol=rtol).paths()
     mine = seen.select((seen.object_id == seen.object_names.index("person")) & (seen.bounces == 1))
     assert mine.num_paths > 100

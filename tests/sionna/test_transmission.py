@@ -6,7 +6,7 @@ import pytest
 import rfgen_sionna as rfgen
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.scene import add_radar, load_scene
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.integral.slabs import transmission
 from tests.sionna.rectangles import add_rectangles, apart, scene_of, wall

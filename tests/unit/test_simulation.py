@@ -16,7 +16,7 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.scene import CoarseMeshWarning
-from rfgen_sionna.scene.backend import may_use_cuda
+from rfgen_sionna.scene.mitsuba_backend import may_use_cuda
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.signal.noise import noise_power
 

@@ -23,7 +23,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene.actor import Actor
+    from rfgen_sionna.scene.mesh_actor import MeshActor
 
 NEAREST = 0.35
 """Nothing in view is nearer to the radar [m]."""
@@ -103,7 +103,7 @@ class Stage:
         Who is in it.
     """
 
-    def __init__(self, scene: FurnishedScene, radar: Radar, actors: Sequence[Actor] = ()) -> None:
+    def __init__(self, scene: FurnishedScene, radar: Radar, actors: Sequence[MeshActor] = ()) -> None:
         self.scene = scene
         self.tracer = Tracer(scene, radar, actors)
 

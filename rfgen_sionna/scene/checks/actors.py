@@ -19,7 +19,7 @@ from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.rays import RayScene
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene.actor import Actor
+    from rfgen_sionna.scene.mesh_actor import MeshActor
     from rfgen_sionna.scene.scene import RadarScene
 
 Policy: TypeAlias = Literal["error", "warn", "ignore"]
@@ -57,7 +57,7 @@ def check_places(radar: Radar, actors: Sequence[Obstacle], start: float, stop: f
             earlier = later
 
 
-def warn_frozen(actors: Sequence[Actor], start: float, stop: float, stacklevel: int) -> None:
+def warn_frozen(actors: Sequence[MeshActor], start: float, stop: float, stacklevel: int) -> None:
     """Actors hold their first and last pose outside of their motion: a stop that nobody meant, most often."""
     for actor in actors:
         if np.isfinite(actor.duration) and (start < -1e-9 or stop > actor.duration + 1e-9):
@@ -71,7 +71,7 @@ def warn_frozen(actors: Sequence[Actor], start: float, stop: float, stacklevel: 
 def check_collisions(
     scene: RadarScene,
     rays: RayScene | None,
-    actors: Sequence[Actor],
+    actors: Sequence[MeshActor],
     start: float,
     stop: float,
     policy: Policy,
@@ -189,7 +189,7 @@ def _check_passage(
         check_radar_clear(radar.position, None, [actor], t1)
 
 
-def with_unique_names(actors: Sequence[Actor]) -> tuple[Actor, ...]:
+def with_unique_names(actors: Sequence[MeshActor]) -> tuple[MeshActor, ...]:
     """The actors.
 
     Raises

@@ -18,7 +18,7 @@ from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.rays import RayScene
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene.actor import Actor
+    from rfgen_sionna.scene.mesh_actor import MeshActor
 
 SHIFT = 0.12
 """Instants are close enough where actors come no nearer to each other [m] from one to the next: less than two depths
@@ -41,7 +41,7 @@ class Encounter(Collision):
 
 
 def find_encounters(
-    one: Actor, other: Actor, start: float, stop: float, eye: ArrayLike = (0.0, 0.0, 0.0)
+    one: MeshActor, other: MeshActor, start: float, stop: float, eye: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Iterator[Encounter]:
     """Encounters of two actors deeper than :data:`~rfgen_sionna.scene.checks.collision.CONTACT`, in order of time.
 
@@ -66,7 +66,12 @@ def find_encounters(
 
 
 def check_encounters(
-    actors: Sequence[Actor], start: float, stop: float, policy: str, stacklevel: int, eye: ArrayLike = (0.0, 0.0, 0.0)
+    actors: Sequence[MeshActor],
+    start: float,
+    stop: float,
+    policy: str,
+    stacklevel: int,
+    eye: ArrayLike = (0.0, 0.0, 0.0),
 ) -> None:
     """Make sure that no two actors are in one place from `start` to `stop` [s], as
     :func:`~rfgen_sionna.scene.checks.actors.check_collisions` does for actors and surroundings.
@@ -92,7 +97,7 @@ def check_encounters(
 class _Instant:
     """Both actors at one time."""
 
-    def __init__(self, one: Actor, other: Actor, t: float) -> None:
+    def __init__(self, one: MeshActor, other: MeshActor, t: float) -> None:
         self.actors, self.time = (one, other), t
         self.bodies = surface_of(one), surface_of(other)
         self.vertices = tuple(body.vertices(t) for body in self.bodies)

@@ -17,7 +17,7 @@ def to_sionna(objects: Sequence[StaticObject], colours: FloatArray, frequency: f
     Raises:
         BackendError: Mitsuba cannot run here.
     """
-    from rfgen_sionna.scene.backend import ensure_backend
+    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
     ensure_backend()
     import mitsuba as mi

@@ -35,8 +35,8 @@ from rfgen_sionna.signal.formats.cascade_files import (
     FILE_TAG,
     FRAME_TAG,
     HEADER,
+    FrameLocation,
     Frames,
-    Place,
     find_frames,
 )
 from rfgen_sionna.signal.formats.consistency import check_json
@@ -210,7 +210,7 @@ def _receivers(radar: Radar) -> list[int]:
     return channel_numbers(radar.rx_names, "RX", count, f"a cascade of {len(DEVICES)} devices")
 
 
-def _times(places: list[Place], numbers: list[int], radar: Radar) -> FloatArray:
+def _times(places: list[FrameLocation], numbers: list[int], radar: Radar) -> FloatArray:
     """Times from the first frame on; the unit is the one in which frames are closest to a frame period apart."""
     period = radar.waveform.frame_period
     stamps = [place.stamp for place in places if place.stamp is not None]

@@ -34,7 +34,7 @@ FILE_TAG, FRAME_TAG = 0x746B6362, 0x6964
 
 
 @dataclass(frozen=True)
-class Place:
+class FrameLocation:
     """One frame of one device."""
 
     file: Path
@@ -70,7 +70,7 @@ class _Index:
     """Whether something is missing or wrong in it, so that the other devices' indices count as well."""
 
 
-def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, dict[int, Place]], int]:
+def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, dict[int, FrameLocation]], int]:
     """The frames that each device recorded, by their number in the capture, and how many there are in all.
 
     An index that is missing or damaged is made up for by those of the other devices, which run in step.
@@ -104,7 +104,7 @@ def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, d
                 complain(f"'{folder}': no index says how much of file {group} is data", partial)
         contents.append((group, present, indices, count))
     full = max(count for *_, count in contents)
-    found: dict[str, dict[int, Place]] = {name: {} for name in DEVICES}
+    found: dict[str, dict[int, FrameLocation]] = {name: {} for name in DEVICES}
     total = 0
     for (group, present, indices, count), before in zip(contents, [-1, *groups], strict=False):
         total += full * (group - before - 1)  # the host fills a file before it begins the next
@@ -170,7 +170,7 @@ def _damage(path: Path, number: int, entry: Any, shape: Frames) -> str:
 
 def _whole(
     data: Path, indices: list[tuple[Any, ...]], count: int, shape: Frames, partial: bool
-) -> Iterator[tuple[int, Place]]:
+) -> Iterator[tuple[int, FrameLocation]]:
     """Number and place of the frames of one data file that are whole; the first index that knows a frame counts."""
     size, unknown = data.stat().st_size, not any(indices)
     for number in range(count):
@@ -186,4 +186,4 @@ def _whole(
                 partial,
             )
             return
-        yield number, Place(data, offset, None if entry is None else int(entry["time"]))
+        yield number, FrameLocation(data, offset, None if entry is None else int(entry["time"]))

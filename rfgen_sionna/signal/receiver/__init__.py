@@ -4,16 +4,15 @@ All levels are referred to the receiver input, where samples are square roots of
 """
 
 from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
-from rfgen_sionna.signal.receiver.converter import Capture, convert
+from rfgen_sionna.signal.receiver.converter import ReceivedFrame, convert
 from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.receiver import Receiver, receive
-from rfgen_sionna.signal.receiver.record import read_receiver, receiver_from_record, receiver_record
+from rfgen_sionna.signal.receiver.receiver_record import read_receiver, receiver_from_record, receiver_record
 from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias
 
 __all__ = [
-    "Capture",
     "Chassis",
     "Coupling",
     "DcOffset",
@@ -24,6 +23,7 @@ __all__ = [
     "PhaseNoise",
     "RampError",
     "RangeBias",
+    "ReceivedFrame",
     "Receiver",
     "convert",
     "read_receiver",

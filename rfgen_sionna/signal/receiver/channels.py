@@ -10,8 +10,8 @@ import numpy as np
 
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.signal.random_streams import device_stream
 from rfgen_sionna.signal.receiver.fields import check_number, number_or_numbers, per_element
-from rfgen_sionna.signal.streams import device_stream
 
 Matrix = tuple[tuple[complex, ...], ...]
 

@@ -17,7 +17,7 @@ AUTOMATIC_HEADROOM = 2.0
 
 
 @dataclass(frozen=True)
-class Capture:
+class ReceivedFrame:
     """What the receiver hands over for one frame."""
 
     samples: ComplexArray
@@ -50,7 +50,7 @@ class Capture:
         return words.astype(np.int16) if self.adc.bits <= 16 else words.astype(np.int32)
 
 
-def convert(samples: ComplexArray, radar: Radar, adc: Adc, full_scale: float | None = None) -> Capture:
+def convert(samples: ComplexArray, radar: Radar, adc: Adc, full_scale: float | None = None) -> ReceivedFrame:
     """Round I and Q to the nearest of 2^bits steps and clip them to -2^(bits-1) … 2^(bits-1) - 1 of them.
 
     The range is that of `adc.full_scale_dbm`. Where that is automatic it is `full_scale` [sqrt(W)], and without one the
@@ -70,4 +70,4 @@ def convert(samples: ComplexArray, radar: Radar, adc: Adc, full_scale: float | N
         words = np.rint(part / lsb)
         beyond += int(np.count_nonzero((words < -half) | (words > half - 1)))
         target[...] = np.clip(words, -half, half - 1) * lsb
-    return Capture(out, adc, full_scale, beyond / max(2 * samples.size, 1))
+    return ReceivedFrame(out, adc, full_scale, beyond / max(2 * samples.size, 1))

@@ -11,14 +11,14 @@ import numpy as np
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Adc, Radar
 from rfgen_sionna.signal.noise import add_thermal_noise
+from rfgen_sionna.signal.random_streams import frame_stream
 from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
-from rfgen_sionna.signal.receiver.converter import Capture, convert
+from rfgen_sionna.signal.receiver.converter import ReceivedFrame, convert
 from rfgen_sionna.signal.receiver.delay_bands import generator_error
 from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias, static_paths, tone
-from rfgen_sionna.signal.streams import frame_stream
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def receive(
     seed: int = 0,
     frame: int = 0,
     full_scale: float | None = None,
-) -> Capture:
+) -> ReceivedFrame:
     """What comes out of the receiver for the samples of one frame.
 
     The order is that of the signal: leakage and chassis join the echoes, all of them late by the range bias; the
@@ -185,7 +185,7 @@ def receive(
     if receiver.dc_offset is not None:
         out += receiver.dc_offset.offsets(radar, seed)[:, None]
     adc = receiver.converter(radar)
-    return Capture(out) if adc is None else convert(out, radar, adc, full_scale)
+    return ReceivedFrame(out) if adc is None else convert(out, radar, adc, full_scale)
 
 
 def _one_profile(

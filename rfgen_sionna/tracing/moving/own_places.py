@@ -11,22 +11,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths, unit
+from rfgen_sionna.scene.point_visibility import PointVisibility
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.scene.targets import Targets
+from rfgen_sionna.tracing.moving.views import Looked, OwnViews, Seen
 from rfgen_sionna.tracing.shadows.outlines import CLEARANCE, STILL_APART, Outline, Passing, Places
 from rfgen_sionna.tracing.shadows.sampling import Corners, sampled_fraction
+from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots
-
-if TYPE_CHECKING:
-    from rfgen_sionna.tracing.moving.sight import Seen
-    from rfgen_sionna.tracing.surface.facets import Facets
 
 TELLING = 12
 """Pairs by which it is told whether all others have to look for themselves, at most."""
@@ -38,65 +35,6 @@ facet's own, and those of all that is convex with it, by less."""
 MOST_FINER = 30.0
 """How many times more closely shadows' edges are looked at than the tolerance asks for, at most, where facets cancel
 one another."""
-
-
-class OwnViews(NamedTuple):
-    """What pairs see of facets, where it may not be what the phase centre sees: one lane for each facet and pair."""
-
-    facet: NDArray[np.intp]
-    """(lane,)"""
-    pair: NDArray[np.intp]
-    """(lane,) number of its Tx times the number of Rx, and that of its Rx."""
-    fraction: FloatArray
-    """(lane,) share that is seen."""
-    owner: NDArray[np.intp]
-    """(piece,) lane that a piece is of, ascending: what is seen of facets that are hidden in part."""
-    pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
-
-    def shares(self, fraction: FloatArray, pairs: int) -> FloatArray:
-        """(facet,) share that is seen by the mean of so many `pairs`, of facets of which the phase centre sees a
-        `fraction` (facet,)."""
-        more = np.bincount(self.facet, self.fraction - fraction[self.facet], len(fraction))
-        return np.asarray(np.clip(fraction + more / pairs, 0.0, 1.0))
-
-    def of(self, chosen: NDArray[np.intp]) -> OwnViews:
-        """Those of the facets that `chosen` counts out, ascending, counted among these."""
-        place = np.minimum(np.searchsorted(chosen, self.facet), max(len(chosen) - 1, 0))
-        mine = chosen[place] == self.facet if len(chosen) else np.zeros(len(self.facet), np.bool_)
-        kept = mine[self.owner]
-        lane = np.cumsum(mine) - 1
-        return OwnViews(place[mine], self.pair[mine], self.fraction[mine], lane[self.owner[kept]], self.pieces[kept])
-
-    @staticmethod
-    def none() -> OwnViews:
-        """Of no facets."""
-        no = np.zeros(0, np.intp)
-        return OwnViews(no, no, np.zeros(0), no, np.zeros((0, 3, 3)))
-
-    @staticmethod
-    def joined(parts: Sequence[OwnViews], first: Sequence[int]) -> OwnViews:
-        """One after the other, each with its `first` facet."""
-        lanes = np.cumsum([0, *(len(each.facet) for each in parts)]).tolist()
-        return OwnViews(
-            np.concatenate([each.facet + start for each, start in zip(parts, first, strict=False)]),
-            np.concatenate([each.pair for each in parts]),
-            np.concatenate([each.fraction for each in parts]),
-            np.concatenate([each.owner + start for each, start in zip(parts, lanes, strict=False)]),
-            np.concatenate([each.pieces for each in parts]),
-        )
-
-
-class Looked(NamedTuple):
-    """What pairs have found."""
-
-    views: OwnViews
-    missed: FloatArray
-    """(surface,) estimated error of what each returns, relative to a `level` (surface,) of that, as
-    :attr:`rfgen_sionna.tracing.moving.sight.Seen.level`."""
-    level: FloatArray
-    rays: int
-    """Rays sent."""
 
 
 class _Ends:
@@ -113,7 +51,7 @@ class _Ends:
         facets: NDArray[np.int64],
         moving: bool = False,
         bundled: bool = False,
-    ) -> Targets:
+    ) -> PointVisibility:
         """Points that all places of a set have to see, whatever the viewpoint."""
         of, own = np.divmod(facets, self._rays.num_facets)
         return self._rays.targets(self._ends[of], corners, own, moving, bundled)

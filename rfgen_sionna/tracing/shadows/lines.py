@@ -47,7 +47,7 @@ it may get through between the two faces that meet there, as rays to corners of 
 
 
 class Look(Protocol):
-    """Tells what is seen of facets: :class:`rfgen_sionna.scene.targets.Targets` does, by rays."""
+    """Tells what is seen of facets: :class:`rfgen_sionna.scene.point_visibility.Targets` does, by rays."""
 
     def seen(self, of: NDArray[np.intp], places: FloatArray, /) -> NDArray[np.bool_]:
         """(ray,) whether the points at barycentric `places` (ray, 3) on facets `of` (ray,) are seen."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.targets import Targets
+from rfgen_sionna.scene.point_visibility import PointVisibility
 from rfgen_sionna.tracing.shadows.lines import RIM, Lit, crossed, inset, lit_parts, points_of
 from rfgen_sionna.tracing.surface.bend import barycentric
 
@@ -33,7 +33,7 @@ class Hiding(Protocol):
 
     def targets(
         self, viewpoint: FloatArray, corners: FloatArray, facets: Any, moving: bool = False, bundled: bool = False
-    ) -> Targets:
+    ) -> PointVisibility:
         """Points on pieces of `facets` that are to be looked at."""
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
 SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION, SENSING = 1, 2, 4, 8, 16
 """Sionna's `InteractionType`; 0 is no interaction."""

@@ -9,7 +9,7 @@ facet. Its phase is linear in the far field, so that the closed form is exact. A
 a = (j / 4 pi) F A <...> / (R_t R_r), is lambda J / ((4 pi)^(3/2) R_t R_r) at long range, as with Sionna's Jones matrix,
 and sum |J|^2 / 2 is the radar cross-section [m^2] averaged over the polarisation.
 
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.backend.ensure_backend` first.
+Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import PathKind, RadarPaths
-from rfgen_sionna.scene.backend import ensure_backend
 from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.scene.mesh import unit
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.tracing.sionna.entries import (
     DIFFRACTION,
     DIFFUSE,

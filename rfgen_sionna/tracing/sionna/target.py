@@ -8,9 +8,9 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.scene.actor import Actor
 from rfgen_sionna.scene.devices import sionna_scene
 from rfgen_sionna.scene.mesh import face_normals, lengths
+from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.tracing.surface.bend import QUARTERS, divided
 from rfgen_sionna.tracing.surface.smooth import smoothing
@@ -30,7 +30,7 @@ MAX_PIECES = 2048
 
 
 def add_actor(
-    scene: RadarScene | Any, actor: Actor, t: float = 0.0, *, distance: float | None = None, name: str | None = None
+    scene: RadarScene | Any, actor: MeshActor, t: float = 0.0, *, distance: float | None = None, name: str | None = None
 ) -> Any:
     """Put an actor, as it stands at an instant, into a Sionna scene as a `sionna.rt.rcs.SensingTarget`.
 
@@ -69,7 +69,7 @@ def add_actor(
         would need more than `MAX_PIECES` points.
     """
     inside = sionna_scene(scene)
-    if not isinstance(actor, Actor):
+    if not isinstance(actor, MeshActor):
         raise TypeError(f"actor: {type(actor).__name__} given, an rfgen_sionna.Actor is needed")
     if not is_number(t):
         raise ValueError(f"t is {t!r}: a finite instant [s] is needed")

@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.faceting import SMOOTH
-from rfgen_sionna.scene.flats import FLAT, Planes, planes
+from rfgen_sionna.scene.flats import FLAT, PlaneParts, planes
 from rfgen_sionna.scene.mesh import columns, face_normals, lengths, widest
 from rfgen_sionna.scene.transfer import joined, upload
 from rfgen_sionna.tracing.surface.bend import Bend
@@ -205,7 +205,7 @@ def smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> 
 
 def _heard(
     group: NDArray[np.integer[Any]],
-    flats: Planes,
+    flats: PlaneParts,
     edge: NDArray[np.int64],
     other: NDArray[np.int64],
     links: coo_array,

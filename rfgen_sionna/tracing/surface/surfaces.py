@@ -17,7 +17,7 @@ from rfgen_sionna.scene.mesh import columns
 from rfgen_sionna.tracing.surface.smooth import Smoothing, smoothing
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene import Actor, RadarScene
+    from rfgen_sionna.scene import MeshActor, RadarScene
     from rfgen_sionna.tracing.relative import Seen
 
 
@@ -84,7 +84,7 @@ def look_outward(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
     return np.asarray((np.bincount(own, volume, count) > 0)[own])
 
 
-def collect_surfaces(scene: RadarScene | None, actors: Sequence[Actor | Seen]) -> Surfaces:
+def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Seen]) -> Surfaces:
     """Number the objects and parts of a scene and its actors."""
     part_names: dict[str, int] = {}
 

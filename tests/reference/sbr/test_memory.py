@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from tests.reference.sbr import memory
 from tests.reference.sbr.shoot import shoot
@@ -24,7 +24,7 @@ PLATE = ([[0, -0.5, -0.5], [0, 0.5, -0.5], [0, 0.5, 0.5], [0, -0.5, 0.5]], [[0, 
 )
 def test_a_level_without_room_is_refused(monkeypatch, free, message):
     monkeypatch.setattr(memory, "available_memory", lambda: int(free))
-    actor = Actor.from_mesh(PLATE, material="metal", position=(3, 0, 1))
+    actor = MeshActor.from_mesh(PLATE, material="metal", position=(3, 0, 1))
     simulator = Simulator(None, Radar.load("awr1843", position=(0, 0, 1)), [actor])
     with pytest.raises(ValueError, match=message):
         shoot(simulator.tracer, sampling="uniform", level=5)
@@ -39,7 +39,7 @@ def test_memory_is_asked_for_again_on_the_way(monkeypatch, after, message):
     """By how many tubes meet something, and how many elements see them."""
     left = iter([10**12] * after)
     monkeypatch.setattr(memory, "available_memory", lambda: next(left, 0))
-    actor = Actor.from_mesh(PLATE, material="metal", position=(3, 0, 1))
+    actor = MeshActor.from_mesh(PLATE, material="metal", position=(3, 0, 1))
     simulator = Simulator(None, Radar.load("awr1843", position=(0, 0, 1)), [actor])
     with pytest.raises(ValueError, match=message):
         shoot(simulator.tracer, sampling="uniform", level=5, max_bounces=2)

@@ -162,9 +162,9 @@ def test_bad_paths_are_named() -> None:
 def test_a_car_is_an_actor() -> None:
     import trimesh
 
-    from rfgen_sionna.scene import Actor
+    from rfgen_sionna.scene import MeshActor
 
-    car = Actor.from_mesh(
+    car = MeshActor.from_mesh(
         trimesh.creation.box((4.0, 1.8, 1.4)), material="metal", trajectory=drive([(5, 0), (25, 0)], 10.0)
     )
     middle = car.vertices(1.5).mean(axis=0)

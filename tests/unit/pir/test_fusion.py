@@ -15,7 +15,7 @@ from rfgen_sionna.pir.surroundings import SOFT_EDGE, Surroundings
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, Pir
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 
@@ -31,7 +31,7 @@ def radar(tiny_toml):
 def ball():
     """A ball of 1,280 facets that flies across the view."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.25)
-    return Actor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.3, 0.8, 0.1))
+    return MeshActor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.3, 0.8, 0.1))
 
 
 def wall(
@@ -163,7 +163,7 @@ def test_an_actor_hides_what_is_behind_it(radar):
     """A plate of 1 m x 1 m at 2 m before a wall at 4 m hides a square of 2 m; before a wall at 1.5 m it hides nothing,
     and is hidden itself."""
     plate = trimesh.creation.box((0.01, 1.0, 1.0)).subdivide().subdivide()
-    actor = Actor.from_mesh(plate, material="metal", position=(2, 0, 1))
+    actor = MeshActor.from_mesh(plate, material="metal", position=(2, 0, 1))
     behind = Simulator(None, radar, [actor], environment=wall(radar))
     seen = behind.paths()
     shown = seen.select(seen.kind == PathKind.ENVIRONMENT)
@@ -185,7 +185,9 @@ def test_an_actor_hides_what_is_behind_it(radar):
 
 def test_who_is_behind_the_surroundings_all_along_is_told(radar):
     """By more than `SOFT_EDGE`, and as long as he is; what comes out at one instant, or stands aside, is not hidden."""
-    ball = Actor.from_mesh(trimesh.creation.icosphere(subdivisions=2, radius=0.2), material="metal", position=(5, 0, 1))
+    ball = MeshActor.from_mesh(
+        trimesh.creation.icosphere(subdivisions=2, radius=0.2), material="metal", position=(5, 0, 1)
+    )
     behind = Simulator(None, radar, [ball], environment=wall(radar, 4.0))
     assert behind.is_occluded(behind.actors[0], 0.0, 0.2)
     with pytest.warns(UserWarning, match="behind the surroundings that the image shows all along"):
@@ -203,7 +205,7 @@ def test_who_is_behind_the_surroundings_all_along_is_told(radar):
 def test_who_comes_to_be_half_behind_the_surroundings_is_told(radar, recwarn):
     """A plate that turns its rim to the radar, half of it more than `SOFT_EDGE` behind a wall; and one that is not."""
     plate = trimesh.creation.box((2.0, 0.1, 0.5)).subdivide().subdivide().subdivide()
-    actor = Actor.from_mesh(plate, material="metal", name="plate", position=(3.0, 0.4, 1))
+    actor = MeshActor.from_mesh(plate, material="metal", name="plate", position=(3.0, 0.4, 1))
     Simulator(None, radar, [actor], environment=wall(radar, 4.0)).frames(0.05, noise=False)
     assert not recwarn.list
     leaving = replace(actor, velocity=(24.0, 0, 0))
@@ -352,7 +354,7 @@ def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
     """At a tolerance of a tenth, of a fine ball of which half lies off the beam."""
     aimed = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     mesh = trimesh.creation.icosphere(subdivisions=6, radius=1.2)
-    actors = [Actor.from_mesh(mesh, material="metal", name="ball", position=(1.1, 1.9, 1))]
+    actors = [MeshActor.from_mesh(mesh, material="metal", name="ball", position=(1.1, 1.9, 1))]
     environment = wall(aimed, distance=6.0, fov=(170.0, 60.0), projection="equirectangular")
     environment.energy[:] = 0.0
     fusions = [Fusion(Simulator(None, aimed, actors, rtol=rtol).tracer, environment, 1) for rtol in (0.1, 1e-3)]
@@ -367,7 +369,7 @@ def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
 def test_what_an_actor_hides_of_an_image_is_told_by_three_times(radar):
     """Who goes straight on is traced at two instants where there is nothing to hide, 10 mrad apart."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.25)
-    actor = Actor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.0, 0.2, 0.0))
+    actor = MeshActor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.0, 0.2, 0.0))
     tracer = Simulator(None, radar, [actor], rtol=1e-2).tracer
     alone = tracer.trace(0.0, 0.025)
     watched = list[float]()

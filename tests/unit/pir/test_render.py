@@ -10,7 +10,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.pir.projection import PROJECTIONS
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MATERIALS, Actor
+from rfgen_sionna.scene import MATERIALS, MeshActor
 from rfgen_sionna.simulation import Simulator
 
 RADIUS, RANGE = 0.1, 2.5
@@ -27,7 +27,7 @@ def sphere():
 
 
 def simulate(radar, sphere, position, velocity=(0, 0, 0)):
-    return Simulator(None, radar, [Actor.from_mesh(sphere, material="pec", position=position, velocity=velocity)])
+    return Simulator(None, radar, [MeshActor.from_mesh(sphere, material="pec", position=position, velocity=velocity)])
 
 
 @pytest.mark.parametrize("resolution", [(64, 64), (33, 47), (128, 128)])
@@ -149,7 +149,7 @@ def test_a_wall_returns_the_same_in_both_projections(radar):
     """Diffuse energy of a rough wall goes with the solid angle of the pixels, not with their projection."""
     wall = trimesh.creation.box((0.1, 4.0, 4.0))
     rough = replace(MATERIALS["concrete"], thickness=None, scattering_coefficient=1.0)
-    sim = Simulator(None, radar, [Actor.from_mesh(wall, material=rough, position=(3.05, 0, 1))])
+    sim = Simulator(None, radar, [MeshActor.from_mesh(wall, material=rough, position=(3.05, 0, 1))])
     flat, even = (sim.pir(fov_deg=30, resolution=(24, 24), projection=each) for each in PROJECTIONS)
     views = [View.of(each) for each in (flat, even)]
     density = [pir.energy / view.solid_angles for pir, view in zip((flat, even), views, strict=True)]

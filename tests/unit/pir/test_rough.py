@@ -9,7 +9,7 @@ import trimesh
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MATERIALS, Actor
+from rfgen_sionna.scene import MATERIALS, MeshActor
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
@@ -47,7 +47,7 @@ def test_energies_over_range_are_those_of_the_paths(radar):
     Without a coherent part energies simply add up. A PIR is for any radar: it has the mean of both polarisations.
     Pixels at the ends of a bin put all their energy to one side: 0.5 dB.
     """
-    board = Actor.from_mesh(
+    board = MeshActor.from_mesh(
         plate(3.0, 1.0, 24), material=rough(1.0), position=(3, 0.4, HEIGHT), orientation=(0.9, 0, 0)
     )
     sim = Simulator(None, radar, [board], rtol=0.005)
@@ -68,7 +68,7 @@ def test_roughness_divides_the_energy(radar, share):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.15)
 
     def simulator(of, seed=0):
-        actor = Actor.from_mesh(ball, material=rough(of), position=(2, 0, HEIGHT))
+        actor = MeshActor.from_mesh(ball, material=rough(of), position=(2, 0, HEIGHT))
         return Simulator(None, radar, [actor], rtol=0.05, seed=seed)
 
     smooth, found = (simulator(of).pir(0.0, (24, 24), 12).energy for of in (0.0, share))
@@ -83,7 +83,7 @@ def test_roughness_divides_the_energy(radar, share):
 
 def test_lambertian_wall_falls_off_as_the_law_says(radar):
     """A pixel on a large matt wall: (lambda / 4 pi)^2 |Gamma|^2 cos(theta) / pi times its solid angle over R^2."""
-    wall = Actor.from_mesh(plate(8.0, 0.6, 2), material=rough(1.0, "metal"), position=(2.5, 0, HEIGHT))
+    wall = MeshActor.from_mesh(plate(8.0, 0.6, 2), material=rough(1.0, "metal"), position=(2.5, 0, HEIGHT))
     pir = Simulator(None, radar, [wall], rtol=0.1).pir(0.0, (3, 61), (90, 3))
     y = np.tan(np.radians(45)) * (1 - 2 * (np.arange(61) + 0.5) / 61)
     cos = 1 / np.sqrt(1 + y**2)
@@ -96,7 +96,7 @@ def test_lambertian_wall_falls_off_as_the_law_says(radar):
 def test_coherent_returns_left_out_are_small(radar, monkeypatch):
     """Where surfaces are rough, leaving out the coherent part of pixels away from their mirror directions changes no
     pixel by more than 0.1 dB, bar a few at edges."""
-    board = Actor.from_mesh(
+    board = MeshActor.from_mesh(
         plate(3.0, 2.0, 16), material=rough(0.4), position=(2.5, 0, HEIGHT), orientation=(0.3, 0, 0)
     )
     tracer = Tracer(None, radar, [board])
@@ -114,8 +114,8 @@ def test_coherent_returns_left_out_are_small(radar, monkeypatch):
 @pytest.mark.slow
 def test_a_mirror_shows_what_stands_beside_the_radar(radar):
     """Two bounces: a metal wall shows a matt board behind the radar, as far away as its image; one bounce does not."""
-    mirror = Actor.from_mesh(plate(3, 3, 2), material=rough(0.0, "metal"), position=(2, 0, HEIGHT), name="mirror")
-    board = Actor.from_mesh(
+    mirror = MeshActor.from_mesh(plate(3, 3, 2), material=rough(0.0, "metal"), position=(2, 0, HEIGHT), name="mirror")
+    board = MeshActor.from_mesh(
         plate(0.6, 0.6, 2), material=rough(1.0, "metal"), position=(-0.5, 0.9, HEIGHT), name="board"
     )
     tracer = Tracer(None, radar, [mirror, board])

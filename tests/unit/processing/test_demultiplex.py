@@ -17,7 +17,7 @@ from rfgen_sionna.processing import (
     select_slot,
     velocity_axis,
 )
-from rfgen_sionna.processing.slots import separated
+from rfgen_sionna.processing.profile_selection import separated
 from rfgen_sionna.radar import Radar, Slot
 
 

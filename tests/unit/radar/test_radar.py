@@ -66,7 +66,7 @@ def test_look_at_turns_the_boresight_there_and_keeps_the_array_level(radar: Rada
 
 def test_orientation_is_sionnas() -> None:
     """Same matrix, and the same angles for the same point to look at, as a Sionna radio device."""
-    from rfgen_sionna.scene.backend import ensure_backend
+    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
     ensure_backend()
     import mitsuba as mi

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.scene import Actor, MaterialError, MeshError, RigidMesh, rotation_matrix
+from rfgen_sionna.scene import MaterialError, MeshActor, MeshError, RigidMesh, rotation_matrix
 
 BOX = trimesh.creation.box((0.2, 0.4, 0.6))
 
 
 def test_an_actor_is_placed_rotated_and_moves():
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         BOX, material="metal", position=(3, -1, 1), velocity=(0.5, 0, -0.25), orientation=(np.pi / 2, 0, 0)
     )
     # A quarter turn to the left takes +x to +y.
@@ -32,24 +32,24 @@ def test_orientation_is_yaw_then_pitch_then_roll_as_in_sionna():
 
 
 def test_a_trajectory_gives_position_or_position_and_orientation():
-    swing = Actor.from_mesh(
+    swing = MeshActor.from_mesh(
         BOX, material="metal", trajectory=lambda t: (3.0, 0.1 * np.sin(t), 1.0), orientation=(0.1, 0, 0)
     )
     np.testing.assert_allclose(swing.pose(0.5)[0], [3.0, 0.1 * np.sin(0.5), 1.0])
     np.testing.assert_allclose(swing.pose(0.5)[1], rotation_matrix((0.1, 0, 0)))
-    spin = Actor.from_mesh(BOX, material="metal", trajectory=lambda t: (np.array([3.0, 0, 1]), (t, 0, 0)))
+    spin = MeshActor.from_mesh(BOX, material="metal", trajectory=lambda t: (np.array([3.0, 0, 1]), (t, 0, 0)))
     np.testing.assert_allclose(spin.vertices(0.7), BOX.vertices @ rotation_matrix((0.7, 0, 0)).T + [3, 0, 1])
 
 
 def test_vertices_keep_micrometres_10_km_away():
-    near = Actor.from_mesh(BOX, material="metal", position=(3, 0, 1))
-    far = Actor.from_mesh(BOX, material="metal", position=(1e4 + 3, 0, 1))
+    near = MeshActor.from_mesh(BOX, material="metal", position=(3, 0, 1))
+    far = MeshActor.from_mesh(BOX, material="metal", position=(1e4 + 3, 0, 1))
     np.testing.assert_allclose(far.vertices(0.1) - [1e4, 0, 0], near.vertices(0.1), atol=1e-11)
 
 
 def test_a_mesh_without_a_material_is_told_what_there_is():
     with pytest.raises(MaterialError, match=r"crate: no material given; known are .*skin \("):
-        Actor.from_mesh(BOX, name="crate")
+        MeshActor.from_mesh(BOX, name="crate")
 
 
 @pytest.mark.parametrize(
@@ -87,13 +87,13 @@ def test_a_mesh_without_a_material_is_told_what_there_is():
 def test_bad_arguments_are_named(arguments, error, message):
     good = {"mesh": BOX, "material": "metal", "name": "crate"}
     with pytest.raises(error, match=message):
-        Actor.from_mesh(**{**good, **arguments})
+        MeshActor.from_mesh(**{**good, **arguments})
 
 
 def test_names():
-    assert Actor.from_mesh(BOX, material="metal").name == "mesh"
-    assert Actor.from_mesh(BOX, material="metal", name="crate").part_names == ("crate",)
+    assert MeshActor.from_mesh(BOX, material="metal").name == "mesh"
+    assert MeshActor.from_mesh(BOX, material="metal", name="crate").part_names == ("crate",)
     with pytest.raises(ValueError, match="name"):
-        Actor(RigidMesh.load(BOX), "metal", name="")
+        MeshActor(RigidMesh.load(BOX), "metal", name="")
     with pytest.raises(TypeError, match="no mesh sequence"):
-        Actor(BOX, "metal")
+        MeshActor(BOX, "metal")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.scene import Actor, SceneError, check_radar_clear, load_scene, material
+from rfgen_sionna.scene import MeshActor, SceneError, check_radar_clear, load_scene, material
 from rfgen_sionna.scene.checks.clearance import distance, winding_number
 from rfgen_sionna.scene.scene import StaticObject
 
@@ -39,7 +39,7 @@ def test_distance_is_to_faces_edges_and_corners():
 
 
 def test_a_radar_inside_an_actor_is_refused():
-    ball = Actor.from_mesh(BALL, material="metal", name="ball", velocity=(-1, 0, 0), position=(3, 0, 1))
+    ball = MeshActor.from_mesh(BALL, material="metal", name="ball", velocity=(-1, 0, 0), position=(3, 0, 1))
     check_radar_clear((0, 0, 1), None, [ball], t=0.0)
     with pytest.raises(SceneError, match=r"\(0, 0, 1\) m lies inside actor 'ball' at t = 2.9 s"):
         check_radar_clear((0, 0, 1), None, [ball], t=2.9)
@@ -48,7 +48,7 @@ def test_a_radar_inside_an_actor_is_refused():
 
 
 def test_an_actor_in_millimetres_is_asked_for_its_units():
-    ball = Actor.from_mesh((1e3 * BALL.vertices, BALL.faces), material="metal", name="ball", position=(3, 0, 1))
+    ball = MeshActor.from_mesh((1e3 * BALL.vertices, BALL.faces), material="metal", name="ball", position=(3, 0, 1))
     with pytest.raises(SceneError, match=r"inside actor 'ball' at t = 0 s, which is 2000 m long .* by 0\.001\)"):
         check_radar_clear((0, 0, 1), None, [ball])
 
@@ -64,7 +64,7 @@ def test_a_radar_inside_furniture_is_refused():
 
 def test_a_radar_inside_a_room_is_fine():
     room = trimesh.creation.box((6, 4, 3))
-    person = Actor.from_mesh(BALL, material="skin", position=(2, 0, 0), name="person")
+    person = MeshActor.from_mesh(BALL, material="skin", position=(2, 0, 0), name="person")
     check_radar_clear((-1, 0, 0), Surroundings(room))
     check_radar_clear((-2.9, 0, 0), Surroundings(room), [person])
     inwards = room.copy()
@@ -74,7 +74,7 @@ def test_a_radar_inside_a_room_is_fine():
 
 def test_a_radar_in_a_room_without_its_target_is_refused():
     bunker = trimesh.creation.box((6, 4, 3))
-    person = Actor.from_mesh(BALL, material="skin", position=(9, 0, 0), name="person")
+    person = MeshActor.from_mesh(BALL, material="skin", position=(9, 0, 0), name="person")
     with pytest.raises(SceneError, match="lies inside 'thing 0'"):
         check_radar_clear((-1, 0, 0), Surroundings(bunker), [person])
 

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
-from rfgen_sionna.scene import Actor, RayScene, SceneError, load_scene, material
+from rfgen_sionna.scene import MeshActor, RayScene, SceneError, load_scene, material
 from rfgen_sionna.scene.checks.actors import check_collisions
 from rfgen_sionna.scene.checks.collision import CONTACT, Collision, CollisionFinder, deepest
 from rfgen_sionna.scene.scene import StaticObject
@@ -26,7 +26,7 @@ class Surroundings:
             for name, m in meshes.items()
         )
 
-    def find(self, actor: Actor, stop: float = 0.0) -> dict[str, Collision]:
+    def find(self, actor: MeshActor, stop: float = 0.0) -> dict[str, Collision]:
         rays = RayScene([(item.vertices, item.faces) for item in self.objects], origin=(0, 0, 1))
         return {each.object: each for each in deepest(list(CollisionFinder(self, rays, actor).find(0.0, stop)))}  # type: ignore[arg-type]
 
@@ -38,15 +38,15 @@ def sheet(x: float = 0.0, size: float = 4.0) -> trimesh.Trimesh:
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
 
 
-def ball(radius: float = 0.1, **changes) -> Actor:
+def ball(radius: float = 0.1, **changes) -> MeshActor:
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=radius)
-    return Actor.from_mesh(mesh, **{"material": "metal", "name": "ball"} | changes)
+    return MeshActor.from_mesh(mesh, **{"material": "metal", "name": "ball"} | changes)
 
 
-def body(**changes) -> Actor:
+def body(**changes) -> MeshActor:
     """An upright capsule from z = 0 to 1.7 m."""
     mesh = trimesh.creation.capsule(1.3, 0.2, count=[40, 40]).apply_translation((0, 0, 0.85))
-    return Actor.from_mesh(mesh, **{"material": "skin", "name": "person"} | changes)
+    return MeshActor.from_mesh(mesh, **{"material": "skin", "name": "person"} | changes)
 
 
 @pytest.mark.parametrize("depth", [0.01, 0.03, 0.07, 0.12])
@@ -66,12 +66,12 @@ def test_the_depth_in_a_wall(depth: float, side: int) -> None:
 @pytest.mark.parametrize("shape", ["ball", "plate"])
 def test_nothing_passes_a_wall_unseen(speed: float, shape: str) -> None:
     mesh = trimesh.creation.box((0.005, 0.3, 0.3)) if shape == "plate" else trimesh.creation.icosphere(2, 0.1)
-    actor = Actor.from_mesh(mesh, material="metal", position=(-1.03, 0, 0), velocity=(speed, 0, 0), name="thing")
+    actor = MeshActor.from_mesh(mesh, material="metal", position=(-1.03, 0, 0), velocity=(speed, 0, 0), name="thing")
     found = Surroundings(wall=sheet()).find(actor, 2.0 / speed)
     assert np.isinf(found["wall"].depth)
     assert found["wall"].time * speed == pytest.approx(1.15, abs=0.2)
     assert not Surroundings(wall=sheet()).find(actor, 0.85 / speed)
-    past = Actor.from_mesh(mesh, material="metal", position=(-1.03, 2.5, 0), velocity=(speed, 0, 0), name="thing")
+    past = MeshActor.from_mesh(mesh, material="metal", position=(-1.03, 2.5, 0), velocity=(speed, 0, 0), name="thing")
     assert not Surroundings(wall=sheet()).find(past, 2.0 / speed)
 
 
@@ -79,9 +79,9 @@ def test_contact_is_fine() -> None:
     floor = trimesh.creation.box((5, 5, 0.1)).apply_translation((0, 0, -0.05))
     for actor in (body(), body(position=(0, 0, -0.015)), body(velocity=(0.5, 0, 0))):
         assert not Surroundings(floor=floor).find(actor, 2.0)
-    crate = Actor.from_mesh(trimesh.creation.box((0.4, 0.4, 0.4)), material="wood", position=(0, 0, 0.2))
+    crate = MeshActor.from_mesh(trimesh.creation.box((0.4, 0.4, 0.4)), material="wood", position=(0, 0, 0.2))
     assert not Surroundings(floor=floor).find(crate)
-    bouncing = Actor.from_mesh(
+    bouncing = MeshActor.from_mesh(
         trimesh.creation.box((1, 1, 0.01)), material="wood", trajectory=lambda t: (0, 0, 0.004 + abs(np.sin(7 * t)))
     )
     assert not Surroundings(floor=floor).find(bouncing, 2.0)
@@ -101,7 +101,7 @@ def test_things_thinner_than_the_actor() -> None:
     assert edge.place[2] == pytest.approx(0.75, abs=0.03)
     assert not Surroundings(table=top).find(body(position=(0.75, 0, 0)))
     # A coarse actor, whose own edges meet nothing.
-    crate = Actor.from_mesh(trimesh.creation.box((0.8, 0.8, 0.8)), material="wood", position=(0.1, 0, 0.4))
+    crate = MeshActor.from_mesh(trimesh.creation.box((0.8, 0.8, 0.8)), material="wood", position=(0.1, 0, 0.4))
     assert Surroundings(pole=pole).find(crate)["pole"].depth == pytest.approx(0.3, abs=0.015)
 
 

@@ -9,23 +9,23 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
-from rfgen_sionna.scene import Actor, SceneError
+from rfgen_sionna.scene import MeshActor, SceneError
 from rfgen_sionna.scene.checks.encounters import Encounter, find_encounters
 from rfgen_sionna.scene.materials import MATERIALS
 
 
-def ball(name: str, radius: float = 0.1, **changes) -> Actor:
+def ball(name: str, radius: float = 0.1, **changes) -> MeshActor:
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=radius)
-    return Actor.from_mesh(mesh, **{"material": "metal", "name": name} | changes)
+    return MeshActor.from_mesh(mesh, **{"material": "metal", "name": name} | changes)
 
 
-def body(name: str, **changes) -> Actor:
+def body(name: str, **changes) -> MeshActor:
     """An upright capsule from z = 0 to 1.7 m."""
     mesh = trimesh.creation.capsule(1.3, 0.2, count=[40, 40]).apply_translation((0, 0, 0.85))
-    return Actor.from_mesh(mesh, **{"material": "skin", "name": name} | changes)
+    return MeshActor.from_mesh(mesh, **{"material": "skin", "name": name} | changes)
 
 
-def deepest_of(one: Actor, other: Actor, stop: float = 0.0) -> Encounter | None:
+def deepest_of(one: MeshActor, other: MeshActor, stop: float = 0.0) -> Encounter | None:
     found = list(find_encounters(one, other, 0.0, stop, (-3.0, 0.0, 1.0)))
     return max(found, key=lambda each: each.depth, default=None)
 
@@ -71,14 +71,14 @@ def test_one_inside_of_another() -> None:
     assert np.isinf(found.depth)
     assert str(found).startswith("actor 'heart' goes through actor 'anna' at t = 0.00 s")
     # a room that holds the radar as well is no obstacle
-    hall = Actor.from_mesh(trimesh.creation.box((12, 12, 12)), material="metal", name="hall")
+    hall = MeshActor.from_mesh(trimesh.creation.box((12, 12, 12)), material="metal", name="hall")
     assert deepest_of(small, hall) is None
 
 
 def test_clothes_are_worn_and_not_run_into() -> None:
     """A surface of a thickness is a sheet: who is in it as a whole is right there, who cuts it is not."""
     cloth = trimesh.creation.capsule(1.3, 0.28, count=[40, 40]).apply_translation((0, 0, 0.85))
-    coat = Actor.from_mesh(cloth, material=replace(MATERIALS["clothing"], thickness=1e-3), name="coat")
+    coat = MeshActor.from_mesh(cloth, material=replace(MATERIALS["clothing"], thickness=1e-3), name="coat")
     assert deepest_of(body("anna"), coat) is None
     assert deepest_of(coat, body("anna")) is None
     found = deepest_of(body("anna", position=(0.2, 0, 0)), coat)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.scene import Actor, CoarseMeshWarning
+from rfgen_sionna.scene import CoarseMeshWarning, MeshActor
 from rfgen_sionna.scene.faceting import COARSE, faceting
 from rfgen_sionna.simulation import Simulator
 
@@ -48,11 +48,11 @@ def test_edges_and_planes_are_what_they_are(mesh: trimesh.Trimesh) -> None:
 
 
 def test_the_warning_says_what_would_do(tiny_radar) -> None:
-    ball = Actor.from_mesh(trimesh.creation.icosphere(1, 0.15), material="metal", position=(3, 0, 0), name="ball")
+    ball = MeshActor.from_mesh(trimesh.creation.icosphere(1, 0.15), material="metal", position=(3, 0, 0), name="ball")
     with pytest.warns(CoarseMeshWarning, match=r"'ball'.* 80 facets turn by \d+ degrees.* about 1,\d00 facets") as told:
         Simulator(None, tiny_radar, [ball])
     assert len(told) == 1
-    fine = Actor.from_mesh(trimesh.creation.icosphere(3, 0.15), material="metal", position=(3, 0, 0), name="ball")
+    fine = MeshActor.from_mesh(trimesh.creation.icosphere(3, 0.15), material="metal", position=(3, 0, 0), name="ball")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Simulator(None, tiny_radar, [fine])

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import RayScene, face_normals
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
 BALL = trimesh.creation.icosphere(subdivisions=4)
 ROOM = trimesh.creation.box((20, 20, 10))
@@ -139,7 +139,7 @@ def test_points_on_facets_are_seen_where_nothing_hides_them(mixed: RayScene, mon
     points = np.einsum("rc,rci->ri", places, corners[of])
     np.testing.assert_array_equal(seen, ~mixed.occluded(viewpoint, points, number[of]))
     assert 0.1 < seen.mean() < 0.95
-    monkeypatch.setattr("rfgen_sionna.scene.targets.CHUNK", 1000)
+    monkeypatch.setattr("rfgen_sionna.scene.point_visibility.CHUNK", 1000)
     np.testing.assert_array_equal(targets.seen(of, places), seen)
 
 
@@ -152,7 +152,7 @@ def test_the_edge_of_a_shadow_is_where_halving_finds_it(mixed: RayScene, monkeyp
     of, near, far = of[lit], one[lit], other[lit]
     halvings = np.random.default_rng(1).integers(0, 9, len(of))
     found, hider = targets.edges(of, near, far, halvings)
-    monkeypatch.setattr("rfgen_sionna.scene.targets.CHUNK", 100)
+    monkeypatch.setattr("rfgen_sionna.scene.point_visibility.CHUNK", 100)
     np.testing.assert_array_equal(targets.edges(of, near, far, halvings)[0], found)
     for step in range(8):
         middle = 0.5 * (near + far)

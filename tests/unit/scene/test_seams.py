@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.scene import Actor, RigidMesh
+from rfgen_sionna.scene import MeshActor, RigidMesh
 from rfgen_sionna.scene.seams import sewn
 from tests.physics.stressing import one_element, traced
 
@@ -57,7 +57,7 @@ def test_a_ball_with_seams_is_a_ball(split):
     assert len(mesh.points) == len(BALL.vertices)
     radar = one_element()
     whole, sewed = (
-        traced(radar, Actor(each, "metal", position=(2.0, 0.0, 0.0)))[0] for each in (RigidMesh.load(BALL), mesh)
+        traced(radar, MeshActor(each, "metal", position=(2.0, 0.0, 0.0)))[0] for each in (RigidMesh.load(BALL), mesh)
     )
     assert abs(sewed / whole - 1) < 1e-9
 
@@ -76,7 +76,9 @@ def test_seams_that_are_turned_are_sewn_all_the_same():
     scene.add_geometry(trimesh.Trimesh(*seamed(BALL), process=False), transform=turn)
     assert len(RigidMesh.load(scene).points) == len(BALL.vertices)
     vertices, faces = seamed(BALL)
-    assert len(np.unique(Actor(Breathing(vertices.astype(np.float32), faces, 0.0), "skin").faces)) == len(BALL.vertices)
+    assert len(np.unique(MeshActor(Breathing(vertices.astype(np.float32), faces, 0.0), "skin").faces)) == len(
+        BALL.vertices
+    )
 
 
 def test_a_soup_that_looks_inwards_is_turned():
@@ -88,9 +90,9 @@ def test_a_soup_that_looks_inwards_is_turned():
 
 def test_seams_of_what_moves_are_sewn_where_they_stay_together():
     vertices, faces = seamed(BALL)
-    together = Actor(Breathing(vertices, faces, 0.0), "skin").faces
+    together = MeshActor(Breathing(vertices, faces, 0.0), "skin").faces
     assert len(np.unique(together)) == len(BALL.vertices)
-    apart = Actor(Breathing(vertices, faces, 0.1), "skin").faces
+    apart = MeshActor(Breathing(vertices, faces, 0.1), "skin").faces
     np.testing.assert_array_equal(apart, faces)
 
 

@@ -5,7 +5,7 @@ import gc
 import numpy as np
 import pytest
 
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.transfer import joined, room, upload
 
 

@@ -8,8 +8,8 @@ import trimesh
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import proj3d
 
-from rfgen_sionna.show.space import Coarse, Stage, draw_space
-from rfgen_sionna.show.view import view_frame
+from rfgen_sionna.show.run_view import view_frame
+from rfgen_sionna.show.space import Coarse, PlotLimits, draw_space
 
 
 def record(mesh):
@@ -36,7 +36,7 @@ def test_a_small_mesh_stays_as_it_is():
 
 
 def test_the_stage_holds_radar_and_actors_and_left_is_left(run):
-    stage = Stage.of(run)
+    stage = PlotLimits.of(run)
     for place in (run.radar.position, *run.actors["ball"].vertices(3)):
         assert np.all(place >= stage.low)
         assert np.all(place <= stage.high)

@@ -10,7 +10,7 @@ import pytest
 
 from rfgen_sionna.dataset import RunInfo, RunWriter, open_run
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.show.view import view_frame, view_run
+from rfgen_sionna.show.run_view import view_frame, view_run
 from rfgen_sionna.show.words import summary
 
 KINDS = [

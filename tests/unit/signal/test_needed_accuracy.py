@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.accuracy import LEAST, SHARE, needed_accuracy
+from rfgen_sionna.signal.synthesis_accuracy import LEAST, SHARE, needed_accuracy
 from rfgen_sionna.simulation import Simulator
 
 
@@ -23,16 +23,18 @@ def plate():
     """It lies far aslant: its facets return thousands of times what all of it does."""
     corners = 0.15 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], float)
     pose = {"position": (2, 0, 1), "orientation": (0.858, -1.119, 1.378)}
-    return Actor.from_mesh((corners, [[0, 1, 2], [0, 2, 3]]), material="metal", name="plate", **pose)
+    return MeshActor.from_mesh((corners, [[0, 1, 2], [0, 2, 3]]), material="metal", name="plate", **pose)
 
 
 def box():
     pose = {"position": (7.8, 3.04, 2.01), "orientation": (2.89, 2.74, -2.11)}
-    return Actor.from_mesh(trimesh.creation.box((0.3, 0.2, 0.4)), material="metal", name="box", **pose)
+    return MeshActor.from_mesh(trimesh.creation.box((0.3, 0.2, 0.4)), material="metal", name="box", **pose)
 
 
 def ball():
-    return Actor.from_mesh(trimesh.creation.icosphere(3, radius=0.1), material="metal", name="ball", position=(3, 0, 1))
+    return MeshActor.from_mesh(
+        trimesh.creation.icosphere(3, radius=0.1), material="metal", name="ball", position=(3, 0, 1)
+    )
 
 
 def traced(radar, actors, rtol):

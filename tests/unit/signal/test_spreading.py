@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rfgen_sionna.scene.backend import ensure_llvm, has_cuda
+from rfgen_sionna.scene.mitsuba_backend import ensure_llvm, has_cuda
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.spreading import Lanes, single_will_do, spread
+from rfgen_sionna.signal.nufft import ChirpTable, nonuniform_fft, single_precision_suffices
+from rfgen_sionna.signal.nufft_taps import deconvolution, taps, value, width_for
 from rfgen_sionna.signal.synthesis import chosen_device
-from rfgen_sionna.signal.taps import deconvolution, taps, value, width_for
 from tests.unit.signal.test_waveforms import RADARS
 
 TERMS = {
@@ -30,7 +30,7 @@ def lanes_of(rng, paths, orders, quadratic=0.02, lanes=5):
     table[..., 3 : 3 + 2 * orders] = rng.normal(size=(2, 3, paths, 2 * orders))
     weights = rng.uniform(0, 1, (lanes, 3))
     weights /= weights.sum(axis=1, keepdims=True)
-    return Lanes(table.reshape(6, paths, -1), 3 * (np.arange(lanes) % 2), weights)
+    return ChirpTable(table.reshape(6, paths, -1), 3 * (np.arange(lanes) % 2), weights)
 
 
 def definition(lanes, orders, count):
@@ -63,7 +63,7 @@ def test_the_kernel_sums_as_it_says(kind, count, shares):
     rng = np.random.default_rng(count)
     orders = 4 if kind == "gain over the band" else 1
     lanes = lanes_of(rng, 300, orders, 0.0 if kind == "points" else 0.02)
-    found = spread(lanes, count, TERMS[kind], 12, 1e-9, "cpu", shares=shares)
+    found = nonuniform_fft(lanes, count, TERMS[kind], 12, 1e-9, "cpu", shares=shares)
     assert relative(found, definition(lanes, orders, count)) < 2e-7
 
 
@@ -78,10 +78,10 @@ def test_single_precision_costs_what_is_reckoned_with(kind, device):
     lanes = lanes_of(rng, 300, orders, 0.0 if kind == "points" else 0.02, 9)
     lanes.table[..., 0] *= 0.04
     phase, beat = lanes.table[..., 0], lanes.table[..., 1]
-    allowed = next(eps for eps in np.geomspace(1e-6, 1e-2, 200) if single_will_do(phase, beat, 256, eps))
+    allowed = next(eps for eps in np.geomspace(1e-6, 1e-2, 200) if single_precision_suffices(phase, beat, 256, eps))
     assert allowed < 3e-4
     single = replace(lanes, table=lanes.table.astype(np.float32))
-    found = spread(single, 256, TERMS[kind], 10, allowed, device)
+    found = nonuniform_fft(single, 256, TERMS[kind], 10, allowed, device)
     assert 1e-7 < relative(found, definition(lanes, orders, 256)) < 0.1 * allowed
 
 
@@ -91,12 +91,12 @@ def test_lanes_of_one_row_go_together():
     lanes = lanes_of(rng, 40, 1, 0.0, 11)
     rows = 3 * np.array([0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 1])
     lanes = replace(lanes, rows=rows)
-    assert relative(spread(lanes, 64, TERMS["points"], 12, 1e-9, "cpu"), definition(lanes, 1, 64)) < 1e-7
+    assert relative(nonuniform_fft(lanes, 64, TERMS["points"], 12, 1e-9, "cpu"), definition(lanes, 1, 64)) < 1e-7
 
 
 def test_the_same_lanes_give_the_same_bits():
     lanes = lanes_of(np.random.default_rng(1), 500, 1, lanes=64)
-    found = [spread(lanes, 64, TERMS["points"], 7, 1e-6, "cpu") for _ in range(3)]
+    found = [nonuniform_fft(lanes, 64, TERMS["points"], 7, 1e-6, "cpu") for _ in range(3)]
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], found[2])
 
@@ -142,9 +142,9 @@ def test_the_kernel_sums_alike_on_a_gpu(kind):
         pytest.fail("this test was asked for by -m gpu, but there is no CUDA device")
     orders = 4 if kind == "gain over the band" else 1
     lanes = lanes_of(np.random.default_rng(3), 3000, orders, 0.0 if kind == "points" else 0.02, 128)
-    found = [spread(lanes, 256, TERMS[kind], 10, 1e-9, "cuda") for _ in range(2)]
+    found = [nonuniform_fft(lanes, 256, TERMS[kind], 10, 1e-9, "cuda") for _ in range(2)]
     np.testing.assert_array_equal(*found)
-    assert relative(found[0], spread(lanes, 256, TERMS[kind], 10, 1e-9, "cpu")) < 1e-10
+    assert relative(found[0], nonuniform_fft(lanes, 256, TERMS[kind], 10, 1e-9, "cpu")) < 1e-10
     assert relative(found[0], definition(lanes, orders, 256)) < 1e-6
 
 

@@ -16,7 +16,7 @@ from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.furnished.finishes import surface_material
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.gains.diffuse import reflectance
@@ -61,7 +61,7 @@ def test_the_tracer_says_the_same_of_a_wall(finish: str) -> None:
         [[distance, y, 1.0 + z] for y, z in ((-half, -half), (half, -half), (half, half), (-half, half))]
     )
     smooth = replace(surface_material(finish, FREQUENCY), scattering_coefficient=0.0)
-    wall = Actor.from_mesh((corners, np.array([[0, 2, 1], [0, 3, 2]])), material=smooth)
+    wall = MeshActor.from_mesh((corners, np.array([[0, 2, 1], [0, 3, 2]])), material=smooth)
     traced = render_pir(Simulator(None, radar, [wall]).tracer, 0.0, (1, 1), 40.0, patch_wavelengths=1.0)
     place = replace(plate(distance, half, half), finishes={"far wall": finish})
     rough = surface_material(finish, FREQUENCY).scattering_coefficient ** 2

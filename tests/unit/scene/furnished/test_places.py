@@ -5,7 +5,7 @@ import pytest
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MATERIALS, Actor, SceneError
+from rfgen_sionna.scene import MATERIALS, MeshActor, SceneError
 from rfgen_sionna.scene.furnished import PLACES, furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES, scattering_coefficient
 from rfgen_sionna.simulation import Simulator
@@ -124,7 +124,7 @@ def test_a_simulation_takes_it(scenes, place):
         (1, 5, 7),
         (1, 7, 3),
     ]
-    somebody = Actor.from_mesh((np.array(box), np.array(faces)), material="skin", name="somebody")
+    somebody = MeshActor.from_mesh((np.array(box), np.array(faces)), material="skin", name="somebody")
     scene = scenes[place, 1]
     if place == "street":
         with pytest.warns(UserWarning, match="asphalt_concrete"):

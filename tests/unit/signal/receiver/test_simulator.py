@@ -8,8 +8,8 @@ import trimesh
 
 from rfgen_sionna.pipeline import generate
 from rfgen_sionna.radar import Adc, Radar
-from rfgen_sionna.scene import Actor
-from rfgen_sionna.scene.backend import has_cuda
+from rfgen_sionna.scene import MeshActor
+from rfgen_sionna.scene.mitsuba_backend import has_cuda
 from rfgen_sionna.signal import DcOffset, Leakage, Mismatch, Receiver, synthesize
 from rfgen_sionna.simulation import Simulator
 
@@ -18,7 +18,9 @@ from rfgen_sionna.simulation import Simulator
 def simulator(tiny_toml):
     radar = Radar.load(tiny_toml, position=(0, 0, 1), look_at=(3, 0, 1))
     mesh = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
-    return Simulator(None, radar, [Actor.from_mesh(mesh, material="metal", position=(3, 0, 1), name="ball")], rtol=0.01)
+    return Simulator(
+        None, radar, [MeshActor.from_mesh(mesh, material="metal", position=(3, 0, 1), name="ball")], rtol=0.01
+    )
 
 
 def test_noise_and_receiver_together(simulator):
@@ -70,7 +72,7 @@ def devices(monkeypatch):
         found.append(device)
         return synthesize(*arguments, device="cpu", **options)
 
-    monkeypatch.setattr("rfgen_sionna.echoes.synthesize", here)
+    monkeypatch.setattr("rfgen_sionna.frame_loop.synthesize", here)
     return found
 
 

@@ -8,7 +8,7 @@ import trimesh
 from scipy.integrate import quad
 from scipy.optimize import least_squares
 
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.curved.glints import Glints, matched, unit_normals
 from rfgen_sionna.tracing.curved.pairs import CLOSE, Limits, _passing, _wholes, possible
 from rfgen_sionna.tracing.curved.pieces import Halving, Pieces, stands_out
@@ -23,7 +23,7 @@ def two():
     egg = trimesh.creation.icosphere(3, 0.2)
     egg.apply_scale((1.0, 0.6, 0.8))
     rod = trimesh.creation.cylinder(radius=0.05, height=0.4, sections=32)
-    actors = [Actor.from_mesh(mesh, material="pec", name=name) for mesh, name in ((egg, "egg"), (rod, "rod"))]
+    actors = [MeshActor.from_mesh(mesh, material="pec", name=name) for mesh, name in ((egg, "egg"), (rod, "rod"))]
     return collect_surfaces(None, actors).moving, [actor.vertices(0.0) for actor in actors]
 
 
@@ -197,7 +197,7 @@ def test_places_on_two_balls_are_where_the_way_is_shortest():
     """By the pieces that are next to it, and by no other pair of those that face the source."""
     balls = [trimesh.creation.icosphere(3, 0.2) for _ in range(2)]
     middles = np.array([[0.0, 0.0, 0.0], [0.3, 0.5, 0.1]])
-    actors = [Actor.from_mesh(ball, material="pec", name=name) for ball, name in zip(balls, "ab", strict=True)]
+    actors = [MeshActor.from_mesh(ball, material="pec", name=name) for ball, name in zip(balls, "ab", strict=True)]
     surfaces = collect_surfaces(None, actors).moving
     skin = skin_of(surfaces, [ball.vertices + m for ball, m in zip(balls, middles, strict=True)])
     halving, found = Halving(skin, SOURCE, np.arange(len(skin.corners))), []

@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.materials import material
 from rfgen_sionna.tracing.gains.expansion import TANGENTS, band_nodes, tangent_weights
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
@@ -117,7 +117,7 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
     """A ball before the mmMesh array: two integrals a facet instead of nine, and the same return to the tolerance."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
-    ball = Actor.from_mesh(mesh, material="skin", position=(2, 0.4, 1.1), name="ball")
+    ball = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.4, 1.1), name="ball")
     rtol = 1e-2
     tracer = Tracer(None, radar, [ball], rtol)
     run = tracer.follow()
@@ -147,7 +147,7 @@ def test_all_pieces_of_a_facet_return_what_it_does(shape):
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     mesh = ball if shape == "ball" else trimesh.creation.box((0.02, 0.06, 0.05))
-    actor = Actor.from_mesh(mesh, material="skin", position=(2, 0.2, 1.1), orientation=(0.02, 0.01, 0), name="it")
+    actor = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.2, 1.1), orientation=(0.02, 0.01, 0), name="it")
     tracer = Tracer(None, radar, [actor], 1e-2)
     run = tracer.follow()
     tracer.trace(0.0, 0.0, run)

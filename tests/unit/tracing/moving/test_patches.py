@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import rotation_matrix
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.materials import MATERIALS
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing.moving import patches
@@ -108,7 +108,7 @@ def test_they_return_what_their_facets_do(ball, name, preset, rtol, turns, monke
     def spinning(t):
         return (1.5, -0.2 + 3.0 * t, 0.1), (2 * np.pi * turns * t, 0.0, 0.3)
 
-    actor = Actor.from_mesh(ball, material="skin", name="ball", trajectory=spinning)
+    actor = MeshActor.from_mesh(ball, material="skin", name="ball", trajectory=spinning)
     together, found = samples_of(radar, actor, rtol)
     monkeypatch.setattr(patches, "SHARE", 0.0)
     apart, wanted = samples_of(radar, actor, rtol)
@@ -127,7 +127,7 @@ def test_facets_of_rough_surfaces_stay_alone(ball, scattering, monkeypatch):
     radar = Radar.load("awr1843", "mmmesh")
     radar = replace(radar, waveform=replace(radar.waveform, num_loops=8))
     material = replace(MATERIALS["skin"], name="rough", scattering_coefficient=scattering)
-    actor = Actor.from_mesh(ball, material=material, name="ball", position=(1.5, 0, 0), velocity=(1.0, 0.5, 0))
+    actor = MeshActor.from_mesh(ball, material=material, name="ball", position=(1.5, 0, 0), velocity=(1.0, 0.5, 0))
     count, found = samples_of(radar, actor, RTOL)
     monkeypatch.setattr(patches, "SHARE", 0.0)
     assert samples_of(radar, actor, RTOL)[0] == count
@@ -137,7 +137,7 @@ def test_facets_of_rough_surfaces_stay_alone(ball, scattering, monkeypatch):
 def test_at_an_instant_each_facet_has_its_own_doppler(ball):
     """There is but a rate to go on by: that of a facet two centimetres further on a body that spins is another one."""
     radar = Radar.load("awr1843", "mmmesh")
-    actor = Actor.from_mesh(
+    actor = MeshActor.from_mesh(
         ball, material="skin", name="ball", trajectory=lambda t: ((1.5, 0.0, 0.0), (20.0 * t, 0.0, 0.0))
     )
     traced = Tracer(None, radar, [actor], RTOL)

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
-from rfgen_sionna.scene.backend import ensure_backend
+from rfgen_sionna.scene import MeshActor
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.moving import sight
 from rfgen_sionna.tracing.moving.stretch import Stretch
@@ -23,7 +23,7 @@ def ball(radius, x=0.0, inverted=False):
 
 
 def actor(mesh, name, x, speed=0.0):
-    return Actor.from_mesh(mesh, material="pec", name=name, trajectory=lambda t: (x, speed * t, 0.0))
+    return MeshActor.from_mesh(mesh, material="pec", name=name, trajectory=lambda t: (x, speed * t, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_what_is_looked_at_again_is_hidden_by_all_that_a_ray_may_come_to(radar, 
         body.update_faces(body.triangles_center[:, 0] > -0.02)
     plate = trimesh.creation.box((0.002, 0.8, 0.8)).subdivide_to_size(0.1)
     place = 0.0 if kind == "around the radar" else 1.0
-    turning = Actor.from_mesh(
+    turning = MeshActor.from_mesh(
         body, material="pec", name="body", trajectory=lambda t: ((place, 0.0, 0.0), (spin * t, 0.0, 0.0))
     )
     actors = [turning, actor(plate, "plate", 3.0)]

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import Actor
+from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.surface.smooth import smoothing
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 from rfgen_sionna.tracing.tracer import Tracer
@@ -38,7 +38,7 @@ def test_what_is_out_of_range_does_not_touch_what_is_within(mesh, far_first):
     radar = Radar.load("awr1843")
 
     def actor(distance):
-        return Actor.from_mesh(mesh, material="pec", position=(distance, 0.1, 0.0), name=f"at {distance:.0f} m")
+        return MeshActor.from_mesh(mesh, material="pec", position=(distance, 0.1, 0.0), name=f"at {distance:.0f} m")
 
     near, far = actor(3.0), actor(2.0 * radar.max_range)
     alone = Tracer(None, radar, [near], 1e-2).instant(0.0)

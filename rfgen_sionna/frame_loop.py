@@ -18,7 +18,7 @@ from rfgen_sionna.processes import in_processes
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.accuracy import needed_accuracy
+from rfgen_sionna.signal.synthesis_accuracy import needed_accuracy
 from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -28,7 +28,7 @@ RUN = 4
 """Frames one after the other that go to a process."""
 
 
-class Stretch(NamedTuple):
+class TracedFrame(NamedTuple):
     """What is traced for a frame."""
 
     begin: float
@@ -44,44 +44,44 @@ class Stretch(NamedTuple):
     """So many of the first objects stay in the world, and share one tolerance."""
 
 
-def stretches(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Callable[[float], Stretch]:
+def frame_tracer(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Callable[[float], TracedFrame]:
     """What traces frames that begin at whichever of the `times` [s], one after the other: each goes on with the facets
     of the one before."""
     moving, length = tracer.follow(), tracer.radar.waveform.frame_length
     still = sum(each.still for each in (*tracer.surfaces.static, *tracer.surfaces.moving))
     if fusion is None:
 
-        def traced(begin: float) -> Stretch:
+        def traced(begin: float) -> TracedFrame:
             found = tracer.trace(begin, begin + length, moving)
-            return Stretch(begin, (found.static,), found.changing, found.report, (), still)
+            return TracedFrame(begin, (found.static,), found.changing, found.report, (), still)
 
         return traced
     refinement = fusion.refinement(float(times[0]), float(times[-1]) + length)
 
-    def fused(begin: float) -> Stretch:
+    def fused(begin: float) -> TracedFrame:
         found = fusion.trace(begin, begin + length, moving, refinement)
-        return Stretch(begin, (), partial(tuple, found.parts), found.report, found.parts, still)
+        return TracedFrame(begin, (), partial(tuple, found.parts), found.report, found.parts, still)
 
     return fused
 
 
-def echoes(
+def frame_samples(
     radar: Radar,
-    trace: Callable[[float], Stretch],
+    trace: Callable[[float], TracedFrame],
     times: NDArray[np.float64],
     rtol: float,
     gains: NDArray[np.complex128] | None,
     device: str,
     begun: Callable[[], None],
     workers: int,
-) -> Iterator[tuple[NDArray[np.complex128], Stretch]]:
+) -> Iterator[tuple[NDArray[np.complex128], TracedFrame]]:
     """(chirp, tx, rx, sample) of each of the frames that begin at `times` [s] before the receiver, and what was traced
     for it, but for its parts.
 
     With one of `workers`, tracing goes on in the caller's thread while samples are made in another; between two frames
     nothing goes on. With more, so many processes trace and sum `RUN` frames each at a time, and go on with the facets
     of the first frame; samples are the same to the bit whatever their number. Each object's sum is right to a share of
-    `rtol` of itself (:mod:`rfgen_sionna.signal.accuracy`); `gains` and `device` are those of
+    `rtol` of itself (:mod:`rfgen_sionna.signal.synthesis_accuracy`); `gains` and `device` are those of
     :func:`rfgen_sionna.signal.synthesize`; `begun` is called when the static scene is traced, where there is one.
     """
 
@@ -93,7 +93,7 @@ def echoes(
             total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
         return total
 
-    def told(stretch: Stretch) -> Stretch:
+    def told(stretch: TracedFrame) -> TracedFrame:
         return stretch._replace(static=(), parts=tuple)
 
     first = trace(float(times[0]))
@@ -104,7 +104,7 @@ def echoes(
         still = samples(partial(tuple, first.static), 0.0, first.still)
     if workers > 1:
 
-        def of_frame(number: int) -> tuple[NDArray[np.complex128], Stretch]:
+        def of_frame(number: int) -> tuple[NDArray[np.complex128], TracedFrame]:
             stretch = trace(float(times[number]))
             return samples(stretch.parts, stretch.begin, stretch.still), told(stretch)
 
@@ -114,7 +114,7 @@ def echoes(
             yield made + still, stretch
         return
     rest, frames = map(trace, times[1:].tolist()), 0
-    now: Stretch | None = first
+    now: TracedFrame | None = first
     with ThreadPoolExecutor(1, "rfgen-samples") as other:
         while now is not None:
             summed = other.submit(samples, now.parts, now.begin, now.still)

@@ -28,7 +28,7 @@ Nearest = Callable[[Any, Any], tuple[Any, Any]]
 on the device."""
 
 
-class Targets:
+class PointVisibility:
     """Points on facets, asked for by the piece that they lie on and their barycentric coordinates there.
 
     Args:

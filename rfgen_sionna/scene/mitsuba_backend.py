@@ -4,7 +4,7 @@ On the CPU Dr.Jit compiles its kernels with the system's LLVM. With LLVM 15 and 
 any float minimum or maximum, and it refuses 14, so a library is tried once in a child process before it is used.
 Nothing here runs at import: call :func:`ensure_backend` right before the first use of Mitsuba.
 
-``python -m rfgen_sionna.scene.backend`` prints what was found and ends with 0, or with 1 and the cure.
+``python -m rfgen_sionna.scene.mitsuba_backend`` prints what was found and ends with 0, or with 1 and the cure.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Every lane of the kernel is a chirp or two of one element pair. It goes through the paths, evaluates each one's phase
 and beat frequency at the chirp's own time from B-splines, and spreads it with the taps of
-:mod:`rfgen_sionna.signal.taps` on a grid of its own; a transform of the grids follows. What changes over the ADC
+:mod:`rfgen_sionna.signal.nufft_taps` on a grid of its own; a transform of the grids follows. What changes over the ADC
 window, the small quadratic phase and the gain, goes into the taps: it takes no further transform. Where the tolerance
 allows for it all of that is done in single precision.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from rfgen_sionna._types import ComplexArray, FloatArray
-from rfgen_sionna.signal.taps import Taps, Term, deconvolution, taps
+from rfgen_sionna.signal.nufft_taps import Taps, Term, deconvolution, taps
 
 PHASE, BEAT, QUADRATIC, GAINS = 0, 1, 2, 3
 """Fields of a table: cycles at the window's middle, cycles per sample, cycles of the quadratic phase, then real and
@@ -31,19 +31,19 @@ _TOGETHER = 4
 
 
 @dataclass(frozen=True)
-class Lanes:
+class ChirpTable:
     """What the kernel runs over."""
 
     table: NDArray[np.float64] | NDArray[np.float32]
     """(row, path, field) coefficients; the fields are padded to a multiple of 4. In single precision all but the
-    weights is: see :func:`single_will_do`."""
+    weights is: see :func:`single_precision_suffices`."""
     rows: NDArray[np.intp]
     """(lane,) first row of the table that counts."""
     weights: FloatArray
     """(lane, coefficient) of that row and the next ones: a field is their weighted sum."""
 
 
-def single_will_do(phase: FloatArray, beat: FloatArray, count: int, eps: float) -> bool:
+def single_precision_suffices(phase: FloatArray, beat: FloatArray, count: int, eps: float) -> bool:
     """Whether single precision costs no more than a tenth of `eps`, with coefficients of `phase` [cycles] and of `beat`
     [cycles per sample] for `count` samples.
 
@@ -54,8 +54,8 @@ def single_will_do(phase: FloatArray, beat: FloatArray, count: int, eps: float) 
     return 0.3 * 2 * np.pi * 2.0**-24 * turns <= 0.1 * eps
 
 
-def spread(
-    lanes: Lanes,
+def nonuniform_fft(
+    lanes: ChirpTable,
     count: int,
     terms: Sequence[Term],
     width: int,
@@ -94,7 +94,7 @@ def _lead(width: int) -> int:
 
 
 def _grids(
-    lanes: Lanes, count: int, terms: Sequence[Term], width: int, eps: float, device: str, shares: int
+    lanes: ChirpTable, count: int, terms: Sequence[Term], width: int, eps: float, device: str, shares: int
 ) -> ComplexArray:
     """(lane, cell) grids of 2 count cells with a margin on both sides."""
     import drjit as dr

@@ -28,7 +28,7 @@ Pose: TypeAlias = "ArrayLike | tuple[ArrayLike, ArrayLike]"
 
 
 @dataclass(frozen=True, eq=False)
-class Actor:
+class MeshActor:
     """A mesh sequence of one material, placed and moving rigidly in the world on top of its own deformation.
 
     Raises:
@@ -92,7 +92,7 @@ class Actor:
         orientation: ArrayLike = (0.0, 0.0, 0.0),
         trajectory: Callable[[float], Any] | None = None,
         name: str | None = None,
-    ) -> Actor:
+    ) -> MeshActor:
         """A rigid actor.
 
         Args:

@@ -1,0 +1,57 @@
+"""Former public names, which warn and keep working for one version."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+def warn_renamed(old: str, new: str, *, stacklevel: int = 3) -> None:
+    """Warn that `old` is a former name, and name its successor.
+
+    Parameters
+    ----------
+    old, new
+        Names, as a user writes them.
+    stacklevel
+        As of `warnings.warn`; 3 is the line that calls the function that warns.
+    """
+    message = f"{old} is deprecated and will be removed in the next version: use {new}"
+    warnings.warn(message, DeprecationWarning, stacklevel=stacklevel)
+
+
+class Renamed:
+    """Former name of an attribute or a method of a class. Access warns and returns the attribute `new`."""
+
+    def __init__(self, new: str) -> None:
+        self._new = new
+        self._old = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._old = name
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        warn_renamed(f"{owner.__name__}.{self._old}", f"{owner.__name__}.{self._new}")
+        return getattr(owner if instance is None else instance, self._new)
+
+
+def former_names(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
+    """`__getattr__` of a module with former names.
+
+    Parameters
+    ----------
+    module
+        Its `__name__`.
+    names
+        Former name to the name that the module has now.
+    """
+
+    def get(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        warn_renamed(f"{module}.{name}", f"{module}.{names[name]}")
+        return getattr(sys.modules[module], names[name])
+
+    return get
