@@ -118,7 +118,7 @@ class Fusion:
         times, report = instants, traced.report
         if self.surroundings.moves:
             times, missed = self._tracer.knots(lambda t: [self.surroundings.points(t)], start, stop)
-            report = replace(report, between=max(report.between, missed))
+            report = replace(report, time_error=max(report.time_error, missed))
             share = np.stack([np.interp(times, instants, row) for row in share]) if len(share) else share[:, :0]
         seen, *around = mix(traced.moving, self.surroundings, times, share)
         glanced = [] if traced.glanced is None else [before(traced.glanced, self.surroundings)]
