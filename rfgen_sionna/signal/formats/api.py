@@ -82,8 +82,8 @@ def open_capture(
         gives the waveform and the elements in use.
     partial
         Read the whole frames of a capture that is truncated or contradicts itself, with a :class:`CaptureWarning`,
-        instead of refusing it; of a cascade that lacks a device, those of the others
-        (:func:`rfgen_sionna.signal.formats.cascade.read`).
+        instead of refusing it. Truncated MATLAB files are always refused. Of a cascade that lacks a device, read those
+        of the others (:func:`rfgen_sionna.signal.formats.cascade.read`).
 
     Raises
     ------

@@ -5,9 +5,8 @@ each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` 
 of chirps differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx; `tx_position`, `rx_position`
 (element, 3); `scale`; `description`, JSON with the radar in full.
 
-MATLAB counts from the first axis, so that a frame, `adc(:, :, :, :, n)`, lies in one piece; `adc` comes last. A file
-that was cut off gives its first frames: in version 7.3 those before the cut, in version 5, which has all real parts
-before the first imaginary one, those whose imaginary parts are there, too.
+MATLAB counts from the first axis, so that a frame, `adc(:, :, :, :, n)`, lies in one piece; `adc` comes last. A
+truncated file is refused.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.files import complain, data_file, need_file, staged
 from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
-from rfgen_sionna.signal.formats.matlab_parts import cut_version_5, cut_version_7_3
 from rfgen_sionna.signal.formats.sidecar import Description, describe, from_record, with_radar
 
 NAME = "matlab"
@@ -146,35 +144,27 @@ def _put(group: Any, name: str, value: str | NDArray[Any]) -> None:
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open a MATLAB file that :func:`write` made; see `open_capture`. One of version 5 is read into memory.
 
-    Of a file that was cut off `partial` reads the frames that are whole.
+    Raises
+    ------
+    CaptureFormatError
+        The file is truncated, whether or not `partial` is set, or holds something else.
     """
     data = need_file(data_file(path, STANDARD))
     with data.open("rb") as stream:
         recent = stream.read(len(_HEADER)).startswith(b"MATLAB 7.3")
-    cut = cut_version_7_3(data) if recent else cut_version_5(data)
-    stored: Any = None
-    if cut is None:
-        description, stored = _open_hdf5(data) if recent else _open_version_5(data)
-        found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
-        found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
-    else:
-        if not cut.frames or cut.description is None:
-            raise CaptureFormatError(f"{cut.message}; no frame is whole")
-        complain(cut.message, partial)
-        description, found = cut.description, (*cut.parts[0].shape[:0:-1], cut.frames)
+    description, stored = _open_hdf5(data) if recent else _open_version_5(data)
+    found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
+    found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
     known = with_radar(_described(description, data), radar, data)
     shape = frame_shape(known.radar)
     if len(found) != 5 or found[:4] != shape:
         raise CaptureFormatError(f"'{data}': adc has {found}; {', '.join(_DIMS)} = {shape} and the frames are needed")
     frames = found[4]
     if frames != known.frames:
-        if cut is None:
-            complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
+        complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
         frames = min(frames, len(known.times(frames)))
 
     def frame(number: int) -> NDArray[Any]:
-        if cut is not None:
-            return cut.frame(number).transpose(3, 2, 1, 0)
         if isinstance(stored, np.ndarray):
             return stored.reshape(found)[..., number]
         return np.ascontiguousarray(stored[number]).view(np.complex64).transpose(3, 2, 1, 0)
@@ -196,10 +186,10 @@ def _open_version_5(path: Path) -> tuple[str, Any]:
     try:
         content = loadmat(path, variable_names=["adc", "description"])
     except Exception as error:  # SciPy raises what comes: struct.error, zlib.error, TypeError, its own
-        raise CaptureFormatError(f"'{path}' is no whole MATLAB file of version 5: {error}") from error
+        raise _damaged(path, "5", error) from error
     for name in ("adc", "description"):
         if name not in content:
-            raise CaptureFormatError(f"'{path}' lacks the variable '{name}'")
+            raise _damaged(path, "5", f"it lacks the variable '{name}'")
     return str(np.ravel(content["description"])[0]), np.asarray(content["adc"])
 
 
@@ -210,4 +200,11 @@ def _open_hdf5(path: Path) -> tuple[str, Any]:
         file = h5py.File(path, "r")
         return "".join(chr(letter) for letter in file["description"][:].ravel()), file["adc"]
     except (OSError, KeyError) as error:
-        raise CaptureFormatError(f"'{path}' is no whole MATLAB file of version 7.3: {error}") from error
+        raise _damaged(path, "7.3", error) from error
+
+
+def _damaged(path: Path, version: str, reason: object) -> CaptureFormatError:
+    size = path.stat().st_size
+    return CaptureFormatError(
+        f"'{path}' ({size:,} bytes) is truncated or no MATLAB file of version {version}: {reason}"
+    )
