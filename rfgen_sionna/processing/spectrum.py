@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 from scipy.signal import CZT, get_window
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.profile_selection import axis_lengths, kept_bands, separated
 
 if TYPE_CHECKING:
@@ -283,11 +283,6 @@ def decibel(power: ArrayLike, *, floor: float = -400.0) -> FloatArray:
 def watts_to_dbm(power: ArrayLike) -> FloatArray:
     """Power in watts as dBm."""
     return decibel(power) + 30.0
-
-
-def range_of_delay(tau: ArrayLike) -> FloatArray:
-    """Range [m] of a round-trip delay [s]."""
-    return np.asarray(tau, dtype=np.float64) * (SPEED_OF_LIGHT / 2)
 
 
 def _bins(name: str, bins: int | None, least: int) -> int:

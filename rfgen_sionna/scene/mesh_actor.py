@@ -24,7 +24,6 @@ FASTEST = 0.01 * SPEED_OF_LIGHT
 _TELLING = (0.0, 0.236, 0.382, 0.618, 0.854, 1.0)
 """Shares of a sequence's length at which seams are looked at whether they stay closed; no cycle keeps step with all."""
 Vector: TypeAlias = tuple[float, float, float]
-Pose: TypeAlias = "ArrayLike | tuple[ArrayLike, ArrayLike]"
 
 
 @dataclass(frozen=True, eq=False)

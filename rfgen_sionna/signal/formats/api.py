@@ -13,7 +13,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport, CaptureWarning
 from rfgen_sionna.signal.formats.files import read_json
-from rfgen_sionna.signal.formats.frames import Scale
+from rfgen_sionna.signal.formats.frames import Scale, WriteRequest
 from rfgen_sionna.signal.formats.sidecar import SUFFIX
 
 FORMATS = ("dca1000", "cascade", "position2go", "rfgenesis", "matlab")
@@ -60,9 +60,8 @@ def write_capture(
     FileExistsError
         A file is there and `overwrite` is false.
     """
-    report: CaptureReport = _module(format).write(
-        cube, path, scale=scale, full_scale_dbm=full_scale_dbm, overwrite=overwrite, **options
-    )
+    module = _module(format)
+    report: CaptureReport = module.write(WriteRequest(cube, Path(path), scale, full_scale_dbm, overwrite), **options)
     return report
 
 

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.cascade_files import (
     DATA_NAME,
@@ -42,16 +41,14 @@ from rfgen_sionna.signal.formats.cascade_files import (
 from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import complain, staged, write_json
 from rfgen_sionna.signal.formats.frames import (
-    Scale,
+    WriteRequest,
     channel_numbers,
-    check_cube,
     complex_lsb,
     element_order,
     firing_order,
     frame_shape,
     frames_of,
     quantize,
-    resolve_scale,
 )
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, even_times, write_sidecar
 from rfgen_sionna.signal.formats.studio import read_studio, studio_config
@@ -64,16 +61,8 @@ SIDECAR = "capture" + SUFFIX
 _TIME_UNITS = (1e-6, 1e-9, 1e-3)
 
 
-def write(
-    cube: AdcCube,
-    path: str | os.PathLike[str],
-    *,
-    scale: Scale = "auto",
-    full_scale_dbm: float | None = None,
-    overwrite: bool = False,
-    max_file_size: int = MAX_FILE_SIZE,
-) -> CaptureReport:
-    """Write the files of the four devices into the folder `path`; see `write_capture`.
+def write(request: WriteRequest, *, max_file_size: int = MAX_FILE_SIZE) -> CaptureReport:
+    """Write the files of the four devices into the folder `request.path`; see `write_capture`.
 
     `max_file_size` [bytes] is where a new pair of files begins.
 
@@ -82,21 +71,20 @@ def write(
     CaptureFormatError
         The radar has not the 16 receivers of the board, or more than its 12 transmitters.
     """
-    check_cube(cube)
-    radar, frames = cube.radar, cube.data.shape[0]
+    cube, radar, frames = request.cube, request.cube.radar, request.cube.data.shape[0]
     receivers = _receivers(radar)
     loops, slots, _, samples = frame_shape(radar)
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
     per_file = max(1, max_file_size // frame_size)
     groups = [range(first, min(first + per_file, frames)) for first in range(0, frames, per_file)]
     config = studio_config(radar, frames, len(DEVICES))
-    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, FULL_SCALE)
-    folder = Path(path)
+    divisor, declared = request.resolve_scale(FULL_SCALE)
+    folder = request.path
     data = [folder / f"{name}_{group:04d}_data.bin" for group in range(len(groups)) for name in DEVICES]
     index = [folder / f"{name}_{group:04d}_idx.bin" for group in range(len(groups)) for name in DEVICES]
     paths = (*data, *index, folder / f"{folder.resolve().name}.mmwave.json", folder / SIDECAR)
     clipped = 0
-    with staged(paths, overwrite) as parts:
+    with staged(paths, request.overwrite) as parts:
         remaining = frames_of(cube)
         for number, group in enumerate(groups):
             own = slice(len(DEVICES) * number, len(DEVICES) * (number + 1))

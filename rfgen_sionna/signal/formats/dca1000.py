@@ -14,21 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import beside, data_file, need_file, staged, whole_frames, write_json
 from rfgen_sionna.signal.formats.frames import (
-    Scale,
+    WriteRequest,
     channel_numbers,
-    check_cube,
     complex_lsb,
     element_order,
     firing_order,
     frame_shape,
     frames_of,
     quantize,
-    resolve_scale,
 )
 from rfgen_sionna.signal.formats.sidecar import (
     SUFFIX,
@@ -48,15 +45,8 @@ BANDS = ((57e9, 64e9), (76e9, 81e9))
 """What the devices transmit in [Hz]."""
 
 
-def write(
-    cube: AdcCube,
-    path: str | os.PathLike[str],
-    *,
-    scale: Scale = "auto",
-    full_scale_dbm: float | None = None,
-    overwrite: bool = False,
-) -> CaptureReport:
-    """Write `path` (or `adc_data.bin` in it, where it is a folder) with its JSON files; see `write_capture`.
+def write(request: WriteRequest) -> CaptureReport:
+    """Write `request.path` (or `adc_data.bin` in it, where it is a folder) with its JSON files; see `write_capture`.
 
     Raises
     ------
@@ -64,17 +54,16 @@ def write(
         More than 3 Tx or 4 Rx, an odd number of samples, or a band that no device has: one device cannot take such
         frames.
     """
-    check_cube(cube)
-    radar = cube.radar
+    cube, radar = request.cube, request.cube.radar
     _device_band(radar)
     receivers = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     _even_samples(radar)
     config = studio_config(radar, cube.data.shape[0])
-    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, FULL_SCALE)
-    data = data_file(path, STANDARD)
+    divisor, declared = request.resolve_scale(FULL_SCALE)
+    data = data_file(request.path, STANDARD)
     paths = (data, beside(data, ".mmwave.json"), beside(data, ".setup.json"), beside(data, SUFFIX))
     clipped = 0
-    with staged(paths, overwrite) as parts:
+    with staged(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
             for frame in frames_of(cube):
                 levels, beyond = quantize(frame, divisor, FULL_SCALE)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +18,24 @@ from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 
 Scale = float | Literal["auto"] | None
+
+
+@dataclass(frozen=True)
+class WriteRequest:
+    """Arguments of :func:`~rfgen_sionna.signal.formats.write_capture` that all formats share."""
+
+    cube: AdcCube
+    path: Path
+    scale: Scale
+    full_scale_dbm: float | None
+    overwrite: bool
+
+    def __post_init__(self) -> None:
+        check_cube(self.cube)
+
+    def resolve_scale(self, full_scale: int | None) -> tuple[float, float | None]:
+        """See :func:`resolve_scale`."""
+        return resolve_scale(self.cube, self.scale, self.full_scale_dbm, full_scale)
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int, int]:

@@ -23,7 +23,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.files import complain, data_file, need_file, staged
-from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
+from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
 from rfgen_sionna.signal.formats.sidecar import Description, describe, from_record, with_radar
 
 NAME = "matlab"
@@ -45,16 +45,8 @@ _USERBLOCK = 512
 _HEADER = b"MATLAB 7.3 MAT-file, HDF5 schema 1.00 .".ljust(116) + bytes(8) + b"\x00\x02IM"
 
 
-def write(
-    cube: AdcCube,
-    path: str | os.PathLike[str],
-    *,
-    scale: Scale = "auto",
-    full_scale_dbm: float | None = None,
-    overwrite: bool = False,
-    version: Literal["auto", "5", "7.3"] = "auto",
-) -> CaptureReport:
-    """Write `path` (or `adc_data.mat` in it, where it is a folder); see `write_capture`.
+def write(request: WriteRequest, *, version: Literal["auto", "5", "7.3"] = "auto") -> CaptureReport:
+    """Write `request.path` (or `adc_data.mat` in it, where it is a folder); see `write_capture`.
 
     `version` "auto" is 5 up to 2 GB and 7.3 above.
 
@@ -63,7 +55,7 @@ def write(
     ValueError
         Version "5" is asked for and `adc` does not fit.
     """
-    check_cube(cube)
+    cube = request.cube
     if version not in ("auto", "5", "7.3"):
         raise ValueError(f"version is {version!r}; allowed: auto, 5, 7.3")
     size = 8 * int(np.prod(cube.data.shape))
@@ -71,10 +63,10 @@ def write(
         raise ValueError(
             f"version 5 holds variables of at most {MAX_VERSION_5:,} bytes; adc has {size:,}: take version 7.3"
         )
-    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, None)
+    divisor, declared = request.resolve_scale(None)
     variables = _variables(cube, declared)
-    target = data_file(path, STANDARD)
-    with staged((target,), overwrite) as (part,):
+    target = data_file(request.path, STANDARD)
+    with staged((target,), request.overwrite) as (part,):
         if version == "7.3" or size > MAX_VERSION_5:
             _write_hdf5(part, cube, divisor, variables)
         else:

@@ -20,21 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_xml
 from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, whole_frames
 from rfgen_sionna.signal.formats.frames import (
-    Scale,
+    WriteRequest,
     channel_numbers,
-    check_cube,
     complex_lsb,
     element_order,
     firing_order,
     frame_shape,
     frames_of,
     quantize,
-    resolve_scale,
 )
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
 
@@ -59,30 +56,22 @@ _NO_MATTER = ("description", "callibrationData")
 """Elements that do not say what the capture holds."""
 
 
-def write(
-    cube: AdcCube,
-    path: str | os.PathLike[str],
-    *,
-    scale: Scale = "auto",
-    full_scale_dbm: float | None = None,
-    overwrite: bool = False,
-) -> CaptureReport:
-    """Write `path` (or `position2go.raw` in it, where it is a folder) and its `.xml`; see `write_capture`.
+def write(request: WriteRequest) -> CaptureReport:
+    """Write `request.path` (or `position2go.raw` in it, where it is a folder) and its `.xml`; see `write_capture`.
 
     Raises
     ------
     CaptureFormatError
         The radar has more than one Tx: the format has no place for a second.
     """
-    check_cube(cube)
-    radar = cube.radar
+    cube, radar = request.cube, request.cube.radar
     receivers = _receivers(radar)
     loops, _, channels, samples = frame_shape(radar)
-    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, FULL_SCALE)
-    data = data_file(path, STANDARD)
+    divisor, declared = request.resolve_scale(FULL_SCALE)
+    data = data_file(request.path, STANDARD)
     paths = (data, beside(data, ".xml"), beside(data, SUFFIX))
     clipped = 0
-    with staged(paths, overwrite) as parts:
+    with staged(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
             for number, frame in enumerate(frames_of(cube)):
                 levels, beyond = quantize(frame, divisor, FULL_SCALE)

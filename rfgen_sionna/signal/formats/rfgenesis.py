@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, write_json
-from rfgen_sionna.signal.formats.frames import Scale, check_cube, frame_shape, frames_of, resolve_scale
+from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
 
 NAME = "rfgenesis"
@@ -46,28 +45,20 @@ _MEANT = frozenset(
 """Fields of the configuration that say what the capture holds."""
 
 
-def write(
-    cube: AdcCube,
-    path: str | os.PathLike[str],
-    *,
-    scale: Scale = "auto",
-    full_scale_dbm: float | None = None,
-    overwrite: bool = False,
-) -> CaptureReport:
-    """Write `path` (or `radar_frames.npy` in it, where it is a folder) and its configuration; see `write_capture`."""
-    check_cube(cube)
-    radar, frames = cube.radar, cube.data.shape[0]
+def write(request: WriteRequest) -> CaptureReport:
+    """Write `request.path` (or `radar_frames.npy` in it, where it is a folder) and its JSON; see `write_capture`."""
+    cube, radar, frames = request.cube, request.cube.radar, request.cube.data.shape[0]
     if radar.waveform.slots:
         raise CaptureFormatError(
             f"preset '{radar.preset}' has slots of its own ({radar.waveform.multiplexing}, "
             f"{len(radar.waveform.profiles)} profiles); RF Genesis knows one Tx at a time and one kind of chirp"
         )
-    divisor, declared = resolve_scale(cube, scale, full_scale_dbm, None)
+    divisor, declared = request.resolve_scale(None)
     loops, slots, channels, samples = frame_shape(radar)
     order = list(radar.waveform.tx_order)
-    data = data_file(path, STANDARD)
+    data = data_file(request.path, STANDARD)
     paths = (data, beside(data, "_config.json"), beside(data, SUFFIX))
-    with staged(paths, overwrite) as parts:
+    with staged(paths, request.overwrite) as parts:
         stored = np.lib.format.open_memmap(
             parts[0], mode="w+", dtype=np.complex128, shape=(frames, slots, channels, loops, samples)
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.random_streams import device_stream
 from rfgen_sionna.signal.receiver.fields import number_or_numbers, per_element
@@ -37,12 +37,6 @@ class IqImbalance:
         phase = np.radians(per_element("iq_imbalance.phase_deg", self.phase_deg, radar.rx_names))
         turn = np.asarray(gain * np.exp(1j * phase), dtype=np.complex128)
         return np.asarray(0.5 * (1 + np.conj(turn))), np.asarray(0.5 * (1 - turn))
-
-    def image_rejection_db(self, radar: Radar) -> FloatArray:
-        """(rx,) power of a tone over that of its image [dB]: (1 + 2 g cos p + g^2) / (1 - 2 g cos p + g^2)."""
-        direct, image = self.coefficients(radar)
-        with np.errstate(divide="ignore"):
-            return np.asarray(20 * np.log10(np.abs(direct) / np.abs(image)))
 
     def apply(self, samples: ComplexArray, radar: Radar) -> ComplexArray:
         """(chirp, tx, rx, sample) out of the mixer."""

@@ -102,10 +102,6 @@ class PhaseNoise:
         at = np.log10(np.maximum(np.abs(offset), known[0]))
         return np.asarray(10.0 ** (np.interp(at, np.log10(known), levels) / 10))
 
-    def residual_density(self, offset: FloatArray, delay: float) -> FloatArray:
-        """The same of phi(t) - phi(t - delay): 2 L(f) (1 - cos 2 pi f delay) [rad^2/Hz]."""
-        return np.asarray(self.density(offset) * 2 * (1 - np.cos(2 * math.pi * np.asarray(offset) * delay)))
-
     def draw(self, rng: np.random.Generator, chirps: int, period: float, count: int) -> ComplexArray:
         """(chirp, frequency) Fourier coefficients of phi, of frequencies m / period with m = 0 … count / 2 [rad].
 

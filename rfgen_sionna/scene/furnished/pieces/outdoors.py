@@ -285,12 +285,6 @@ def wheelie_bin(rng: np.random.Generator) -> Piece:
     return piece("dustbin", parts)
 
 
-def bollard(rng: np.random.Generator) -> Piece:
-    return piece(
-        "bollard", [lathe([(0.09, 0), (0.075, 0.1), (0.07, 0.85), (0.05, 0.95), (0.0, 0.97)], 12).of("dark metal")]
-    )
-
-
 def stone(rng: np.random.Generator) -> Piece:
     w, d, h = rng.uniform(0.35, 1.2), rng.uniform(0.3, 1.0), rng.uniform(0.25, 0.8)
     return piece("rock", [lump((w, d, 1.5 * h), rng, 0.16).at(z=0.35 * h).of("stone")])

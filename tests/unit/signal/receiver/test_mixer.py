@@ -21,7 +21,6 @@ def test_image_rejection(small, gain_db, phase_deg):
     g, p = 10 ** (gain_db / 20), np.radians(phase_deg)
     expected = 10 * np.log10((1 + 2 * g * np.cos(p) + g * g) / (1 - 2 * g * np.cos(p) + g * g))
     np.testing.assert_allclose(10 * np.log10(spectrum[..., 20] / spectrum[..., -20]), expected, atol=1e-6)
-    np.testing.assert_allclose(imbalance.image_rejection_db(radar), expected, atol=1e-9)
     # What the definition says of I and Q.
     np.testing.assert_allclose(out.real, tone.real, atol=1e-12)
     np.testing.assert_allclose(out.imag, g * (tone.imag * np.cos(p) - tone.real * np.sin(p)), atol=1e-12)
@@ -29,7 +28,9 @@ def test_image_rejection(small, gain_db, phase_deg):
 
 def test_each_receiver_may_have_its_own(small):
     radar = small()
-    rejection = IqImbalance((0.0, 0.5, 1.0, 0.0), (0.0, 0.0, 0.0, 2.0)).image_rejection_db(radar)
+    direct, image = IqImbalance((0.0, 0.5, 1.0, 0.0), (0.0, 0.0, 0.0, 2.0)).coefficients(radar)
+    with np.errstate(divide="ignore"):
+        rejection = 20 * np.log10(np.abs(direct) / np.abs(image))
     assert np.isinf(rejection[0])
     assert rejection[1] > rejection[2]
     assert rejection[3] == pytest.approx(20 * np.log10(1 / np.tan(np.radians(1.0))))
