@@ -25,7 +25,8 @@ from rfgen_sionna.tracing.integral.facet import FacetGains, Into, Nodes, by_curv
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.integral.quadratic import Slopes
-from rfgen_sionna.tracing.shadows.parallax import Edges, Parallax
+from rfgen_sionna.tracing.shadows.edges import Edges
+from rfgen_sionna.tracing.shadows.parallax import Parallax
 from rfgen_sionna.tracing.shadows.strips import beside
 from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, sums
 
@@ -248,8 +249,8 @@ class BandTracer:
         group: NDArray[np.intp],
         level: FloatArray,
     ) -> tuple[Edges, FloatArray]:
-        """The shadows' edges on `facets` that matter: :meth:`rfgen_sionna.tracing.shadows.parallax.Edges.of` and
-        :meth:`~rfgen_sionna.tracing.shadows.parallax.Edges.that_matter`, with the `group` (piece,) that pieces are of;
+        """The shadows' edges on `facets` that matter: :meth:`rfgen_sionna.tracing.shadows.edges.Edges.of` and
+        :meth:`~rfgen_sionna.tracing.shadows.edges.Edges.that_matter`, with the `group` (piece,) that pieces are of;
         and what is missed of each group."""
         wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
         found = Edges.of(facets, owner, pieces, hider, self._origin, wavenumber)

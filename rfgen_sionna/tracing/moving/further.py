@@ -17,8 +17,8 @@ from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts, GhostView
 from rfgen_sionna.tracing.ghosts.image_returns import Centroids
 from rfgen_sionna.tracing.moving.facets import Positions
-from rfgen_sionna.tracing.moving.sight import Seen
 from rfgen_sionna.tracing.moving.slab_edges import SlabEdges
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 from rfgen_sionna.tracing.veils.veils import Veiled, Veils

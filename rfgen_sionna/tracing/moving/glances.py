@@ -29,8 +29,9 @@ from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.knots import QUIET_GAPS, RIM_GAPS, Splined, spline_error
 from rfgen_sionna.tracing.moving.returns import AT_ONCE, FacetReturns, Lit
-from rfgen_sionna.tracing.moving.sight import Seen, Sight
+from rfgen_sionna.tracing.moving.sight import Sight
 from rfgen_sionna.tracing.moving.slab_edges import carried_on
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.shadows.parallax import Parallax
 from rfgen_sionna.tracing.shadows.sampling import returns_at_most
 from rfgen_sionna.tracing.surface.bend import Bend

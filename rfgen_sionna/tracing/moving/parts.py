@@ -23,8 +23,9 @@ from rfgen_sionna.tracing.moving.knots import Splined
 from rfgen_sionna.tracing.moving.own_places import OwnPlaces
 from rfgen_sionna.tracing.moving.precision import Precision
 from rfgen_sionna.tracing.moving.returns import FacetReturns
-from rfgen_sionna.tracing.moving.sight import Seen, Sight
+from rfgen_sionna.tracing.moving.sight import Sight
 from rfgen_sionna.tracing.moving.stretch import Glanced, Look, Returned, Stretch
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.shadows.horizon import near_the_horizon
 from rfgen_sionna.tracing.shadows.outlines import Passing
 from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets, facet_paths, over_time

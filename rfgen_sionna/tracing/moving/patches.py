@@ -19,7 +19,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import face_normals, lengths, middles
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.moving.knots import most_swing
-from rfgen_sionna.tracing.moving.sight import Seen
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 

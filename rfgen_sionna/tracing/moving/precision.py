@@ -17,8 +17,8 @@ from rfgen_sionna.tracing.moving.facets import MovingFacets
 from rfgen_sionna.tracing.moving.faint import LEAST_RTOL
 from rfgen_sionna.tracing.moving.further import FurtherWays
 from rfgen_sionna.tracing.moving.returns import relative_to_best
-from rfgen_sionna.tracing.moving.sight import Seen
 from rfgen_sionna.tracing.moving.stretch import Look, Stretch
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.shadows.horizon import Horizon, near_the_horizon, seen_beside
 from rfgen_sionna.tracing.surface.facets import sums
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, lots

@@ -15,8 +15,7 @@ from rfgen_sionna.scene.transfer import joined
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.phasors import phasors
-from rfgen_sionna.tracing.moving.own_places import OwnViews
-from rfgen_sionna.tracing.moving.sight import Seen
+from rfgen_sionna.tracing.moving.views import OwnViews, Seen
 from rfgen_sionna.tracing.shadows.parallax import Parallax
 from rfgen_sionna.tracing.surface.facets import Facets, sums
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.faint import BENT_MORE, FAINT_PER_RTOL, Facing, Loudness, faintest, plain, silent
-from rfgen_sionna.tracing.moving.own_places import Looked, OwnViews
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.shadows.outlines import (
     APART,
     Outline,
@@ -37,103 +37,6 @@ allowed for less to be seen of a surface than was thought."""
 _PER_FACET, _SMALL = 0.3, 0.1
 """Angle between them at a tolerance of 1 %, over the width of facets such that smaller ones make up so small a share of
 the view."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """Facets at an instant and how much of them is seen."""
-
-    facets: Facets
-    fraction: FloatArray
-    """(facet,) share of the area."""
-    weight: FloatArray
-    """(facet,) the antennas' two-way field gain towards each, over the largest; 0 for those that were not looked at, as
-    they look away, are too far or too faint."""
-    owner: NDArray[np.intp]
-    """(piece,) facet that a piece is of: what is seen of those hidden in part."""
-    pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
-    hider: FloatArray
-    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.hider`, or (piece, 16) with what slabs let
-    through there (:mod:`rfgen_sionna.tracing.moving.slab_edges`)."""
-    outline: FloatArray
-    """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
-    level: FloatArray
-    """(surface,) what the facets of its lot (:func:`rfgen_sionna.tracing.surface.surfaces.lots`) may return without
-    interfering, in units of :attr:`rfgen_sionna.tracing.shadows.sampling.Sampled.returned`."""
-    missed: FloatArray
-    """(surface,) estimated error of what those return for what is not known of shadows' edges, and for those that
-    are too faint to be looked at, relative to what they return without interfering."""
-    looked_at: int
-    rays: int
-    faint: FloatArray | float = 0.0
-    """What of `missed` (surface,) is for facets too faint to be looked at."""
-    own: OwnViews | None = None
-    """What pairs see of some facets from their own places, if they have looked."""
-
-    def of(self, chosen: NDArray[np.intp]) -> Seen:
-        """The facets that `chosen` counts out, in ascending order."""
-        place = np.minimum(np.searchsorted(chosen, self.owner), max(len(chosen) - 1, 0))
-        mine = chosen[place] == self.owner if len(chosen) else np.zeros(len(self.owner), np.bool_)
-        return replace(
-            self,
-            facets=self.facets.take(chosen),
-            fraction=self.fraction[chosen],
-            weight=self.weight[chosen],
-            owner=place[mine],
-            pieces=self.pieces[mine],
-            hider=self.hider[mine],
-            outline=self.outline[chosen],
-            own=None if self.own is None else self.own.of(chosen),
-        )
-
-    def through(self) -> NDArray[np.intp]:
-        """Surfaces on which shadows fall that let something through."""
-        slabs = (self.hider[:, 4:] != 0).any(axis=1) & (self.hider[:, 0] < 1.0)
-        return np.unique(self.facets.surface[self.owner[slabs]])
-
-    def shown(self) -> NDArray[np.bool_]:
-        """(facet,) of which something is seen, by whatever pair."""
-        found = self.fraction > 0
-        if self.own is not None:
-            found[self.own.facet] = True
-        return found
-
-    def shares(self, pairs: int) -> FloatArray:
-        """(facet,) share of the area that is seen, in the mean of so many pairs if they have looked."""
-        return self.fraction if self.own is None else self.own.shares(self.fraction, pairs)
-
-    def from_own_places(self, looked: Looked, surfaces: NDArray[np.bool_]) -> Seen:
-        """The same with what pairs see themselves of some `surfaces` (surface,), in place of strips beside shadows'
-        edges there."""
-        hider = np.where(surfaces[self.facets.surface[self.owner]][:, None], np.nan, self.hider)
-        seen = looked.missed * looked.level / np.where(self.level > 0, self.level, np.inf)
-        missed = np.where(surfaces, np.hypot(self.faint, seen), self.missed)
-        return replace(self, hider=hider, own=looked.views, missed=missed, rays=self.rays + looked.rays)
-
-    @staticmethod
-    def joined(parts: Sequence[Seen]) -> Seen:
-        """One after the other; of `level` and `missed` the least and the largest."""
-        first = np.cumsum([0, *(len(each.fraction) for each in parts)])
-        fraction, weight, pieces, hider, outline = (
-            np.concatenate([getattr(each, name) for each in parts])
-            for name in ("fraction", "weight", "pieces", "hider", "outline")
-        )
-        return Seen(
-            Facets.joined([each.facets for each in parts]),
-            fraction,
-            weight,
-            np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)]),
-            pieces,
-            hider,
-            outline,
-            np.min([each.level for each in parts], axis=0),
-            np.max([each.missed for each in parts], axis=0),
-            sum(each.looked_at for each in parts),
-            sum(each.rays for each in parts),
-            np.max([np.broadcast_to(each.faint, len(each.level)) for each in parts], axis=0),
-            _joined([each.own for each in parts], first.tolist()),
-        )
 
 
 class Sight:
@@ -412,13 +315,6 @@ class Sight:
             Passing(directions, hits[time == k], spans, first, owner[k])
             for k, (directions, spans, first) in enumerate(found)
         ]
-
-
-def _joined(parts: Sequence[OwnViews | None], first: Sequence[int]) -> OwnViews | None:
-    """Own views of facets that come one after the other, each part's from its `first` on."""
-    if all(each is None for each in parts):
-        return None
-    return OwnViews.joined([OwnViews.none() if each is None else each for each in parts], first)
 
 
 def _surrounds(points: FloatArray) -> bool:

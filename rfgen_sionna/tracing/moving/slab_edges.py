@@ -18,7 +18,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
 from rfgen_sionna.tracing.integral.slabs import NO_SLAB, transmission
-from rfgen_sionna.tracing.moving.sight import Seen
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.shadows.sampling import WIDEST
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.veils.veils import Veils
@@ -59,7 +59,7 @@ class SlabEdges:
         hider: FloatArray,
     ) -> tuple[FloatArray, int]:
         """`hider` (piece, 4) of :class:`rfgen_sionna.tracing.shadows.sampling.Sampled`, followed by what comes through
-        the slabs that cast the shadows (piece, 12): :attr:`rfgen_sionna.tracing.shadows.parallax.Edges.through`, real
+        the slabs that cast the shadows (piece, 12): :attr:`rfgen_sionna.tracing.shadows.edges.Edges.through`, real
         and imaginary parts in turn; and the number of rays sent. `owner` and `pieces` are those of the `facets` there
         as well, and `vertices` (vertex, 3) [m] those of all surfaces in the `rays`."""
         edged = np.flatnonzero(hider[:, 0] < 1.0)

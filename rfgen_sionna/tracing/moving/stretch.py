@@ -17,7 +17,7 @@ from rfgen_sionna.tracing.moving.facets import Positions
 from rfgen_sionna.tracing.moving.further import SeenFurther
 from rfgen_sionna.tracing.moving.glances import Followed
 from rfgen_sionna.tracing.moving.returns import Lit
-from rfgen_sionna.tracing.moving.sight import Seen
+from rfgen_sionna.tracing.moving.views import Seen
 from rfgen_sionna.tracing.shadows.parallax import Parallax
 from rfgen_sionna.tracing.surface.facets import Facets
 

@@ -11,6 +11,7 @@ module        what
 `sampling`    RF adaptive sampling: rays where they matter
 `visibility`  what mirrors show of facets
 `rims`        what the rims of slabs and mirrors leave of facets
+`edges`       straight pieces of shadows' edges
 `strips`      integrals over strips beside shadows' edges
 `parallax`    what each pair of elements sees of these
 ============  ===================================================

@@ -12,20 +12,15 @@ other, a pair t' as far as n, t from there to f, where one way goes through the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.tracing.shadows.edges import ASLANT, Edges
 
-if TYPE_CHECKING:
-    from rfgen_sionna.tracing.shadows.parallax import Edges
-
-ASLANT = 2.0
-"""By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
-along its plane."""
 _ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
 """Up to how many radians from one side of a strip to the other each of the next has enough points."""
 _RULES = [np.polynomial.legendre.leggauss(2**k) for k in range(len(_ACROSS) + 1)]

@@ -19,8 +19,9 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.accuracy import SAFETY, Finer, finer
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
 from rfgen_sionna.tracing.shadows.cones import Spheres, behind, spheres
+from rfgen_sionna.tracing.shadows.edges import Edges
 from rfgen_sionna.tracing.shadows.outlines import Passing, Places, static_outlines
-from rfgen_sionna.tracing.shadows.parallax import Edges, Parallax
+from rfgen_sionna.tracing.shadows.parallax import Parallax
 from rfgen_sionna.tracing.shadows.sampling import Corners, Sampled, sampled_fraction, touching
 from rfgen_sionna.tracing.static.facets import static_facets
 from rfgen_sionna.tracing.static.shadows import Shadow, cast
@@ -300,7 +301,7 @@ class StaticTrace:
 
 Beside = Callable[[RayScene, Facets, Sampled], tuple[FloatArray, int]]
 """What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
-:meth:`rfgen_sionna.tracing.shadows.parallax.Edges.of` takes it, and the number of rays sent."""
+:meth:`rfgen_sionna.tracing.shadows.edges.Edges.of` takes it, and the number of rays sent."""
 
 
 def trace_static(

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rfgen_sionna.tracing.moving.own_places import OwnPlaces, OwnViews
+from rfgen_sionna.tracing.moving.own_places import OwnPlaces
+from rfgen_sionna.tracing.moving.views import OwnViews
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
 
 

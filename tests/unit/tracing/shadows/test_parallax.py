@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.tracing.shadows.parallax import Edges
+from rfgen_sionna.tracing.shadows.edges import Edges
 from rfgen_sionna.tracing.shadows.strips import beside
 from rfgen_sionna.tracing.surface.facets import Facets
 
