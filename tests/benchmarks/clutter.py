@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.data import split_of
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.shooting import Shot, Stage
 from rfgen_sionna.processing import range_axis, range_spectrum
@@ -29,6 +28,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.simulation import Simulator
+from training.environment.pir_data import split_of
 
 FOV, PIXELS = 90.0, (64, 64)
 EDGES = np.arange(1.0, 8.0 + 0.25, 0.5)

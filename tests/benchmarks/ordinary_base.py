@@ -2,7 +2,7 @@
 
 The embedded model's network on ordinary pictures, for the examination of RF LoRA as it is used on Stable Diffusion:
 
-    python -m rfgen_sionna.generative.environment.evaluate --data DATA --out REPORT --seeds 0 --view-count 0 \\
+    python -m training.environment.evaluate --data DATA --out REPORT --seeds 0 --view-count 0 \\
         --lora-base BASE/environment.safetensors --lora-steps 250 --lora-rank 5 --lora-convolutions \\
         --lora-rate 5e-3 --lora-rate 1e-2 --lora-rate 2e-2
 
@@ -24,13 +24,12 @@ from diffusers.models.attention_processor import AttnProcessor
 from scipy.ndimage import gaussian_filter
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.forward import even_loss
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, read_model, write_model
 from rfgen_sionna.generative.environment.text import ViewFacts
-from rfgen_sionna.generative.environment.train import progress_bar
-from rfgen_sionna.generative.environment.training import diffuse
-from rfgen_sionna.generative.learning import Run, precision
+from training.console import progress_bar
+from training.environment.fits import fit_autoencoder
+from training.environment.image_training import diffuse, even_loss
+from training.learning import Run, precision
 
 _EDGE = 64
 _SMALLEST, _LARGEST = 2.0, 40.0
@@ -94,7 +93,7 @@ def main(
     recipe, own = Recipe(steps=steps, seed=seed), read_model()
     rng = np.random.default_rng([seed, 61])
     pictures = np.stack([dead_leaves(rng) for _ in range(recipe.pictures)])
-    vae = PatchAutoencoder.fit(pictures, own.shape.latents)
+    vae = fit_autoencoder(pictures, own.shape.latents)
     latents = vae.encode(torch.from_numpy(pictures).float()).latent_dist.mode()
     run = Run(own.shape.unet(), recipe, out / "checkpoint.pt", out / "log.jsonl")
     run.net.set_attn_processor(AttnProcessor())

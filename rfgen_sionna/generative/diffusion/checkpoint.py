@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,10 +18,6 @@ from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
 from rfgen_sionna.generative.diffusion.residual import Residual
 from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.text import TextEncoder
-from rfgen_sionna.generative.diffusion.understanding import vocabulary
-
-if TYPE_CHECKING:
-    from rfgen_sionna.generative.diffusion.corpus import Corpus
 
 _FORMAT = "rfgen-motion-1"
 
@@ -72,12 +68,6 @@ def write_model(path: Path, model: MotionModel) -> None:
     partial = path.with_suffix(".part")
     save_file({k: v.contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
     partial.replace(path)
-
-
-def assembled(net: DenoisingNet, text: TextEncoder, corpus: Corpus, facts: dict[str, Any]) -> MotionModel:
-    """A model from what was trained and the statistics of its training set; residuals aren't measured yet."""
-    stems = vocabulary(tuple({c for e in corpus.entries if not e.held_out for c in e.captions}))
-    return MotionModel(net, text, corpus.hands, corpus.beats, corpus.mean, corpus.scale, facts, stems)
 
 
 def read_model(path: Path) -> MotionModel:

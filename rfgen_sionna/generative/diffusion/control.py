@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS, HandBasis, encode
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, NUM_FEATURES, PARTS, HandBasis, encode
 from rfgen_sionna.generative.diffusion.post import resampled
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.motion import MEAN_ADULT
 from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import Motion
 
 ALL_PARTS = tuple(PARTS)
+SOFT = 0.5
+"""How a path is marked that is only roughly given."""
 
 
 @dataclass(frozen=True)
@@ -72,3 +74,11 @@ def hold(keeps: Sequence[Keep], hands: HandBasis, frames: int) -> tuple[FloatArr
             known[at[:, None], columns] = rows[at[:, None], columns]
             given[at, ALL_PARTS.index(part)] = 1.0
     return known, given
+
+
+def spread(given: NDArray) -> NDArray:
+    """(frame, NUM_FEATURES) where features are given, from (frame, part)."""
+    out = np.zeros((len(given), NUM_FEATURES))
+    for k, part in enumerate(ALL_PARTS):
+        out[:, list(PARTS[part])] = given[:, k : k + 1] > 0.0
+    return out

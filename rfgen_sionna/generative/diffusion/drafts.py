@@ -7,8 +7,17 @@ import torch
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
-from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
-from rfgen_sionna.generative.diffusion.features import HANDS, LOCAL, NUM_FEATURES, HandBasis, encode, recentred
+from rfgen_sionna.generative.diffusion.features import (
+    FRAME_RATE,
+    HANDS,
+    LOCAL,
+    NUM_FEATURES,
+    HandBasis,
+    arms_of,
+    encode,
+    recentred,
+    replace_parts,
+)
 from rfgen_sionna.generative.diffusion.network import PAIR, STRIDE
 from rfgen_sionna.generative.diffusion.rhythm import (
     LONGEST,
@@ -23,7 +32,6 @@ from rfgen_sionna.generative.diffusion.rhythm import (
 from rfgen_sionna.generative.diffusion.sampling import LONGEST as LONGEST_MADE
 from rfgen_sionna.generative.diffusion.sampling import Sampler, Wish, conditions_of, padded_rows
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.wording import CAPTURED_LEGS
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.actions import with_hand

@@ -7,6 +7,7 @@ hand. Rotations lose nothing; fingers are kept as far as the hand's components r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -19,6 +20,8 @@ from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion
 
+FRAME_RATE = 20.0
+"""Poses per second of everything the model sees [Hz]."""
 HAND_COMPONENTS = 6
 HAND_JOINTS = {
     side: tuple(j for j, name in enumerate(JOINT_NAMES) if j >= NUM_BODY_JOINTS and name.startswith(side))
@@ -35,7 +38,8 @@ CONTACTS = slice(PLACES.stop, PLACES.stop + 2)
 HANDS = slice(CONTACTS.stop, CONTACTS.stop + 2 * HAND_COMPONENTS)
 NUM_FEATURES = HANDS.stop
 
-_MIRROR_ROTVEC = np.array([-1.0, 1.0, -1.0])
+MIRROR_ROTVEC = np.array([-1.0, 1.0, -1.0])
+"""Factors of the components of a rotation vector in a mirror image, left for right."""
 
 
 def _columns(joints: tuple[str, ...], tracked: tuple[str, ...] = ()) -> list[int]:
@@ -87,31 +91,15 @@ class HandBasis:
         """(frame, HAND_COMPONENTS) from (frame, 15, 4) quaternions relative to the parent."""
         vectors = Rotation.from_quat(rotations.reshape(-1, 4)).as_rotvec().reshape(len(rotations), 15, 3)
         if side == "right":
-            vectors = vectors * _MIRROR_ROTVEC
+            vectors = vectors * MIRROR_ROTVEC
         return (vectors.reshape(len(rotations), 45) - self.mean) @ self.components.T
 
     def decode(self, coefficients: FloatArray, side: str) -> FloatArray:
         """(frame, 15, 3, 3) rotations relative to the parent."""
         vectors = (self.mean + coefficients @ self.components).reshape(len(coefficients), 15, 3)
         if side == "right":
-            vectors = vectors * _MIRROR_ROTVEC
+            vectors = vectors * MIRROR_ROTVEC
         return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(len(coefficients), 15, 3, 3)
-
-
-def fit_hands(relaxed: list[Motion], motions: list[Motion]) -> HandBasis:
-    """Components of the fingers of `motions`, around the mean hand of the `relaxed` ones; all have 52 joints."""
-
-    def vectors(motion: Motion) -> FloatArray:
-        rows = []
-        for side, joints in HAND_JOINTS.items():
-            v = Rotation.from_quat(motion.rotations[:, joints].reshape(-1, 4)).as_rotvec().reshape(-1, 15, 3)
-            rows.append((v * _MIRROR_ROTVEC if side == "right" else v).reshape(-1, 45))
-        return np.concatenate(rows)
-
-    mean = np.concatenate([vectors(m) for m in relaxed]).mean(axis=0)
-    spread = np.concatenate([vectors(m) for m in motions]) - mean
-    _, _, rows = np.linalg.svd(spread.T @ spread)
-    return HandBasis(mean, rows[:HAND_COMPONENTS])
 
 
 def encode(motion: Motion, hands: HandBasis) -> FloatArray:
@@ -233,3 +221,20 @@ def _swapped() -> list[int]:
 
 
 _SWAPPED = _swapped()
+
+
+def arms_of(action: str, hand: str) -> list[str]:
+    """The arms that an action of the arms uses."""
+    return {"left_arm_raised": ["left_arm"], "right_arm_raised": ["right_arm"]}.get(
+        action, [f"{hand}_arm"] if hand else ["left_arm", "right_arm"]
+    )
+
+
+def replace_parts(base: FloatArray, other: FloatArray, parts: Sequence[str]) -> FloatArray:
+    """Feature rows of `base` with the parts of the body from `other`; positions follow from the rotations."""
+    out = base.copy()
+    for part in parts:
+        out[:, list(PARTS[part])] = other[:, list(PARTS[part])]
+    places = joint_positions(out)[:, list(TRACKED)] - out[:, None, ROOT]
+    out[:, PLACES] = places.reshape(len(out), -1)
+    return out

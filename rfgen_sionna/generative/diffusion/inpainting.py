@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.batches import spread
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
+from rfgen_sionna.generative.diffusion.control import spread
 from rfgen_sionna.generative.diffusion.drafts import beat_of
 from rfgen_sionna.generative.diffusion.features import CONTACTS, PARTS, PLACES, TURN, heading, recentred, turned
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, Sampler, Wish

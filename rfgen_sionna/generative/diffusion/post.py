@@ -11,11 +11,10 @@ from scipy.interpolate import CubicSpline
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.clear_arms import clear_arms
-from rfgen_sionna.generative.diffusion.features import HandBasis, decode
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, HandBasis, decode
 from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet
 from rfgen_sionna.generative.diffusion.hands_up import hands_up
 from rfgen_sionna.generative.diffusion.over_floor import over_floor
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.within_limits import within_limits
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.records import Motion

@@ -16,19 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from scipy.fft import dct
-from scipy.ndimage import uniform_filter1d
 from torch import Tensor
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 
 DIRECTIONS = 40
 """Principal directions that are kept."""
 BANDS = 48
 """Frequencies from 0 to half the frame rate."""
-_SIGMAS = 3.0
-_FASTEST = 2.5
-"""[Hz]."""
 
 
 @dataclass(frozen=True)
@@ -41,38 +36,6 @@ class Residual:
     """(level,) ln of signal over noise power, ascending."""
     gains: FloatArray
     """(level, BANDS, DIRECTIONS) error over difference."""
-
-
-def fit_residual(
-    levels: FloatArray, shares: FloatArray, truths: FloatArray, noisy: FloatArray, guesses: FloatArray
-) -> Residual:
-    """The regression from one action's motions.
-
-    Args:
-        levels: (level,) ln of signal over noise power, ascending.
-        shares: (level,) the signal's share of the power.
-        truths: (motion, frame, feature) normalised motion.
-        noisy: (level, motion, frame, feature) with noise.
-        guesses: (level, motion, frame, feature) the network's guesses.
-    """
-    errors = truths[None] - guesses
-    rows = errors.reshape(-1, truths.shape[-1])
-    _, vectors = np.linalg.eigh(rows.T @ rows / len(rows))
-    directions = vectors[:, ::-1][:, :DIRECTIONS].T
-    seen = noisy - np.sqrt(shares)[:, None, None, None] * guesses
-    left, right = (dct(a @ directions.T, type=2, norm="ortho", axis=2) for a in (errors, seen))
-    above, below = (left * right).mean(axis=1), (right * right).mean(axis=1)
-    # neighbouring frequencies are alike: averaged over three, so that few motions are enough
-    above, below = (uniform_filter1d(a, 3, axis=1, mode="nearest") for a in (above, below))
-    gains = np.clip(above / np.maximum(below, 1e-9), 0.0, 1.0 / np.sqrt(shares)[:, None, None])
-    # what chance alone would show is taken off, and what is faster than people repeat themselves
-    chance = _SIGMAS / np.sqrt(3.0 * len(truths))
-    gains *= np.maximum(0.0, 1.0 - (chance / np.maximum(gains, 1e-6)) ** 2)
-    frequency = np.linspace(0.0, 0.5 * FRAME_RATE, truths.shape[1])
-    gains /= 1.0 + (frequency[:, None] / _FASTEST) ** 8
-    at, places = np.linspace(0.0, 1.0, BANDS), np.linspace(0.0, 1.0, truths.shape[1])
-    kept = np.stack([[np.interp(at, places, column) for column in gain.T] for gain in gains]).swapaxes(1, 2)
-    return Residual(directions, levels, kept)
 
 
 class Corrector:

@@ -139,15 +139,3 @@ def beat_rows(phase: FloatArray | None, frames: int) -> FloatArray:
     if phase is None:
         return np.zeros((frames, 3))
     return np.stack([np.cos(phase), np.sin(phase), np.ones(frames)], axis=-1)
-
-
-def rhythm_score(features: FloatArray, rate: float) -> float:
-    """Height of the autocorrelation's highest peak for lags of 0.6 to 3 s, first principal component of the joints."""
-    positions = relative_positions(features)
-    positions = positions - positions.mean(axis=0)
-    signal = positions @ principal_direction(positions)
-    last = min(int(3.0 * rate) + 1, len(signal) - 4)
-    r = autocorrelation(signal, last + 1)
-    first = int(0.6 * rate)
-    peaks = [r[k] for k in range(first, last) if r[k] >= r[k - 1] and r[k] >= r[k + 1]]
-    return float(max(peaks, default=0.0))

@@ -12,14 +12,13 @@ from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.batches import SOFT, spread
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
-from rfgen_sionna.generative.diffusion.features import CONTACTS, NUM_FEATURES, PARTS
+from rfgen_sionna.generative.diffusion.control import SOFT, spread
+from rfgen_sionna.generative.diffusion.features import CONTACTS, FRAME_RATE, NUM_FEATURES, PARTS
 from rfgen_sionna.generative.diffusion.network import PAIR, SOURCES, STRIDE, Conditions
 from rfgen_sionna.generative.diffusion.residual import Corrector
 from rfgen_sionna.generative.diffusion.schedule import log_snr, make_scheduler, signal_shares, step_at
 from rfgen_sionna.generative.diffusion.seams import eased
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.text import tokenise
 from rfgen_sionna.generative.motion import ACTIONS
 

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.features import LOCAL, PARTS, PLACES, TURN, from_six
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, LOCAL, PARTS, PLACES, TURN, from_six
 
 EASE = 0.6
 """Time in which a pose goes over from what the given one leads to, to what the model has made [s]."""

@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 from rfgen_sionna.generative.diffusion.captions import doing
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.control import Keep, hold, legs_of, on_grid
-from rfgen_sionna.generative.diffusion.corpus import arms_of, replace_parts
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, working_hand
-from rfgen_sionna.generative.diffusion.features import PARTS, recentred
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, recentred, replace_parts
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, drafted_around, moved_back
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.paths import LONGER, along, onto_way, pace, way
@@ -25,7 +24,6 @@ from rfgen_sionna.generative.diffusion.post import RATE, finish
 from rfgen_sionna.generative.diffusion.sampling import LONGEST, SHORTEST, Sampler, Wish
 from rfgen_sionna.generative.diffusion.stage import calmed, put_back, settled, turning
 from rfgen_sionna.generative.diffusion.stretches import SPARE, in_stretches
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.diffusion.threads import threads_for
 from rfgen_sionna.generative.diffusion.understanding import Understanding, left_open, meant, understand
 from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER

@@ -9,6 +9,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_fil
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import (
     CONTACTS,
+    FRAME_RATE,
     LOCAL,
     PLACES,
     TURN,
@@ -17,7 +18,6 @@ from rfgen_sionna.generative.diffusion.features import (
     joint_positions,
     turned,
 )
-from rfgen_sionna.generative.diffusion.synthesis import FRAME_RATE
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 
 _FASTEST = 9.0

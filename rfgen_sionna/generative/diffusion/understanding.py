@@ -12,7 +12,7 @@ import torch
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.text import HANDS, TextEncoder, stem, tokenise, words
 from rfgen_sionna.generative.diffusion.word_order import both_hands_named, hand_named, told_by_words
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, LOWER, OPEN_CLAUSES, PACES, SUBJECTS, UPPER
+from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, LOWER, OPEN_CLAUSES, UPPER
 from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.generative.reading import AFTERWARDS
 
@@ -104,14 +104,6 @@ class Understanding:
     def known(self) -> bool:
         """Whether the prompt is within the vocabulary."""
         return not self.warnings
-
-
-def vocabulary(captions: tuple[str, ...] = ()) -> frozenset[str]:
-    """Stems of all words of the phrase book and of these captions."""
-    texts = [*SUBJECTS, *captions, *(p for group in PACES.values() for p in group)]
-    for table in (CLAUSES, FRAGMENTS, OPEN_CLAUSES):
-        texts += [clause for clauses in table.values() for clause in clauses]
-    return _stems(texts)
 
 
 def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Understanding:
@@ -236,10 +228,10 @@ def _wordings() -> Mapping[str, frozenset[str]]:
     for named, clauses in OPEN_CLAUSES.items():
         for action in named:
             said[action] += clauses
-    return {action: _stems(texts) for action, texts in said.items()}
+    return {action: stems(texts) for action, texts in said.items()}
 
 
-def _stems(texts: Iterable[str]) -> frozenset[str]:
+def stems(texts: Iterable[str]) -> frozenset[str]:
     plain = (re.sub(r"[<>\[\]?{}]", " ", text) for text in texts)
     return frozenset(stem(word) for text in plain for word in words(text))
 

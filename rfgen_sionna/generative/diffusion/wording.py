@@ -74,25 +74,6 @@ FRAGMENTS: MappingProxyType[str, tuple[str, ...]] = MappingProxyType(
 )
 """What a negative prompt or a list of keywords says."""
 
-SUBJECTS = (
-    *("a person",) * 8,
-    *("the person", "someone", "somebody", "a man", "a woman", "a human", "an adult", "a boy", "a girl", "a child"),
-    *("he", "she", "a pedestrian", "the subject", "an old man", "a young woman", "a tall man", "one person", "a guy"),
-)
-ENDINGS = (
-    *("",) * 12,
-    *(" in front of the radar", " in a room", " in a repetitive manner", " repeatedly", " again and again"),
-    *(" facing the radar", ", facing forward", " at 3 m", " in a living room", " several times", " facing left"),
-    *(", side view", " while facing the sensor", " once", " over and over"),
-)
-PACES = MappingProxyType(
-    {
-        "slow": (" slowly", " at a slow pace", " leisurely", " very slowly", " gently"),
-        "fast": (" quickly", " fast", " rapidly", " briskly", " at a fast pace"),
-    }
-)
-"""Ways to say the speed."""
-
 UPPER = ("left_arm_raised", "right_arm_raised", "t_pose", "y_pose", "swipe_left", "swipe_right", "push", "pull",
          "circle_clockwise", "circle_counterclockwise", "click", "finger_swing")  # fmt: skip
 """Actions of the arms."""
@@ -107,4 +88,3 @@ CAPTURED_LEGS: MappingProxyType[str, str] = MappingProxyType(
 """Captured actions that leave the arms free -> how they are said plainly."""
 LOWER = ("walk", "walk_straight", "jump", "left_leg_raised", "right_leg_raised", *CAPTURED_LEGS)
 """Actions that leave the arms free for one of those."""
-JOINERS = (" while {ing}", " and {ing}", " while {ing} at the same time", ", {ing}")

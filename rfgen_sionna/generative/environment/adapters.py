@@ -13,15 +13,11 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from rfgen_sionna.generative.learning import fingerprint
+from rfgen_sionna.generative.environment.fingerprint import fingerprint
 
 FORMAT = "rfgen-lora-1"
 WEIGHT_NAME = "pytorch_lora_weights.safetensors"
 """What diffusers calls such files."""
-ATTENTION = ("to_q", "to_k", "to_v", "to_out.0")
-CONVOLUTIONS = ("conv1", "conv2", "conv_in", "conv_out")
-CODECS = ("rfgen", "authors")
-"""Conventions of the drawn images: :class:`PirCodec` and :class:`AuthorsCodec`."""
 _DOWN = re.compile(r"^(?P<layer>.+?)\.(?:lora_A|lora\.down|processor\.(?P<part>\w+)_lora\.down)(?:\.\w+)?\.weight$")
 
 
@@ -43,37 +39,6 @@ class LoraFacts:
     """Word that prompts begin with; empty where there is none."""
     weights: str = ""
     """Fingerprint of the base's U-Net; empty where it isn't known."""
-
-
-def add_lora(net: Any, rank: int, *, convolutions: bool = False, seed: int = 0) -> list[nn.Parameter]:
-    """Give `net` (a U-Net or text encoder) an untrained LoRA and freeze everything else.
-
-    Returns:
-        the parameters to train.
-    """
-    from peft import LoraConfig
-
-    torch.manual_seed(seed)
-    targets = [*ATTENTION, *(CONVOLUTIONS if convolutions else ())]
-    if hasattr(net, "text_model") or type(net).__name__.startswith("CLIPText"):
-        targets = ["q_proj", "k_proj", "v_proj", "out_proj"]
-    net.requires_grad_(False)
-    net.add_adapter(LoraConfig(r=rank, lora_alpha=rank, init_lora_weights="gaussian", target_modules=targets))
-    trained = [p for p in net.parameters() if p.requires_grad]
-    for parameter in trained:
-        parameter.data = parameter.data.float()
-    return trained
-
-
-def lora_state(net: nn.Module, prefix: str) -> dict[str, Tensor]:
-    """The LoRA's weights under the names that peft and diffusers share.
-
-    diffusers' older names exist for attention alone, and where a file mixes both, it reads peft's only.
-    """
-    from peft.utils import get_peft_model_state_dict
-
-    state = get_peft_model_state_dict(net)
-    return {f"{prefix}.{k}": v.detach().float().cpu().contiguous() for k, v in state.items()}
 
 
 def save_lora(path: Path, state: dict[str, Tensor], facts: LoraFacts) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 from diffusers import ConfigMixin, ModelMixin
 from diffusers.configuration_utils import register_to_config
@@ -16,7 +15,6 @@ from diffusers.models.autoencoders.vae import DecoderOutput
 from diffusers.models.modeling_outputs import AutoencoderKLOutput
 from torch import Tensor
 
-from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.views import PATCH
 
 
@@ -90,32 +88,3 @@ class PatchAutoencoder(ModelMixin, ConfigMixin):
     def forward(self, x: Tensor) -> Any:
         """What is left of images after encoding and decoding."""
         return self.decode(self.encode(x).latent_dist.mode())
-
-    @classmethod
-    def fit(cls, images: FloatArray, latents: int, whitening: float = 0.5) -> PatchAutoencoder:
-        """Fitted on (image, channels, row, column).
-
-        Args:
-            images: what it should be able to draw.
-            latents: components kept.
-            whitening: 0 leaves the components their own spread, 1 gives each the same. In between, what is small in
-                the image is small in the latents too: it is settled in the last steps of sampling, once the coarse is
-                known, and errors of the network cost it less.
-        """
-        channels = images.shape[1]
-        own = cls(channels, channels, latents, sample_size=images.shape[-1])
-        total, square, count = 0.0, 0.0, 0
-        for part in np.array_split(images, max(1, len(images) // 256)):
-            x = torch.nn.functional.pixel_unshuffle(torch.from_numpy(np.ascontiguousarray(part)).double(), PATCH)
-            rows = x.movedim(1, -1).reshape(-1, channels * PATCH**2).numpy()
-            total, square, count = total + rows.sum(axis=0), square + rows.T @ rows, count + len(rows)
-        mean = np.asarray(total) / count
-        values, vectors = np.linalg.eigh(np.asarray(square) / count - np.outer(mean, mean))
-        keep = np.argsort(values)[::-1][:latents]
-        spread = np.sqrt(np.maximum(values[keep], 1e-12))
-        scale = spread**whitening
-        scale *= np.sqrt(np.mean((spread / scale) ** 2))
-        own.mean.copy_(torch.from_numpy(mean))
-        own.components.copy_(torch.from_numpy(np.ascontiguousarray(vectors[:, keep])))
-        own.scale.copy_(torch.from_numpy(scale))
-        return own

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -14,18 +14,16 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.imagining import Wish, facts_of, imagine
-from rfgen_sionna.generative.environment.memory import memory_of
 from rfgen_sionna.generative.environment.model import EnvironmentModel, read_model
 from rfgen_sionna.generative.environment.rooms import Wanted
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, noise_like
+from rfgen_sionna.generative.environment.sampling import Guide, Progress, Sampler, noise_like
+from rfgen_sionna.generative.environment.torch_device import memory_of, pick_device, precision
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.generative.environment.wishes import is_empty
 from rfgen_sionna.generative.furniture import LOOSE
 from rfgen_sionna.pir.projection import Projection
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
-
-Progress = Callable[[int, int], None]
 
 FOV_DEG: dict[Projection, tuple[float, float]] = {"perspective": (15.0, 110.0), "equirectangular": (15.0, 160.0)}
 """Fields of view that the embedded model draws [degrees]; it was shown 40 … 100 in perspective, and draws narrower ones
@@ -113,33 +111,6 @@ def load_embedded(
         if own.control is not None:
             own.control.compile()
     return own
-
-
-def precision(device: str, half: bool | None) -> torch.dtype:
-    """What networks compute in on a device; None is half precision on CUDA alone."""
-    on_cuda = torch.device(device).type == "cuda"
-    if not (on_cuda if half is None else half):
-        return torch.float32
-    return torch.float16 if on_cuda else torch.bfloat16
-
-
-def pick_device(device: str | None) -> str:
-    """The device that is meant.
-
-    Raises:
-        ValueError: there is no such device here.
-    """
-    if device is None:
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    try:
-        kind = torch.device(device).type
-    except RuntimeError:
-        raise ValueError(f"device: {device!r}; 'cpu', 'cuda' or 'cuda:1' and the like are allowed") from None
-    if kind == "cuda" and not torch.cuda.is_available():
-        raise ValueError(
-            f"device: {device!r}, but PyTorch finds no CUDA device here; take 'cpu', or a CUDA build of it"
-        )
-    return device
 
 
 class EmbeddedBackend:

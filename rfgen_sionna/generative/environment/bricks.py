@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna._types import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene.furnished.scene import FurnishedScene
+    from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene
 
 _OUT_OF_WALL = 0.12
 """Openings lie this far within their walls [m], whose bricks are whole: theirs are thicker."""

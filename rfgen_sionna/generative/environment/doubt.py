@@ -9,7 +9,7 @@ decide how much of the gains is applied; both travel with the ControlNet.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,22 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.judge import Judge, train_judge, untrained
+from rfgen_sionna.generative.environment.judge import Judge, untrained
 from rfgen_sionna.generative.environment.text import ViewFacts
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from rfgen_sionna.generative.environment.corpus import Corpus
 
 COMPLETE, INCOMPLETE = 0, 1
 """The judge's classes."""
-_WIDTHS = (16, 24, 48, 64)
+WIDTHS = (16, 24, 48, 64)
 """A small judge will do: it tells 97 of 100 validation images."""
-_STEPS = 1200
-_JITTER_DB = 2.5
-"""By how much levels of whole images are changed at random in training: a place a little brighter than usual is none
-that lacks something."""
 _SHARES = np.linspace(0.0, 1.0, 51)
 _LEFT_ALONE = 0.93
 """By how much complete images may change in the mean [dB]: less than 1 dB is wanted of those that nobody has seen."""
@@ -82,24 +77,6 @@ class Doubt:
         """What a file tells."""
         if not tensors:
             return cls(share)
-        judge = untrained(2, widths=_WIDTHS)
+        judge = untrained(2, widths=WIDTHS)
         judge.net.load_state_dict(tensors)
         return cls(share, judge)
-
-
-def train_doubt(
-    pairs: Corpus, seed: int, *, steps: int = _STEPS, progress: Callable[[int, int], None] | None = None
-) -> Doubt:
-    """A judge from training pairs; `progress` is called with (step, steps).
-
-    Raises:
-        ValueError: they are no pairs.
-    """
-    incomplete = pairs.lacking
-    classes = np.repeat(np.array([COMPLETE, INCOMPLETE], np.intp), len(pairs))
-    images, views = np.concatenate([pairs.images, incomplete]), [*pairs.views, *pairs.views]
-    return Doubt(
-        judge=train_judge(
-            images, classes, views, widths=_WIDTHS, jitter_db=_JITTER_DB, seed=seed, steps=steps, progress=progress
-        )
-    )

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,26 +21,17 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.sketch import NONE
 from rfgen_sionna.generative.environment.views import PATCH
 from rfgen_sionna.pir.codec import PirCodec
-from rfgen_sionna.scene.furnished import furnished
-from rfgen_sionna.scene.furnished.finishes import FINISHES
 
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-    from rfgen_sionna.generative.environment.corpus import Corpus
     from rfgen_sionna.generative.environment.text import ViewFacts
 
 TERMS = 8
 """Of the plane: 1, ranges of brick and shell, cosine and its square, levels by range of both, whether there is a
 shell."""
-_VIEWS = 2500
-"""Training views that it is fitted to."""
-_RIDGE = 30.0
-"""Pixels' worth of doubt."""
 _ENOUGH = 20
 """Pixels of a kind that tell how bright it is."""
-_UNFINISHED = 1.0
-"""Views' worth of doubt whether the finish matters."""
-_PURE = 0.99
+PURE = 0.99
 """Share of a patch from which it counts as of one kind."""
 _LEAST_RANGE = 0.3
 """Range under which levels don't grow any more [m]."""
@@ -75,61 +65,13 @@ class Expectation:
     finishes: tuple[str, ...] = ()
     """Names of the finishes."""
 
-    @classmethod
-    def fit(cls, corpus: Corpus, kinds: int, vae: PatchAutoencoder, codec: PirCodec, seed: int = 0) -> Expectation:
-        """Least squares over training views, for as many `kinds`, of which the corpus's things are the first; kinds
-        that were hardly seen come out as the mean over all. What things are made of is known of corpora of furnished
-        places."""
-        if corpus.sketches is None:
-            raise ValueError("data: the sketches were not read")
-        some = np.random.default_rng([seed, 47]).permutation(len(corpus))[:_VIEWS]
-        some = np.sort(some).tolist()  # views of one layout follow each other
-        squares, products = np.zeros((kinds, TERMS, TERMS)), np.zeros((kinds, TERMS, 3))
-        for i in some:
-            sketch = corpus.sketches[i].astype(np.float64)
-            told = _terms(sketch, corpus.views[i], codec).reshape(-1, TERMS)
-            channels = corpus.images[i].astype(np.float64).reshape(3, -1).T
-            kind = sketch[-1].ravel().astype(np.intp)
-            for k in np.unique(kind):
-                mine = told[kind == k]
-                squares[k] += mine.T @ mine
-                products[k] += mine.T @ channels[kind == k]
-        everything = squares.sum(axis=0)
-        whole = np.linalg.solve(everything + 1e-3 * np.eye(TERMS), products.sum(axis=0))
-        doubt = _RIDGE * everything / max(everything[0, 0], 1.0) + 1e-6 * np.eye(TERMS)
-        fitted = zip(squares + doubt, products + doubt @ whole, strict=True)
-        planes = np.stack([np.linalg.solve(square, product) for square, product in fitted])
-        latents, names = vae.config.latent_channels, tuple(FINISHES)
-        none = np.zeros((kinds, latents))
-        flat = cls(planes, np.zeros((2, 1 + len(names), kinds)), none, none, names)
-        moments = np.zeros((3, 1 + len(names), kinds))
-        every = np.arange(kinds)
-        sums, counts = np.zeros((2, kinds, latents)), np.zeros((2, kinds))
-        for i in some:
-            sketch, image = corpus.sketches[i].astype(np.float32), corpus.images[i].astype(np.float32)
-            bright = flat.offsets_of(image, sketch, corpus.views[i], codec)
-            layout = None if corpus.layouts is None else int(corpus.layouts[i])
-            made_of = {} if layout is None else _finishes(corpus.names[corpus.places[i]], layout)
-            moments[:, flat.rows(made_of, corpus.things), every] += [bright != 0, bright, bright**2]
-            apart = torch.from_numpy(image - flat.image(sketch, corpus.views[i], codec, bright))[None]
-            with torch.no_grad():
-                size = (vae.encode(apart).latent_dist.mode() - vae.encode(0 * apart).latent_dist.mode())[0].square()
-            shares = _shares(sketch[-1], kinds)
-            mixed = shares.max(axis=0) < _PURE
-            for which, where in enumerate((~mixed, mixed)):
-                sums[which] += shares[:, where] @ size.numpy()[:, where].T
-                counts[which] += shares[:, where].sum(axis=1)
-        mean = sums.sum(axis=1, keepdims=True) / np.maximum(counts.sum(axis=1)[:, None, None], 1.0)
-        within, between = (sums + 2.0 * mean) / (counts[..., None] + 2.0)
-        return cls(planes, _moments(moments), within, between, names)
-
     def image(
         self, sketch: NDArray[np.floating], facts: ViewFacts, codec: PirCodec, bright: FloatArray
     ) -> NDArray[np.float32]:
         """(3, row, column) channels for a sketch (CHANNELS, row, column), with each kind brighter by `bright` (kind,),
         in the channel of energy."""
         kind = sketch[-1].astype(np.intp)
-        channels = np.einsum("rct,rctk->krc", _terms(sketch.astype(np.float64), facts, codec), self.planes[kind])
+        channels = np.einsum("rct,rctk->krc", terms(sketch.astype(np.float64), facts, codec), self.planes[kind])
         channels[0] += bright[kind]
         return channels.clip(-1.0, 1.0).astype(np.float32)
 
@@ -176,8 +118,8 @@ class Expectation:
         images = np.stack([self.image(sketch, facts, codec, own) for sketch, facts, own in told])
         variances = []
         for sketch in sketches:
-            shares = _shares(sketch[-1], len(self.within))
-            mixed = shares.max(axis=0) < _PURE
+            shares = shares_of(sketch[-1], len(self.within))
+            mixed = shares.max(axis=0) < PURE
             variances.append(np.where(mixed, *(np.tensordot(x, shares, (0, 0)) for x in (self.between, self.within))))
         device = vae.device
         with torch.no_grad():
@@ -199,23 +141,7 @@ class Expectation:
 _TABLES = ("planes", "brighter", "within", "between")
 
 
-@lru_cache(maxsize=256)
-def _finishes(place: str, layout: int) -> Mapping[str, str]:
-    """What the things of a layout are made of."""
-    return furnished(place, layout).finishes
-
-
-def _moments(sums: FloatArray) -> FloatArray:
-    """(2, 1 + finish, kind) mean and spread from (3, 1 + finish, kind) counts, sums and sums of squares; the first row
-    becomes those of all, which have their part where there is hardly any of a kind in a finish."""
-    sums[:, 0] = sums.sum(axis=1)
-    many = np.maximum(sums[0, 0], 1.0)
-    sums = sums + _UNFINISHED * np.stack([np.ones_like(many), sums[1, 0] / many, sums[2, 0] / many])[:, None]
-    mean = sums[1] / sums[0]
-    return np.stack([mean, np.sqrt(np.maximum(sums[2] / sums[0] - mean**2, 0.0))])
-
-
-def _shares(kind: NDArray[np.floating], kinds: int) -> FloatArray:
+def shares_of(kind: NDArray[np.floating], kinds: int) -> FloatArray:
     """(kind, row / PATCH, column / PATCH) share of each patch."""
     rows, columns = kind.shape[0] // PATCH, kind.shape[1] // PATCH
     patches = kind.astype(np.intp).reshape(rows, PATCH, columns, PATCH).swapaxes(1, 2).reshape(rows * columns, PATCH**2)
@@ -224,7 +150,7 @@ def _shares(kind: NDArray[np.floating], kinds: int) -> FloatArray:
     return np.moveaxis(counts / PATCH**2, -1, 0)
 
 
-def _terms(sketch: FloatArray, facts: ViewFacts, codec: PirCodec) -> FloatArray:
+def terms(sketch: FloatArray, facts: ViewFacts, codec: PirCodec) -> FloatArray:
     """(row, column, TERMS) what planes are laid through, of a sketch (CHANNELS, row, column)."""
     rows, columns = sketch.shape[1:]
     angle = facts.view((rows, columns)).solid_angles

@@ -14,9 +14,8 @@ from safetensors.torch import load_file
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.adapters import LoraError, LoraFacts, check_fits, find_lora, read_facts
-from rfgen_sionna.generative.environment.backend import Progress, precision
-from rfgen_sionna.generative.environment.memory import memory_of
-from rfgen_sionna.generative.environment.sampling import Sampler
+from rfgen_sionna.generative.environment.sampling import Progress, Sampler
+from rfgen_sionna.generative.environment.torch_device import memory_of, precision
 from rfgen_sionna.generative.environment.views import NATIVE, Known, blank
 from rfgen_sionna.pir.codec import AuthorsCodec, PirCodec
 from rfgen_sionna.pir.view import View

@@ -30,10 +30,3 @@ def signal_and_noise(steps: Tensor) -> tuple[Tensor, Tensor]:
     """(image, 1, 1, 1) factors of latents and of noise at time steps (image,)."""
     share = _SHARES.to(steps.device)[steps.long()][:, None, None, None]
     return share.sqrt(), (1.0 - share).sqrt()
-
-
-def even_loss(guess: Tensor, target: Tensor, steps: Tensor, spread: Tensor) -> Tensor:
-    """Mean square error of velocities (image, latent, row, column), weighted so that what a network draws itself counts
-    alike at all time steps (image,), and by the square of how far latents stray, `spread`."""
-    signal, noise = signal_and_noise(steps)
-    return (((signal * spread) ** 2 + noise**2) * (guess.float() - target) ** 2).mean()

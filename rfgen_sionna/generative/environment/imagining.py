@@ -62,7 +62,7 @@ def sketched(
         ModelFileError: the model reads none.
     """
     if model.expectation is None:
-        raise ModelFileError("model: it reads no sketches; train one with … environment.train")
+        raise ModelFileError("model: it reads no sketches; train one with training.environment.train")
     expected = model.expectation.of(sketches, views, bright, model.vae, model.codec)
     return replace(guide, sketch=torch.from_numpy(sketches), expected=expected)
 

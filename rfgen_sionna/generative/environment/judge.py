@@ -7,32 +7,27 @@ several views of one place are at hand, it may judge them together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.nn.functional import cross_entropy
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.geometry import view_maps
-from rfgen_sionna.generative.environment.memory import training
 from rfgen_sionna.generative.environment.text import ViewFacts, view_tokens
-from rfgen_sionna.generative.learning import precision
 from rfgen_sionna.pir.codec import PirCodec
 
 FEATURES = 48
 SIGHTS = 6
 """Numbers of a pixel that a judge looks at."""
-_ROUGH = 0.02
-"""Noise that it learns to look past."""
 WIDTHS = (32, 48, 96, 128)
 """Channels of its four stages."""
-_LEVEL, _SPREAD = -135.0, 15.0
+LEVEL_DB, SPREAD_DB = -135.0, 15.0
 """Middle and spread [dB] of levels at 1 m ..."""
-_AT_ONE_METRE = 4
+AT_ONE_METRE = 4
 """... and where they are among the numbers of a pixel."""
 
 
@@ -51,14 +46,14 @@ def sights(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirC
         reach = torch.from_numpy(np.nan_to_num(0.5 * SPEED_OF_LIGHT * arrival)).float()
         height = torch.tensor([view.height for view in some])[:, None, None] + reach * maps[:, 2]
         level = torch.from_numpy(10 * np.log10(np.maximum(energy, 1e-30))).float()
-        level = (level + 20 * torch.log10(reach.clamp(min=0.3)) - _LEVEL) / _SPREAD
+        level = (level + 20 * torch.log10(reach.clamp(min=0.3)) - LEVEL_DB) / SPREAD_DB
         behind = (maps[:, 3] - x[:, 1]).clamp(-1, 1)
         more = [(0.5 * height.clamp(-0.5, 5.0) - 0.6) * there, level * there, behind]
         parts.append(torch.cat([x, torch.stack(more, dim=1)], dim=1).half())
     return torch.cat(parts)
 
 
-class _Net(nn.Module):
+class JudgeNet(nn.Module):
     def __init__(self, classes: int, widths: Sequence[int]) -> None:
         super().__init__()
         layers: list[nn.Module] = []
@@ -81,7 +76,7 @@ class _Net(nn.Module):
 class Judge:
     """A trained judge."""
 
-    net: _Net
+    net: JudgeNet
     codec: PirCodec = field(default_factory=PirCodec)
 
     def look(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> tuple[FloatArray, FloatArray]:
@@ -109,54 +104,4 @@ class Judge:
 
 def untrained(classes: int, codec: PirCodec | None = None, widths: Sequence[int] = WIDTHS) -> Judge:
     """A judge of that many classes, such as places, before it has learnt."""
-    return Judge(_Net(classes, widths).eval().requires_grad_(False), codec or PirCodec())
-
-
-@training
-def train_judge(
-    images: NDArray[np.floating],
-    classes: NDArray[np.intp],
-    views: Sequence[ViewFacts],
-    *,
-    codec: PirCodec | None = None,
-    widths: Sequence[int] = WIDTHS,
-    jitter_db: float = 0.0,
-    seed: int = 0,
-    steps: int = 2500,
-    items: int = 48,
-    progress: Callable[[int, int], None] | None = None,
-) -> Judge:
-    """A judge from (image, 3, row, column) channels, their classes, such as places, and views.
-
-    Classes are drawn equally often. Levels of whole images are raised or lowered by up to `jitter_db`: it learns not to
-    rely on them.
-    """
-    torch.manual_seed(seed)
-    rng = np.random.default_rng([seed, 61])
-    codec = codec or PirCodec()
-    net = _Net(int(classes.max()) + 1, widths)
-    shown = sights(images, views, codec)
-    groups = [np.flatnonzero(classes == k) for k in np.unique(classes)]
-    optimiser = torch.optim.AdamW(net.parameters(), lr=1e-3, weight_decay=0.05)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, total_steps=steps)
-    for step in range(steps):
-        index = [int(rng.choice(groups[int(rng.integers(len(groups)))])) for _ in range(items)]
-        x = shown[index].float()
-        flip = torch.from_numpy(rng.integers(2, size=items) > 0)[:, None, None, None]
-        x = torch.where(flip, x.flip(-1), x)
-        x = x + _ROUGH * torch.randn(x.shape)
-        if jitter_db:
-            louder = torch.from_numpy(rng.uniform(-jitter_db, jitter_db, items)).float()[:, None, None]
-            there = shown[index][:, 2] > -2 / 3
-            x[:, 0] += there * louder * (2.0 / (codec.energy_db[1] - codec.energy_db[0]))
-            x[:, _AT_ONE_METRE] += there * louder / _SPREAD
-        with precision():
-            _, logits = net(x)
-        loss = cross_entropy(logits.float(), torch.from_numpy(classes[index]), label_smoothing=0.05)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        if progress is not None:
-            progress(step + 1, steps)
-    return Judge(net.eval().requires_grad_(False), codec)
+    return Judge(JudgeNet(classes, widths).eval().requires_grad_(False), codec or PirCodec())

@@ -9,6 +9,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 import torch
 from diffusers import ControlNetModel, UNet2DConditionModel
 from safetensors import safe_open
@@ -17,12 +18,12 @@ from safetensors.torch import save_file
 from rfgen_sionna.generative.diffusion.text import WIDTH
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.expectation import Expectation
+from rfgen_sionna.generative.environment.fingerprint import fingerprint
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import ViewUNet
 from rfgen_sionna.generative.environment.polish import Polish
 from rfgen_sionna.generative.environment.prompting import LEVEL, PromptEncoder, PromptTokenizer
 from rfgen_sionna.generative.environment.text import PlaceEncoder, ViewFacts
-from rfgen_sionna.generative.learning import fingerprint
 from rfgen_sionna.pir.codec import PirCodec
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ class EnvironmentModel:
             ModelFileError: it has no ControlNet.
         """
         if self.control is None:
-            raise ModelFileError("control: this model has no ControlNet; train one with … environment.controlnet")
+            raise ModelFileError("control: this model has no ControlNet; train one with training.environment.controlnet")
         from diffusers import StableDiffusionControlNetPipeline
 
         return _quiet(StableDiffusionControlNetPipeline(**self.parts(view), controlnet=self.control))
@@ -202,7 +203,7 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
         with as_file(files("rfgen_sionna.generative.environment") / "weights") as folder:
             return read_model(folder, control)
     file = path / BASE_FILE if path.is_dir() else path
-    header, tensors = _read(file, FORMAT, "an environment model (… environment.train makes one)")
+    header, tensors = _read(file, FORMAT, "an environment model (training.environment.train makes one)")
     shape = Shape(**_tuples(header["shape"]))
     unet = shape.unet()
     vae = PatchAutoencoder(latent_channels=shape.latents)
@@ -245,7 +246,7 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
         if (path / CONTROL_FILE).is_file():
             return read_control(path / CONTROL_FILE, unet, any_base=any_base)
         return Control(ControlNetModel.from_pretrained(path).eval().requires_grad_(False), {}, Doubt())
-    header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (… environment.controlnet makes one)")
+    header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (training.environment.controlnet makes one)")
     control = new_control(unet)
     try:
         control.load_state_dict({k: v for k, v in tensors.items() if not k.startswith(_DOUBT)})
@@ -257,7 +258,7 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
     if facts.get("base") and not any_base and facts["base"] != weights_of(unet):
         raise ModelFileError(
             f"control: {path.name} was trained on another base model: of the same shape, with other weights; take the "
-            "one beside its base, or train one for this base with … environment.controlnet"
+            "one beside its base, or train one for this base with training.environment.controlnet"
         )
     judging = {k.removeprefix(_DOUBT): v for k, v in tensors.items() if k.startswith(_DOUBT)}
     return Control(control.eval().requires_grad_(False), facts, Doubt.of(header["share"], judging))
@@ -294,3 +295,8 @@ def _read(path: Path, kind: str, what: str) -> tuple[dict[str, Any], dict[str, T
 def _quiet(pipeline: Any) -> Any:
     pipeline.set_progress_bar_config(disable=True)
     return pipeline
+
+
+def condition_of(channels: np.ndarray) -> Tensor:
+    """(image, 3, row, column) channels in −1 … 1 as a ControlNet reads them: 0 … 1."""
+    return torch.from_numpy(np.ascontiguousarray(0.5 * (channels.astype(np.float32) + 1.0)))

@@ -15,12 +15,12 @@ from scipy.ndimage import map_coordinates
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.backend import EmbeddedBackend, load_embedded
 from rfgen_sionna.generative.environment.captions import OUTDOORS
-from rfgen_sionna.generative.environment.control_training import condition_of
 from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.imagining import facts_of
-from rfgen_sionna.generative.environment.memory import memory_of
+from rfgen_sionna.generative.environment.model import condition_of
 from rfgen_sionna.generative.environment.sampling import MOST_STEPS, Guide, Sampler, draw, noise_like
+from rfgen_sionna.generative.environment.torch_device import memory_of
 from rfgen_sionna.generative.environment.views import NATIVE, PATCH, resized
 from rfgen_sionna.generative.environment.wishes import check_words
 from rfgen_sionna.generative.prompts import check_seed

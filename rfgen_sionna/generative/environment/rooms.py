@@ -17,7 +17,7 @@ from rfgen_sionna.generative.environment.shooting import NEAREST, SPACE
 from rfgen_sionna.generative.environment.sketch import Sketch, shown
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.scene.furnished import furnished
-from rfgen_sionna.scene.furnished.scene import FurnishedScene
+from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene
 
 FIRST_SEED = 1 << 40
 """Of the layouts that are imagined."""

@@ -17,8 +17,11 @@ from torch import Tensor
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.expectation import Expected
-from rfgen_sionna.generative.environment.memory import memory_of
 from rfgen_sionna.generative.environment.model import LATENT_SIZE, EnvironmentModel
+from rfgen_sionna.generative.environment.torch_device import memory_of
+
+Progress = Callable[[int, int], None]
+"""Called with (steps done, steps)."""
 
 SAMPLERS = ("ddim", "dpm", "euler")
 MOST_STEPS = 1000

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.foreign import from_y_up
+from rfgen_sionna.generative.motion.from_positions import from_y_up
 from rfgen_sionna.generative.motion.loaders import ClipError
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion

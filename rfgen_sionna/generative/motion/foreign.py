@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.from_positions import motion_from_positions
+from rfgen_sionna.generative.motion.from_positions import from_y_up
 from rfgen_sionna.generative.motion.loaders import ClipError, load_motion
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.records import Motion
@@ -26,8 +26,6 @@ _LONGER = 0.3
 """Relative standard deviation of a bone's length over time from which positions are those of no body."""
 _LYING = 0.35
 """Cosine of the pelvis' tilt under which nobody stands."""
-_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""From y up, facing z, left at +x to ours."""
 _ALLOWED = {
     ("numpy.core.multiarray", "_reconstruct"),
     ("numpy._core.multiarray", "_reconstruct"),
@@ -108,19 +106,6 @@ def positions_of_humanml(features: FloatArray) -> FloatArray:
     others = np.einsum("nij,nkj->nki", inverse, f[:, 4 : 4 + 3 * (NUM_BODY_JOINTS - 1)].reshape(len(f), -1, 3))
     others[..., [0, 2]] += root[:, None, [0, 2]]
     return np.concatenate([root[:, None], others], axis=1)
-
-
-def from_y_up(positions: FloatArray, frame_rate: float, action: str = "", prompt: str = "") -> Motion:
-    """A motion from (frame, 22, 3) positions, y up: over the origin at first, facing ahead, on the floor."""
-    from dataclasses import replace
-
-    p = np.asarray(positions, np.float64) @ _AXES.T
-    across = p[0, JOINT["left_hip"]] - p[0, JOINT["right_hip"]]
-    yaw = np.arctan2(-across[0], across[1])
-    c, s = np.cos(yaw), np.sin(yaw)
-    p = (p - [*p[0, 0, :2], 0.0]) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]).T
-    p[..., 2] -= np.percentile(p[..., 2].min(axis=1), 5.0)
-    return replace(motion_from_positions(p, frame_rate, action=action), prompt=prompt)
 
 
 def _load_npy(path: Path, index: int, action: str) -> Motion:

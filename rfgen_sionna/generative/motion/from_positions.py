@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
@@ -10,6 +12,9 @@ from rfgen_sionna.generative.motion.adult import MEAN_ADULT
 from rfgen_sionna.generative.motion.rotations import X, between, normalised, perpendicular, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS, PARENTS, SIDES, side_sign
 from rfgen_sionna.records import Motion
+
+_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""From y up, facing z, left at +x to ours."""
 
 _BENT = np.radians(20.0)
 """From this flexion on a limb's plane of bending is trusted in full; below, less and less."""
@@ -159,3 +164,14 @@ def _foot(shank: FloatArray, rest: FloatArray, direction: FloatArray, side: int)
     across = shank @ np.array([0.0, float(side), 0.0])
     m0 = perpendicular(np.array([0.0, float(side), 0.0]), rest)
     return _frames(direction, perpendicular(across, direction)) @ _frames(rest[None], m0[None]).transpose(0, 2, 1)
+
+
+def from_y_up(positions: FloatArray, frame_rate: float, action: str = "", prompt: str = "") -> Motion:
+    """A motion from (frame, 22, 3) positions, y up: over the origin at first, facing ahead, on the floor."""
+    p = np.asarray(positions, np.float64) @ _AXES.T
+    across = p[0, JOINT["left_hip"]] - p[0, JOINT["right_hip"]]
+    yaw = np.arctan2(-across[0], across[1])
+    c, s = np.cos(yaw), np.sin(yaw)
+    p = (p - [*p[0, 0, :2], 0.0]) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]).T
+    p[..., 2] -= np.percentile(p[..., 2].min(axis=1), 5.0)
+    return replace(motion_from_positions(p, frame_rate, action=action), prompt=prompt)

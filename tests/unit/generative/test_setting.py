@@ -15,7 +15,7 @@ import rfgen_sionna as rfgen
 from rfgen_sionna.generative import setting
 from rfgen_sionna.generative.prompts import PromptError, parse_environment
 from rfgen_sionna.generative.setting import IMAGE_PIXELS, Imagining, check_kind, set_up
-from rfgen_sionna.generative.surroundings import in_words
+from rfgen_sionna.generative.environment_prompt import in_words
 from rfgen_sionna.scene.furnished import FurnishedScene
 
 
@@ -197,7 +197,7 @@ def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None
     code = """
 import sys
 from rfgen_sionna.generative.setting import Imagining, set_up
-from rfgen_sionna.generative.surroundings import parse_environment
+from rfgen_sionna.generative.environment_prompt import parse_environment
 from rfgen_sionna.radar import Radar
 radar = Radar.load(sys.argv[1], position=(0, 0, 1), look_at=(3, 0, 1))
 made = set_up(parse_environment("an office"), "diffusion", radar, seed=0, imagining=Imagining(refine=False))

@@ -10,12 +10,11 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.generative.diffusion.control import on_grid
 from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, phase_of
 from rfgen_sionna.generative.diffusion.features import joint_positions, recentred
-from rfgen_sionna.generative.diffusion.metrics import foot_slide
-from rfgen_sionna.generative.diffusion.rhythm import rhythm_score
 from rfgen_sionna.generative.diffusion.sampling import CUTOFFS, Sampler, Wish
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion import MEAN_ADULT
 from rfgen_sionna.generative.motion.skeleton import JOINT
+from training.motion.motion_metrics import foot_slide, rhythm_score
 
 
 @pytest.fixture(scope="module")

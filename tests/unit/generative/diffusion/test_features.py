@@ -18,7 +18,6 @@ from rfgen_sionna.generative.diffusion.features import (
     HandBasis,
     decode,
     encode,
-    fit_hands,
     heading,
     joint_positions,
     mirrored,
@@ -26,11 +25,12 @@ from rfgen_sionna.generative.diffusion.features import (
     turned,
 )
 from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet, runs
-from rfgen_sionna.generative.diffusion.metrics import out_of_limits
 from rfgen_sionna.generative.diffusion.within_limits import within_limits
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
+from training.motion.motion_corpus import fit_hands
+from training.motion.motion_metrics import out_of_limits
 
 SOURCE = KinematicSource(20.0)
 

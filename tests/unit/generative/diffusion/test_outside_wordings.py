@@ -11,10 +11,10 @@ import logging
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.diffusion.captions import caption
-from rfgen_sionna.generative.diffusion.exam import AMBIGUOUS, OUTSIDE, PARAPHRASES
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from training.motion.exam_prompts import AMBIGUOUS, OUTSIDE, PARAPHRASES
+from training.motion.motion_captions import caption
 
 TUNED = (
     "two people shake hands",

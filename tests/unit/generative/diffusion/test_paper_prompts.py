@@ -11,10 +11,10 @@ pytest.importorskip("diffusers")
 
 from rfgen_sionna.generative.actor import Actor, motion_source
 from rfgen_sionna.generative.bodies import Rig, person
-from rfgen_sionna.generative.diffusion.exam import OUTSIDE
 from rfgen_sionna.generative.diffusion.understanding import Understanding
 from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.generative.prompts import parse_prompt
+from training.motion.exam_prompts import OUTSIDE
 
 PROMPTS = {
     "walk": ("a person walking back and forth", "a person walks back and forth in a repetitive manner"),

@@ -9,10 +9,9 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.diffusion import source as source_module
-from rfgen_sionna.generative.diffusion.checkpoint import assembled, read_model, write_model
+from rfgen_sionna.generative.diffusion.checkpoint import read_model, write_model
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
-from rfgen_sionna.generative.diffusion.corpus import Corpus
-from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS, fit_hands
+from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS
 from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.rhythm import Beat
@@ -22,6 +21,8 @@ from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.diffusion.text import TextEncoder
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource, MotionSource
 from rfgen_sionna.generative.motion.skeleton import JOINT
+from training.motion.motion_corpus import MotionCorpus, fit_hands
+from training.motion.motion_training import assembled
 
 WALK = KinematicSource(20.0)("walk", 4.0, 0)
 
@@ -32,7 +33,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> DiffusionSource:
     net = DenoisingNet(Shape(channels=(16, 24, 32)))
     hands = fit_hands([WALK], [WALK])
     rows = on_grid(WALK, hands)
-    corpus = Corpus((), hands, {"walk": Beat(0.0, 0.1, 0.02)}, rows.mean(axis=0), np.full(NUM_FEATURES, 0.05))
+    corpus = MotionCorpus((), hands, {"walk": Beat(0.0, 0.1, 0.02)}, rows.mean(axis=0), np.full(NUM_FEATURES, 0.05))
     path = tmp_path_factory.mktemp("model") / "motion.safetensors"
     write_model(path, assembled(net, TextEncoder(tuple(CLAUSES)), corpus, {"seed": 0}))
     return DiffusionSource(path, Sampler(steps=3))

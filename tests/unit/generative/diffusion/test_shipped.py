@@ -15,10 +15,8 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.bodies import Phenotype, animate, person
 from rfgen_sionna.generative.diffusion.control import Keep, on_grid
-from rfgen_sionna.generative.diffusion.exam import OUTSIDE, PARAPHRASES
 from rfgen_sionna.generative.diffusion.features import PARTS, heading, joint_positions
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
-from rfgen_sionna.generative.diffusion.metrics import foot_slide, out_of_limits
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.diffusion.threads import SMALL
@@ -26,6 +24,8 @@ from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion
+from training.motion.exam_prompts import OUTSIDE, PARAPHRASES
+from training.motion.motion_metrics import foot_slide, out_of_limits
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,14 @@ import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.bricks import Bricks, Place
-from rfgen_sionna.generative.environment.corpus import Corpus
-from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.generative.environment.text import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
+from training.environment.fits import fit_autoencoder
+from training.environment.pir_data import PLACES
+from training.environment.view_corpus import ViewCorpus
 
 
 def a_wall(distance: float, view: View, level: float = -130.0, fading: bool = True) -> Pir:
@@ -42,7 +43,7 @@ def wall() -> Callable[..., Pir]:
 
 
 @pytest.fixture(scope="session")
-def corpus() -> Corpus:
+def corpus() -> ViewCorpus:
     """Sixteen views of two places that differ in depth, and of each an incomplete one that is 6 dB weaker."""
     codec = PirCodec()
     rng = np.random.default_rng(3)
@@ -58,7 +59,7 @@ def corpus() -> Corpus:
         images.append(codec.encode(pir))
         weaker.append(codec.encode(a_wall(3.0, view, -136.0)))
         views.append(facts)
-    return Corpus(
+    return ViewCorpus(
         np.array(images, np.float16),
         np.arange(16, dtype=np.intp) % 2,
         PLACES,
@@ -71,18 +72,17 @@ def corpus() -> Corpus:
 
 
 @pytest.fixture(scope="session")
-def model(corpus: Corpus) -> Any:
+def model(corpus: ViewCorpus) -> Any:
     """A model with random weights and its ControlNet."""
     import torch
 
-    from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
     from rfgen_sionna.generative.environment.model import EnvironmentModel, Shape, new_control
     from rfgen_sionna.generative.environment.text import PlaceEncoder
 
     torch.manual_seed(0)
     shape = Shape(channels=(16, 16, 32), latents=32, heads=2)
     unet = shape.unet().eval().requires_grad_(False)
-    vae = PatchAutoencoder.fit(corpus.images.astype(np.float64), 32)
+    vae = fit_autoencoder(corpus.images.astype(np.float64), 32)
     text = PlaceEncoder(PLACES, corpus.things).eval().requires_grad_(False)
     control = new_control(unet).eval().requires_grad_(False)
     for parameter in control.controlnet_cond_embedding.conv_out.parameters():

@@ -1,4 +1,4 @@
-"""The model under diffusers' interfaces, its training and its files."""
+"""The model under diffusers' interfaces, and its files."""
 
 from __future__ import annotations
 
@@ -12,30 +12,23 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.control_training import (
-    ControlRecipe,
-    condition_of,
-    diffuse_towards,
-    train_control,
-)
-from rfgen_sionna.generative.environment.corpus import Corpus
 from rfgen_sionna.generative.environment.forward import make_scheduler
-from rfgen_sionna.generative.environment.memory import DeviceMemoryError
 from rfgen_sionna.generative.environment.model import (
     BASE_FILE,
     CONTROL_FILE,
     EnvironmentModel,
     ModelFileError,
-    Shape,
-    read_control,
+    condition_of,
     read_model,
 )
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
-from rfgen_sionna.generative.environment.text import TOKENS, ViewFacts, train_text, view_tokens
-from rfgen_sionna.generative.environment.training import Recipe, train
+from rfgen_sionna.generative.environment.text import TOKENS, ViewFacts, view_tokens
+from rfgen_sionna.generative.environment.torch_device import DeviceMemoryError
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
+from training.environment.fits import fit_autoencoder
+from training.environment.view_corpus import ViewCorpus
 
 VIEW = ViewFacts((60.0, 60.0), 1.0, 0.1, 0.3)
 STEPS = 3
@@ -64,9 +57,9 @@ def channels(pictures: np.ndarray) -> np.ndarray:
     return 2.0 * pictures.transpose(0, 3, 1, 2) - 1.0
 
 
-def test_patches_are_kept_but_for_the_components_left_out(corpus: Corpus) -> None:
+def test_patches_are_kept_but_for_the_components_left_out(corpus: ViewCorpus) -> None:
     images = torch.from_numpy(corpus.images.astype(np.float32))
-    whole, part = (PatchAutoencoder.fit(corpus.images.astype(np.float64), count) for count in (48, 8))
+    whole, part = (fit_autoencoder(corpus.images.astype(np.float64), count) for count in (48, 8))
     assert torch.abs(whole(images).sample - images).max() < 1e-4
     latents = part.encode(images).latent_dist.mode()
     assert latents.shape == (16, 8, 16, 16)
@@ -76,7 +69,7 @@ def test_patches_are_kept_but_for_the_components_left_out(corpus: Corpus) -> Non
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
-def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corpus: Corpus) -> None:
+def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corpus: ViewCorpus) -> None:
     noise = noise_like(1, model, 5)
     picture = model.text_to_image()(**settings(model), latents=noise, height=64, width=64).images
     assert np.abs(channels(picture) - ours(model)).max() < 1e-4
@@ -90,7 +83,7 @@ def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corp
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
-def test_diffusers_own_pipelines_take_words(model: EnvironmentModel, corpus: Corpus) -> None:
+def test_diffusers_own_pipelines_take_words(model: EnvironmentModel, corpus: ViewCorpus) -> None:
     """Strings, or lists of them, with negative ones, are what their embeddings are, for the view that is said."""
     noise = noise_like(2, model, 5)
     asked: dict[str, Any] = {"num_inference_steps": 2, "guidance_scale": 1.5, "output_type": "np", "latents": noise}
@@ -105,7 +98,7 @@ def test_diffusers_own_pipelines_take_words(model: EnvironmentModel, corpus: Cor
         assert pipeline("a lab", **asked).images.shape == (1, 64, 64, 3)
 
 
-def test_image_to_image_ends_at_the_image_and_known_patches_stay(model: EnvironmentModel, corpus: Corpus) -> None:
+def test_image_to_image_ends_at_the_image_and_known_patches_stay(model: EnvironmentModel, corpus: ViewCorpus) -> None:
     image = torch.from_numpy(corpus.images[:1].astype(np.float32))
     start = model.vae.encode(image).latent_dist.mode()
     kept = model.vae.decode(start).sample.clamp(-1, 1).numpy()
@@ -178,104 +171,3 @@ def test_files_of_other_kinds_are_refused(model_folder: Path, tmp_path: Path) ->
     (tmp_path / BASE_FILE).write_bytes(b"not a model at all, not a model")
     with pytest.raises(ModelFileError, match="no safetensors file"):
         read_model(tmp_path)
-
-
-def test_the_sentence_encoder_learns_what_is_named(corpus: Corpus) -> None:
-    encoder = train_text(corpus.draw, corpus.names, corpus.things, steps=40, batch=24)
-    assert encoder.place_of("a living room with a sofa")[0] == "living room"
-    assert encoder.place_of("bedroom, a lamp")[0] == "bedroom"
-
-
-def test_training_goes_on_where_it_was_stopped(model: EnvironmentModel, corpus: Corpus, tmp_path: Path) -> None:
-    class Stop(Exception):  # noqa: N818 - no error
-        pass
-
-    def stop(step: int, *_: Any) -> None:
-        if step == 3:
-            raise Stop
-
-    def run(out: Path, progress: Any = None, seed: int = 0) -> Any:
-        recipe = Recipe(steps=4, items=2, seed=seed, later="bedroom", later_from=1)
-        train(corpus, model.vae, model.text, out, recipe, shape=model.shape, save_every=1, progress=progress)
-        return torch.load(out / "checkpoint.pt", weights_only=True)
-
-    with pytest.raises(Stop):
-        run(tmp_path / "stopped", stop)
-    assert torch.load(tmp_path / "stopped" / "checkpoint.pt", weights_only=True)["step"] == 2
-    with pytest.raises(ValueError, match="use another folder"):
-        run(tmp_path / "stopped", seed=1)
-    gone_on, whole = run(tmp_path / "stopped"), run(tmp_path / "whole")
-    for part in ("net", "mean"):
-        assert all(torch.equal(v, whole[part][k]) for k, v in gone_on[part].items())
-    assert (tmp_path / "whole" / "without-later.safetensors").is_file()
-    assert read_model(tmp_path / "whole").facts["steps"] == 4
-
-
-def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corpus: Corpus, tmp_path: Path) -> None:
-    base = read_model(_written(model, tmp_path / "base"))
-    before = {k: v.clone() for k, v in base.unet.state_dict().items()}
-    path = train_control(corpus, base, tmp_path / "out", ControlRecipe(steps=2, items=2))
-    assert all(torch.equal(v, before[k]) for k, v in base.unet.state_dict().items())
-    own = read_model(tmp_path / "base", path)
-    assert own.control_facts["steps"] == 2
-    assert len(own.control_facts["spread"]) == model.shape.latents
-    assert any(float(b.weight.abs().max()) > 0 for b in own.control.controlnet_down_blocks), "zero convolutions moved"
-    shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
-    other = _written(replace(model, shape=shape, unet=shape.unet()), tmp_path / "other")
-    with pytest.raises(ModelFileError, match="another base model"):
-        read_model(other, path)
-    torch.manual_seed(5)
-    twin = replace(model, unet=model.shape.unet())
-    with pytest.raises(ModelFileError, match=r"same shape, with other weights; take the one beside its base"):
-        read_model(_written(twin, tmp_path / "twin"), path)
-    with pytest.raises(ModelFileError, match="other weights"):
-        PathDiffusion(tmp_path / "twin", path)
-    begun = read_control(path, twin.unet, any_base=True).net
-    assert all(torch.equal(v, own.control.state_dict()[k]) for k, v in begun.state_dict().items())
-    with pytest.raises(ValueError, match="use another folder"):  # what was trained on one base goes on with no other
-        train_control(corpus, twin, tmp_path / "out", ControlRecipe(steps=3, items=2))
-    with pytest.raises(ValueError, match="pairs"):
-        train_control(replace(corpus, incomplete=None), base, tmp_path / "none", ControlRecipe(steps=1))
-
-
-def test_training_begins_with_what_a_trained_model_knows(
-    model: EnvironmentModel, corpus: Corpus, tmp_path: Path
-) -> None:
-    gently = {"steps": 1, "items": 2, "rate": 1e-9}
-    path = train(
-        corpus,
-        model.vae,
-        model.text,
-        tmp_path,
-        Recipe(**gently),
-        shape=model.shape,
-        start=model,  # type: ignore[arg-type]
-    )
-    went_on, before = read_model(path), model.unet.state_dict()
-    for name, value in went_on.unet.state_dict().items():
-        if name != "spread":  # measured on the views
-            torch.testing.assert_close(value, before[name], atol=1e-4, rtol=1e-3)  # kept in half precision
-    assert went_on.facts["start"] == model.facts
-    control = train_control(corpus, went_on, tmp_path, ControlRecipe(**gently), start=model.control)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="use another folder"):  # what was begun with one start goes on with no other
-        train_control(corpus, went_on, tmp_path, ControlRecipe(**gently))  # type: ignore[arg-type]
-    kept = read_model(path, control).control.state_dict()
-    for name, value in model.control.state_dict().items():
-        torch.testing.assert_close(kept[name], value, atol=1e-4, rtol=1e-3)
-
-
-def _written(model: EnvironmentModel, folder: Path) -> Path:
-    from rfgen_sionna.generative.environment.model import write_model
-
-    write_model(folder / BASE_FILE, model)
-    return folder
-
-
-def test_noise_on_the_incomplete_image_leads_to_the_complete_one() -> None:
-    rng = torch.Generator().manual_seed(0)
-    clean, start = torch.randn(2, 6, 4, 8, 8, generator=rng)
-    started = torch.tensor([True, False] * 3)
-    noisy, steps, velocity = diffuse_towards(clean, start, started, rng)
-    share = make_scheduler().alphas_cumprod[steps][:, None, None, None]
-    assert torch.allclose(share.sqrt() * noisy - (1 - share).sqrt() * velocity, clean, atol=1e-4)
-    assert int(steps[started].min()) >= 350

@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.environment.corpus import Corpus
-from rfgen_sionna.generative.environment.doubt import Doubt, train_doubt
+from rfgen_sionna.generative.environment.doubt import Doubt
 from rfgen_sionna.generative.environment.model import CONTROL_FILE, EnvironmentModel, read_control, write_control
-from rfgen_sionna.generative.environment.path_evaluation import pir_of
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
+from training.environment.judge_training import train_doubt
+from training.environment.path_evaluation import pir_of
+from training.environment.view_corpus import ViewCorpus
 
 VIEW = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
@@ -139,7 +140,7 @@ def test_images_of_the_wrong_range_are_refused(
         refiner.refine(frames[0], "a bedroom", seed=-1)
 
 
-def test_images_that_lack_nothing_are_left_alone(refiner: PathDiffusion, mixed: Pir, corpus: Corpus) -> None:
+def test_images_that_lack_nothing_are_left_alone(refiner: PathDiffusion, mixed: Pir, corpus: ViewCorpus) -> None:
     """A judge that has learnt what incomplete images look like decides how much of the gains is applied."""
     doubt = train_doubt(corpus, 0, steps=60)
     chances = np.stack([doubt.chances(images, corpus.views) for images in (corpus.images, corpus.lacking)])
@@ -171,7 +172,7 @@ def test_gains_that_scatter_are_shrunk_and_complete_images_hold_them_down() -> N
 
 
 def test_what_is_known_of_completeness_travels_with_the_control_net(
-    model: EnvironmentModel, corpus: Corpus, tmp_path: Path
+    model: EnvironmentModel, corpus: ViewCorpus, tmp_path: Path
 ) -> None:
     doubt = replace(train_doubt(corpus, 0, steps=2), share=0.625)
     write_control(tmp_path / CONTROL_FILE, model.control, {}, doubt)

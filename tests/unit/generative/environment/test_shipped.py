@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.generative.environment.data import PLACES
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.metrics import Physical
 from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model, weights_of
-from rfgen_sionna.generative.environment.path_evaluation import energy_error
 from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.shards import Settings, render_layout
 from rfgen_sionna.records import Pir
+from training.environment.image_metrics import Physical
+from training.environment.path_evaluation import energy_error
+from training.environment.pir_data import PLACES
+from training.environment.shards import Settings, render_layout
 
 WEIGHTS = files("rfgen_sionna.generative.environment") / "weights"
 

@@ -13,18 +13,13 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment import rooms
 from rfgen_sionna.generative.environment.bricks import Bricks, Place, built
-from rfgen_sionna.generative.environment.corpus import Corpus
-from rfgen_sionna.generative.environment.data import PLACES, PirData
-from rfgen_sionna.generative.environment.expectation import Expectation, Expected
+from rfgen_sionna.generative.environment.expectation import Expected
 from rfgen_sionna.generative.environment.forward import make_scheduler
 from rfgen_sionna.generative.environment.geometry import KINDS
 from rfgen_sionna.generative.environment.imagining import Wish, imagine, sketched
 from rfgen_sionna.generative.environment.model import EnvironmentModel, ModelFileError, read_model
-from rfgen_sionna.generative.environment.render import render
 from rfgen_sionna.generative.environment.rooms import FIRST_SEED, Wanted, choose_room
 from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
-from rfgen_sionna.generative.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
-from rfgen_sionna.generative.environment.shards import Settings
 from rfgen_sionna.generative.environment.shooting import Shot, Stage, choose_shot
 from rfgen_sionna.generative.environment.sketch import CHANNELS, mirrored, no_sketch, shown
 from rfgen_sionna.generative.environment.text import ViewFacts
@@ -35,6 +30,12 @@ from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
 from rfgen_sionna.scene.furnished.piece import corners, legs
 from rfgen_sionna.scene.furnished.shapes import block, joined, leaves, tube
+from training.environment.fits import fit_expectation
+from training.environment.pir_data import PLACES, PirData
+from training.environment.render import render
+from training.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
+from training.environment.shards import Settings
+from training.environment.view_corpus import ViewCorpus
 
 CODEC = PirCodec()
 AHEAD = View((32, 32), (70.0, 70.0), (0.0, 0.0, 1.0), (0.0, 0.1, 0.0))
@@ -165,13 +166,13 @@ def test_the_mirror_image_of_a_sketch_is_that_of_the_mirrored_place() -> None:
 
 
 @pytest.fixture(scope="module")
-def reader(model: EnvironmentModel, corpus: Corpus) -> EnvironmentModel:
+def reader(model: EnvironmentModel, corpus: ViewCorpus) -> EnvironmentModel:
     """A model that expects what the corpus of walls has taught it, and whose network says nothing."""
     unet = deepcopy(model.unet)
     for parameter in unet.conv_out.parameters():
         torch.nn.init.zeros_(parameter)
     unet.spread.fill_(1.3)
-    return replace(model, unet=unet, expectation=Expectation.fit(corpus, KINDS, model.vae, CODEC))
+    return replace(model, unet=unet, expectation=fit_expectation(corpus, KINDS, model.vae, CODEC))
 
 
 def a_wall(distance: float, facts: ViewFacts) -> tuple[np.ndarray, np.ndarray]:
@@ -201,7 +202,7 @@ def test_what_is_expected_of_a_wall_is_a_wall(reader: EnvironmentModel) -> None:
         reader.expectation.of(no_sketch(1, 64, 64), [facts], [plain], reader.vae, CODEC)
 
 
-def test_how_bright_a_thing_is_comes_from_its_finish_and_the_seed(reader: EnvironmentModel, corpus: Corpus) -> None:
+def test_how_bright_a_thing_is_comes_from_its_finish_and_the_seed(reader: EnvironmentModel, corpus: ViewCorpus) -> None:
     assert reader.expectation is not None
     table = np.stack([np.full((3, KINDS), 0.1), np.full((3, KINDS), 0.05)])
     table[0, 2] = -0.4
@@ -244,7 +245,7 @@ def test_walls_are_as_bright_as_what_they_are_made_of() -> None:
 
 
 def test_a_network_that_says_nothing_draws_a_normal_distribution_about_what_is_expected(
-    reader: EnvironmentModel, corpus: Corpus
+    reader: EnvironmentModel, corpus: ViewCorpus
 ) -> None:
     """Closed form: of noise e comes m + s e with a sketch, and s e without one, whatever the words and the guidance."""
     facts = [corpus.views[0]]
@@ -265,7 +266,7 @@ def test_a_network_that_says_nothing_draws_a_normal_distribution_about_what_is_e
         assert np.abs(drawn - expected).mean() < 0.02 * np.abs(expected).mean() + 0.01
 
 
-def test_a_sketch_needs_a_model_that_reads_them(model: EnvironmentModel, corpus: Corpus) -> None:
+def test_a_sketch_needs_a_model_that_reads_them(model: EnvironmentModel, corpus: ViewCorpus) -> None:
     facts = corpus.views[:1]
     with pytest.raises(ModelFileError, match="reads no sketches"):
         sketched(model, Guide(), a_wall(4.0, facts[0])[0], facts, [np.zeros(KINDS)])

@@ -20,8 +20,7 @@ from rfgen_sionna.generative.environment.backend import (
     UnknownWordsWarning,
 )
 from rfgen_sionna.generative.environment.bricks import Place
-from rfgen_sionna.generative.environment.captions import NAMES, USUAL, article, caption
-from rfgen_sionna.generative.environment.data import PLACES
+from rfgen_sionna.generative.environment.captions import NAMES, article
 from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.refine import PathDiffusion
@@ -32,6 +31,8 @@ from rfgen_sionna.generative.furniture import LOOSE, OTHER_NAMES, SEVERAL
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
+from training.environment.pir_data import PLACES
+from training.environment.place_captions import USUAL, caption
 
 AHEAD = View((32, 32), (90.0, 90.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 NOUNS = sorted({noun for nouns in USUAL.values() for noun in nouns})

@@ -1,0 +1,1 @@
+"""Training and evaluation of the generative models: run from the checkout, not part of the wheel. See README.md."""

@@ -1,0 +1,1 @@
+"""Training set, training and evaluation of the motion model."""
