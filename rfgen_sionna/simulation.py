@@ -46,9 +46,10 @@ from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.signal import Receiver, receive
 from rfgen_sionna.signal.checks import LATEST
 from rfgen_sionna.signal.synthesis import chosen_device
+from rfgen_sionna.tracing.max_bounces import check_max_bounces
 from rfgen_sionna.tracing.relative import seen_from
 from rfgen_sionna.tracing.report import TraceReport
-from rfgen_sionna.tracing.tracer import Tracer, check_max_bounces
+from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
@@ -96,22 +97,19 @@ class Simulator:
     seed
         Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
     max_bounces
-        Most surfaces on a path: 1 is direct returns alone; 2 adds the ghosts that flat walls, floors and furniture
-        make of actors on the way there or back, and what bent surfaces show of one another, limbs of the trunk; 3 adds
-        ghosts both ways, by the same wall or by two, and by two walls one after the other before or after an actor.
-        None is 3. What is weaker than `rtol` is left out.
+        Most surfaces on a path: 1 has direct returns alone; 2 adds images of actors in flat walls, floors and furniture
+        on the way there or back, and specular double bounces between bent surfaces; 3 adds images both ways. None takes
+        3. Returns below `rtol` are left out.
     environment
-        Image of surroundings, such as a diffusion model's, for which there is no `scene`: diffuse paths, which hide the
-        actors and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
+        Image of surroundings, such as a diffusion model's, in place of a `scene`: diffuse paths, which hide the actors
+        and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
     refiner
-        What repairs images of actors and `environment` together, such as path diffusion. Paths take energies from
-        its images, never phases or delays.
-
+        Repairs images of actors and `environment` together; paths take energies from its images, never phases or
+        delays.
     transmission
         Whether surfaces of a material with a thickness (walls, glass, clothing) are seen through, up to four in a row,
-        with the loss and the delay of a slab, on every leg of ghosts and corners of actors as well; metal and bodies
-        stay opaque, and so do slabs for what surfaces of the scene show of one another. False, the default, lets them
-        hide what is behind: it takes several times as long in a furnished room to see through all of it.
+        with the loss and the delay of a slab, on every leg to actors; metal and bodies stay opaque. False lets them
+        hide everything behind, which is several times as quick in a furnished room.
 
     Raises
     ------
@@ -210,10 +208,9 @@ class Simulator:
         bounces: int = 1,
         projection: str = "perspective",
     ) -> Pir:
-        """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` surfaces.
-
-        It is rendered by :func:`~rfgen_sionna.pir.render_pir`; surroundings that are known from an image are rasterised
-        together with the actors' paths, for which their own resolution and field of view suit best.
+        """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` (1 … 3) surfaces: see
+        :func:`~rfgen_sionna.pir.render_pir`. Surroundings from an image are rasterised together with the actors' paths,
+        for which their own resolution and field of view suit best.
         """
         shape = check_projection(projection)
         rows, columns, angles = check_view(resolution, fov_deg, shape)
@@ -227,16 +224,8 @@ class Simulator:
                 raise ValueError(f"bounces is {bounces!r}: surroundings from an image reflect nothing, 1 is needed")
             own = View((rows, columns), angles, view.position, view.orientation, shape)
             return image(self._fusion.instant(instant), own, instant)
-        pir = render_pir(
-            self.tracer,
-            instant,
-            resolution,
-            angles,
-            view.position,
-            view.orientation,
-            bounces=bounces,
-            projection=shape,
-        )
+        pose = view.position, view.orientation
+        pir = render_pir(self.tracer, instant, resolution, angles, *pose, bounces=bounces, projection=shape)
         if self.radar.trajectory is None:
             return pir
         here = self.radar.at(instant)

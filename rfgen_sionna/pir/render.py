@@ -18,7 +18,8 @@ from rfgen_sionna.radar import ElementPattern, Radar, Slot
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import Pir
-from rfgen_sionna.tracing.tracer import MOST_BOUNCES, Tracer
+from rfgen_sionna.tracing.max_bounces import MOST_BOUNCES
+from rfgen_sionna.tracing.tracer import Tracer
 
 PATCH_WAVELENGTHS = 1.5
 """Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""

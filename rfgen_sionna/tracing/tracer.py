@@ -29,10 +29,11 @@ from rfgen_sionna.tracing.moving.parts import MovingParts
 from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
 from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.static.bounces import StaticBounces, trace_static_bounces
+from rfgen_sionna.tracing.static.dimmed import Dimmed
 from rfgen_sionna.tracing.static.glances import follow_hidden, missed_between
 from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces, trace_static_round_bounces
 from rfgen_sionna.tracing.static.shadows import Shadow
-from rfgen_sionna.tracing.static.trace import Dimmed, StaticTrace, trace_static
+from rfgen_sionna.tracing.static.trace import StaticTrace, trace_static
 from rfgen_sionna.tracing.static.veiled_bounces import trace_static_veiled_bounces
 from rfgen_sionna.tracing.static.veils import StaticVeils, beside_static_slabs, static_veils, trace_static_veils
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
@@ -51,9 +52,6 @@ GAIN_PER_RTOL = 3.0
 """Relative error of the gains between instants [root mean square over time] per unit of `rtol`, as it is stated."""
 VISIBILITY_SPACING = 10e-3
 """Longest gap [s] between four instants and more at which gains and visibility are traced; delays may have more."""
-
-MOST_BOUNCES = 3
-"""Bounces of the longest paths that are traced: radar, wall, body, wall, radar."""
 _MORE, _AGAIN = 1.1, 3
 """By how much more than was known the return has to cancel for a stretch to be traced anew, with more instants, and how
 often it is traced at most."""
@@ -64,13 +62,14 @@ class Tracer:
 
     The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
     and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab,
-    and where it is rough diffusely as well. Walls, floors and other flat parts of the static scene show the actors a
-    second time, coherently (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), and so do flat parts of anything: corner
-    reflectors, boards, furniture, room corners (:mod:`rfgen_sionna.tracing.bounces.bounces`,
-    :mod:`~rfgen_sionna.tracing.static.bounces`). Bent surfaces show glints of one another
-    (:mod:`rfgen_sionna.tracing.curved.round_bounces`). Of further bounces those by two bent surfaces and a third one,
-    or through slabs, are not traced, nor, to a radar that moves or behind slabs, actors by two different walls one
-    after the other, nor, to a radar that stands, by two different walls where one of the ways goes through a slab.
+    and where it is rough diffusely as well. Further returns are coherent: images in walls and floors
+    (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), reflections in flat parts of anything
+    (:mod:`rfgen_sionna.tracing.bounces.bounces`, :mod:`~rfgen_sionna.tracing.static.bounces`) and specular double
+    bounces between bent surfaces (:mod:`rfgen_sionna.tracing.curved.round_bounces`).
+
+    Not traced are paths by two bent surfaces and a third one or a slab; paths of actors by two different walls one
+    after the other, where the radar moves or behind slabs; and, where it stands, by two different walls if one of the
+    ways goes through a slab.
 
     Parameters
     ----------
@@ -89,11 +88,9 @@ class Tracer:
     seed
         Seed of the phases of what rough surfaces return diffusely.
     max_bounces
-        Number of surfaces on a path, 1 … 3: 1 is direct returns alone, 2 has those by way of a wall or another flat
-        thing on the way there or back, such as ghosts and the returns of dihedrals, and by way of two bent surfaces; 3
-        has flat things on both, such as trihedrals'.
-        Those below the tolerance, by an estimate from Fresnel coefficients, spreading and antenna pattern, are left
-        out.
+        Most surfaces on a path: 1 has direct returns alone; 2 adds those by one flat part on the way there or back, and
+        by two bent surfaces; 3 adds those by flat parts both ways. Returns that are below the tolerance, by an estimate
+        from Fresnel coefficients, spreading and antenna pattern, are left out.
     transmission
         Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
         actors, and between static surfaces, by way of flat parts (:mod:`rfgen_sionna.tracing.veils.bounces`,
@@ -385,18 +382,3 @@ class Tracer:
             self._rays.update(self._vertices(t) if known else [actor.vertices(t) for actor in self.actors])
             self._rays_time = t
         return self._rays
-
-
-def check_max_bounces(value: int | None) -> int:
-    """What `max_bounces` of a :class:`Tracer` is to be; None is as many as there are.
-
-    Raises
-    ------
-    ValueError
-        If it is neither None nor 1 … 3.
-    """
-    if value is None:
-        return MOST_BOUNCES
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= MOST_BOUNCES:
-        raise ValueError(f"max_bounces is {value!r}: None or 1 … {MOST_BOUNCES} is needed")
-    return int(value)

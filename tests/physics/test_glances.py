@@ -10,7 +10,8 @@ from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.moving import glances, instants
 from rfgen_sionna.tracing.moving import parts as moving
-from rfgen_sionna.tracing.moving.glances import choose, fine_times, left_out, missed_of
+from rfgen_sionna.tracing.moving.glances import choose, fine_times
+from rfgen_sionna.tracing.moving.missed import left_out, missed_of
 from rfgen_sionna.tracing.moving.precision import Precision
 from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
 

@@ -1,4 +1,4 @@
-"""Shooting and bouncing rays, as a second opinion: tubes of rays against quadrature, closed forms and the facet tracer."""
+"""Shooting and bouncing rays, a second opinion, against quadrature, closed forms and the facet tracer."""
 
 from dataclasses import replace
 

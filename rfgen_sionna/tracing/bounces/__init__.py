@@ -5,6 +5,7 @@ module             what
 =================  ==================================================================
 `plates`           flat parts with their outlines
 `landing`          where plates show facets: cut out of these, and which part is seen
+`shower`           their ray tubes on the facets of everything else
 `roles`            which of two flat parts is the mirror
 `mirror_shadows`   the shadows that plates' outlines throw, and what they fall on
 `edge_transition`  what waves make of a straight edge of light and shadow

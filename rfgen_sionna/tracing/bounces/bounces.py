@@ -23,10 +23,11 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, joined
 from rfgen_sionna.tracing.bounces.mirror_edges import MirrorEdges
 from rfgen_sionna.tracing.bounces.plates import FlatPart, Plate, find_flats, least_widths, meeting, wide_plates
 from rfgen_sionna.tracing.bounces.roles import BOUNDLESS, role_shares
+from rfgen_sionna.tracing.bounces.shower import Shower
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand
 from rfgen_sionna.tracing.ghosts.image_returns import WAYS, Centroids, ImageReturns
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror

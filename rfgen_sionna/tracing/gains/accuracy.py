@@ -10,7 +10,8 @@ import numpy as np
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import unit
-from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.probes import PROBES
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, sums
 from rfgen_sionna.tracing.surface.fineness import beyond_rise

@@ -8,7 +8,6 @@ polarisation on both sides reciprocity leaves even powers of the difference of T
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.gains.beam import Beam
 from rfgen_sionna.tracing.gains.diffuse import diffuse_gains
 from rfgen_sionna.tracing.gains.expansion import ArrayExpansions, Expansion
+from rfgen_sionna.tracing.gains.probes import PROBES, Probes, root_mean_square
 from rfgen_sionna.tracing.integral.delays import delays, rates
 from rfgen_sionna.tracing.integral.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
@@ -32,8 +32,6 @@ from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, su
 
 MAX_ORDER = 8
 MAX_DEGREE = 6
-PROBES = np.array([-1.0, 0.0, 1.0])
-"""Places in the band at which gains are tried and returns compared."""
 SHARE = 0.3
 """Share of the tolerance that an expansion may use up; the rest is left to the facets."""
 SLOPED = 0.2
@@ -51,24 +49,6 @@ STEADY = 2.0
 """A band whose square is less than this times the tolerance, against the square of the frequency, is narrow enough to
 try whether what materials reflect may be taken to change linearly over it: 0.1 to 0.2 times that square is missed."""
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _Probes:
-    """What an expansion is held against: exact gains of some pairs at places of the band."""
-
-    u: FloatArray
-    """(probe,)"""
-    pairs: IntArray
-    """(probe,)"""
-    gains: ComplexArray
-    """(probe, facet)"""
-    phasors: ComplexArray
-    """(probe, facet) of the propagation, times the facets' weights."""
-    group: IntArray
-    """(facet,) what each is summed up with."""
-    scale: FloatArray
-    """(group,) return that errors are relative to."""
 
 
 class BandTracer:
@@ -190,7 +170,7 @@ class BandTracer:
         ends = np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
 
-        def probes(u: FloatArray, at: IntArray) -> _Probes:
+        def probes(u: FloatArray, at: IntArray) -> Probes:
             return self._probes(facets, materials, weight, u, at, coherent, reference, apart)
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
@@ -336,7 +316,7 @@ class BandTracer:
         coherent: bool,
         reference: FloatArray | None = None,
         apart: IntArray | None = None,
-    ) -> _Probes:
+    ) -> Probes:
         nodes = self.expansions.nodes(u, pairs)
         if reference is None:
             exact = self._gains(facets, materials, nodes)
@@ -348,7 +328,7 @@ class BandTracer:
             group, count = apart[facets.surface], len(materials)
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
-        scale = np.maximum(_rms(sums(exact.a * waves, group, count)), CANCELLED * strongest)
+        scale = np.maximum(root_mean_square(sums(exact.a * waves, group, count)), CANCELLED * strongest)
         # Of a lot of several surfaces, a room, the return is what they return side by side.
         incoherent = np.full(count, not coherent)
         if apart is not None:
@@ -356,13 +336,13 @@ class BandTracer:
         if incoherent.any():
             alone = np.sqrt(np.bincount(group, (single**2).mean(axis=0), count))
             scale = np.where(incoherent, np.maximum(scale, alone), scale)
-        return _Probes(u, pairs, exact.a, waves, group, scale)
+        return Probes(u, pairs, exact.a, waves, group, scale)
 
     def _error(
         self,
         facets: Facets,
         materials: tuple[Material, ...],
-        probes: _Probes,
+        probes: Probes,
         expansion: Expansion,
         reference: FloatArray | None = None,
     ) -> float:
@@ -371,10 +351,7 @@ class BandTracer:
         found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
         weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
         rows = np.einsum("pk,kpn->pn", found, weights)
-        missed = _rms(sums((rows @ values - probes.gains) * probes.phasors, probes.group, len(probes.scale)))
-        # Of nothing no tolerance is left.
-        error = np.where(missed > 0, missed / np.where(probes.scale > 0, probes.scale, 1e-300), 0.0)
-        return float(error.max(initial=0.0))
+        return probes.error(rows @ values)
 
     def _gains(
         self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
@@ -418,8 +395,3 @@ class BandTracer:
             )
 
         return by_curvature(facets.curved, of)
-
-
-def _rms(values: ComplexArray) -> FloatArray:
-    """(group,) of `values` (probe, group)."""
-    return np.asarray(np.sqrt((np.abs(values) ** 2).mean(axis=0)))

@@ -14,7 +14,8 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.tracing.gains.accuracy import Finer
-from rfgen_sionna.tracing.gains.band import PROBES, Expansion
+from rfgen_sionna.tracing.gains.band import Expansion
+from rfgen_sionna.tracing.gains.probes import PROBES
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror, Unfolding
 from rfgen_sionna.tracing.integral.phasors import phasors

@@ -13,8 +13,8 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.levels import ON_MIRROR
 from rfgen_sionna.tracing.ghosts.mirrors import Folded, Mirror
+from rfgen_sionna.tracing.shadows.return_bounds import returns_at_most
 from rfgen_sionna.tracing.shadows.rims import Rims, cut_by_rims
-from rfgen_sionna.tracing.shadows.sampling import returns_at_most
 from rfgen_sionna.tracing.shadows.visibility import FoldedView, MirrorView, Shown, mirrored_fraction, seen_by_both
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces

@@ -14,6 +14,7 @@ module        what
 `slab_edges`  what slabs let through beside the edges of their shadows
 `returns`     what it returns
 `fading`      what goes behind something, when it is seen best
+`missed`      errors of splines between instants
 `glances`     looks between instants, where shadows' edges pass
 `further`     what is seen by further ways: mirrors, slabs, bent surfaces
 `stretch`     what is known of a stretch while it is traced

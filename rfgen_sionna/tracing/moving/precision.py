@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.tracing.gains.accuracy import SAFETY, Accuracy, Finer
-from rfgen_sionna.tracing.gains.band import PROBES, BandTracer, Expansion
+from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
+from rfgen_sionna.tracing.gains.probes import PROBES
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.facets import MovingFacets
 from rfgen_sionna.tracing.moving.faint import LEAST_RTOL

@@ -12,8 +12,9 @@ from scipy.sparse import csr_array
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.transfer import joined
-from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
+from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion
+from rfgen_sionna.tracing.gains.probes import PROBES
 from rfgen_sionna.tracing.integral.phasors import phasors
 from rfgen_sionna.tracing.moving.views import OwnViews, Seen
 from rfgen_sionna.tracing.shadows.parallax import Parallax

@@ -16,10 +16,11 @@ from scipy.spatial import cKDTree
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.probes import PROBES
 from rfgen_sionna.tracing.integral.slabs import NO_SLAB, transmission
 from rfgen_sionna.tracing.moving.views import Seen
-from rfgen_sionna.tracing.shadows.sampling import WIDEST
+from rfgen_sionna.tracing.shadows.return_bounds import WIDEST
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.veils.veils import Veils
 

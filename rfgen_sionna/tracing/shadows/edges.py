@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.shadows.sampling import WIDEST, allowed
+from rfgen_sionna.tracing.shadows.return_bounds import WIDEST
+from rfgen_sionna.tracing.shadows.sampling import allowed
 from rfgen_sionna.tracing.surface.bend import barycentric
 from rfgen_sionna.tracing.surface.facets import Facets
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.point_visibility import PointVisibility
-from rfgen_sionna.tracing.shadows.lines import RIM, Lit, crossed, inset, lit_parts, points_of
+from rfgen_sionna.tracing.shadows.lattices import inset, points_of
+from rfgen_sionna.tracing.shadows.lines import RIM, Lit, crossed, lit_parts
 from rfgen_sionna.tracing.surface.bend import barycentric
 
 _BUNDLED = 8

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.tracing.shadows.lines import SPACINGS, Look, lit_parts, points_of
+from rfgen_sionna.tracing.shadows.lattices import SPACINGS, points_of
+from rfgen_sionna.tracing.shadows.lines import Look, lit_parts
 from rfgen_sionna.tracing.shadows.sampling import BENT, CORNERS, MISSED_PER_RTOL, allowed
 
 _BATCH = 300_000
@@ -46,7 +47,7 @@ def cut_by_rims(
         What tells which points are seen of the facets that it is given the numbers of.
     cut, width
         (facet,) what each may return where a straight edge cuts it, and the phase between its ends, there and back
-        [rad], as of :func:`rfgen_sionna.tracing.shadows.sampling.returns_at_most`.
+        [rad], as of :func:`rfgen_sionna.tracing.shadows.return_bounds.returns_at_most`.
     share
         (facet,) of each that guiding rays tell of.
     level

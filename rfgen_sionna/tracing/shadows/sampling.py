@@ -20,18 +20,16 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.arrays import Frozen, drjit_types
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.shadows.lines import RIM, SPACINGS, inset, points_of
+from rfgen_sionna.tracing.shadows.lattices import SPACINGS, inset, points_of
+from rfgen_sionna.tracing.shadows.lines import RIM
 from rfgen_sionna.tracing.shadows.looking import Hiding, Looking, searched
+from rfgen_sionna.tracing.shadows.return_bounds import corners_of, returns_at_most, strips_at_most
 
 MISSED_PER_RTOL = 0.25
 """Estimated error of all returns together for what is not known of shadows' edges, against what all return without
 interfering, per unit of the tolerance."""
 BENT = 0.125
 """What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
-WIDEST = 0.25
-"""Width of strips beside shadows' edges, over the root of wavelength times distance, up to which they count as a whole;
-at twice that not at all: what casts the shadow is close to the radar, and who knows what the surface is so far
-aside."""
 _STILL_BENT = 0.28
 """The same of what stays, a furnished room, where edges of many things cross and what they miss adds up in phase on
 walls. What actors hide of it is no better for being looked at as closely."""
@@ -189,7 +187,7 @@ def sampled_fraction(
     offset = corners - viewpoint
     most, cut, width = returns_at_most(offset, wavenumber)
     if np.isfinite(nearest):
-        cut = cut + _strips_at_most(offset, width, reach, nearest, wavenumber)
+        cut = cut + strips_at_most(offset, width, reach, nearest, wavenumber)
     if weight is not None:
         most, cut = weight * most, weight * cut
     lit = seen[:, 0].astype(np.int8) + seen[:, 1] + seen[:, 2]
@@ -321,19 +319,10 @@ def _turned_away(corners: FloatArray, viewpoint: FloatArray) -> IntArray:
     return np.asarray(found.numpy()).view(np.int32)
 
 
-def _corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
-    """Those of the facets of a kernel's lanes, by their `name`."""
-    dr, types = drjit_types()
-    return [
-        types.Array3f64(*(dr.gather(types.Float64, given[name], 9 * given["lanes"] + 3 * corner + k) for k in range(3)))
-        for corner in range(3)
-    ]
-
-
 def _turn_away(given: dict[str, Any]) -> None:
     """The kernel of :func:`_turned_away`."""
     dr, types = drjit_types()
-    a, b, c = _corners_of(given)
+    a, b, c = corners_of(given)
     eye = types.Array3f64(*(dr.gather(types.Float64, given["viewpoint"], types.UInt32(k)) for k in range(3)))
     away = dr.select(dr.dot(a - eye, dr.cross(b - a, c - a)) < 0, types.UInt32(1), types.UInt32(0))
     dr.scatter(given["found"], away, given["lanes"], mode=dr.ReduceMode.Permute)
@@ -341,67 +330,3 @@ def _turn_away(given: dict[str, Any]) -> None:
 
 
 _TURN_AWAY = Frozen(_turn_away)
-
-
-def returns_at_most(
-    corners: FloatArray, wavenumber: float, other: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
-    angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
-    phase. An integral over a whole facet falls with the square of that, one over a straight edge with
-    itself. And the phase between their ends, there and back [rad]. `other` (facet, 3, 3) are corners from where the way
-    back goes, if that is another place."""
-    count = len(corners)
-    if not count:
-        nothing = np.zeros(0)
-        return nothing, nothing, nothing
-    dr, types = drjit_types()
-    found = [dr.empty(types.Float64, count) for _ in range(3)]
-    given = {
-        "lanes": dr.arange(types.UInt32, count),
-        "corners": upload(types.Float64, corners),
-        "wavenumber": dr.opaque(types.Float64, wavenumber),
-        "found": found,
-    }
-    if other is not None:
-        given["other"] = upload(types.Float64, other)
-    _AT_MOST(given)
-    most, cut, width = (each.numpy() for each in found)
-    return most, cut, width
-
-
-def _at_most(given: dict[str, Any]) -> None:
-    """The kernel of :func:`returns_at_most`."""
-    dr, _ = drjit_types()
-    lane = given["lanes"]
-    angles, ways = [], []
-    for name in ("corners", "other") if "other" in given else ("corners",):
-        a, b, c = _corners_of(given, name)
-        ways.append([dr.norm(each) for each in (a, b, c)])
-        near = dr.maximum(dr.minimum(dr.minimum(ways[-1][0], ways[-1][1]), ways[-1][2]), 1e-9)
-        angles.append(abs(dr.dot(a, dr.cross(b - a, c - a))) / (near * near * near))  # twice the solid angle, nearly
-    total = [0.5 * (there + back) for there, back in zip(ways[0], ways[-1], strict=True)]
-    low, high = (each(each(total[0], total[1]), total[2]) for each in (dr.minimum, dr.maximum))
-    turn = given["wavenumber"] * (high - low)
-    angle = angles[0] if len(angles) == 1 else dr.sqrt(angles[0] * angles[1])
-    for values, where in zip(
-        (angle / (1.0 + turn * turn), angle / (1.0 + turn), 2.0 * turn), given["found"], strict=True
-    ):
-        dr.scatter(where, values, lane, mode=dr.ReduceMode.Permute)
-    dr.eval(*given["found"])
-
-
-_AT_MOST = Frozen(_at_most)
-
-
-def _strips_at_most(
-    offset: FloatArray, width: FloatArray, reach: float, nearest: float, wavenumber: float
-) -> FloatArray:
-    """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`returns_at_most`: seen
-    from `reach` [m] aside past what is no nearer than `nearest` [m]. `offset` (facet, corner, 3) [m] is from the
-    viewpoint, `width` (facet,) the phase between ends [rad]."""
-    distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
-    wide = reach * np.maximum(distance / max(nearest, 1e-9) - 1.0, 0.0)
-    wide = np.minimum(wide, 2.0 * WIDEST * np.sqrt(2 * np.pi / wavenumber * distance))
-    long = lengths(offset - offset[:, [1, 2, 0]]).max(axis=1)
-    return np.asarray(2.0 * wide * long / distance**2 / (1.0 + 0.5 * width))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.shadows.lines import RIM, halved, inset
+from rfgen_sionna.tracing.shadows.lattices import inset
+from rfgen_sionna.tracing.shadows.lines import RIM, halved
 
 
 def lattice(n: int) -> FloatArray:

@@ -4,6 +4,7 @@
 module            what
 ================  ========================================
 `facets`          its facets
+`dimmed`          what actors leave of facets
 `trace`           its direct returns
 `shadows`         what actors take from its paths
 `glances`         looks between instants at what they hide

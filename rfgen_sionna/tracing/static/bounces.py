@@ -20,12 +20,14 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined
+from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, joined
 from rfgen_sionna.tracing.bounces.mirror_edges import MirrorEdges
 from rfgen_sionna.tracing.bounces.plate_images import PlateImages
 from rfgen_sionna.tracing.bounces.plates import Plate, find_flats, meeting, wide_plates
 from rfgen_sionna.tracing.bounces.roles import role_shares
-from rfgen_sionna.tracing.gains.band import PROBES, BandTracer
+from rfgen_sionna.tracing.bounces.shower import Shower
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.probes import PROBES
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand
 from rfgen_sionna.tracing.ghosts.image_returns import WAYS, ImageReturns
 from rfgen_sionna.tracing.ghosts.levels import GhostLevels, ghost_levels

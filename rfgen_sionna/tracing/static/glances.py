@@ -18,20 +18,12 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.integral.phasors import phasors
-from rfgen_sionna.tracing.moving.glances import (
-    BETWEEN_PER_RTOL,
-    FEWEST,
-    choose,
-    fine_times,
-    left_out,
-    lost,
-    missed_of,
-    most_rounds,
-    rms,
-)
-from rfgen_sionna.tracing.shadows.sampling import returns_at_most
+from rfgen_sionna.tracing.moving.glances import BETWEEN_PER_RTOL, FEWEST, choose, fine_times, most_rounds
+from rfgen_sionna.tracing.moving.missed import left_out, lost, missed_of, rms
+from rfgen_sionna.tracing.shadows.return_bounds import returns_at_most
+from rfgen_sionna.tracing.static.dimmed import Dimmed
 from rfgen_sionna.tracing.static.shadows import Shadow
-from rfgen_sionna.tracing.static.trace import Dimmed, StaticTrace
+from rfgen_sionna.tracing.static.trace import StaticTrace
 
 MOST = 32
 """What :data:`rfgen_sionna.tracing.moving.glances.MOST` is, of what stays: flat facets of rooms are wider than those of
@@ -175,7 +167,7 @@ def _at_most(
     """(facet,) estimate, without its return being known, of how much each differs from what others of its times tell:
     for shares `left` (facet, instant) that come and go, and for edges that pass on over a facet of so many radians
     `width` (facet,), which cut by an edge returns `cut` (facet,) of
-    :func:`rfgen_sionna.tracing.shadows.sampling.returns_at_most` at most."""
+    :func:`rfgen_sionna.tracing.shadows.return_bounds.returns_at_most` at most."""
     weight = static.weight[index]
     whole = np.abs(static.paths.a[0, 0, index, 0]) * weight
     jumps = np.abs(left_out(left.astype(np.complex128))).max(axis=1, initial=0.0)

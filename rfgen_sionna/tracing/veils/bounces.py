@@ -15,7 +15,8 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.bounces.bounces import MOST_IMAGES, Bounces
-from rfgen_sionna.tracing.bounces.landing import LandedFacets, Landing, Shower
+from rfgen_sionna.tracing.bounces.landing import LandedFacets, Landing
+from rfgen_sionna.tracing.bounces.shower import Shower
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.surface.facets import Facets

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, Shower, joined, matched
+from rfgen_sionna.tracing.bounces.landing import DIRECT, LandedFacets, Landing, LandingBand, joined, matched
+from rfgen_sionna.tracing.bounces.shower import Shower
 from rfgen_sionna.tracing.ghosts.image_band import MirroredFacets
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.integral.facet import Nodes
@@ -172,7 +173,7 @@ def _veiled(shown: MirroredFacets) -> VeiledLandedFacets:
 
 
 class VeiledShower(Shower):
-    """As :class:`~rfgen_sionna.tracing.bounces.landing.Shower`, for what is seen through slabs.
+    """As :class:`~rfgen_sionna.tracing.bounces.shower.Shower`, for what is seen through slabs.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ class VeiledShower(Shower):
     least
         Of both ways together, what is not looked at any more.
     given
-        What a :class:`~rfgen_sionna.tracing.bounces.landing.Shower` is made of.
+        What a :class:`~rfgen_sionna.tracing.bounces.shower.Shower` is made of.
     """
 
     def __init__(self, walk: Walk, through: FloatArray, least: float, *given: Any) -> None:
@@ -213,7 +214,7 @@ class VeiledShower(Shower):
         return np.asarray(np.where(crossed >= 0, self._amplitude[crossed], 1.0).prod(axis=(1, 2)))
 
     def again(self, rays: RayScene, pieces: Landing, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
-        """As :meth:`~rfgen_sionna.tracing.bounces.landing.Shower.again`: the share from where ways go through the same
+        """As :meth:`~rfgen_sionna.tracing.bounces.shower.Shower.again`: the share from where ways go through the same
         slabs as they did, and through nothing else."""
         pieces = _chains(pieces)
         other = copy(self)

@@ -25,9 +25,10 @@ from rfgen_sionna.tracing.ghosts.image_returns import STRAIGHT, Centroids, Cut, 
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.integral.slabs import NO_SLAB, Screens, Slabs, SlabTable, over_instants, turned
-from rfgen_sionna.tracing.shadows.lines import RIM, inset
+from rfgen_sionna.tracing.shadows.lattices import inset
+from rfgen_sionna.tracing.shadows.lines import RIM
+from rfgen_sionna.tracing.shadows.return_bounds import returns_at_most
 from rfgen_sionna.tracing.shadows.rims import cut_by_rims
-from rfgen_sionna.tracing.shadows.sampling import returns_at_most
 from rfgen_sionna.tracing.surface.bend import QUARTERS, divided
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surface

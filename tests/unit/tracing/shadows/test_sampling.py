@@ -7,7 +7,8 @@ import trimesh
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.shadows.outlines import APART, STILL_APART, Outline, Passing, Places
-from rfgen_sionna.tracing.shadows.sampling import Corners, returns_at_most, sampled_fraction, touching
+from rfgen_sionna.tracing.shadows.return_bounds import returns_at_most
+from rfgen_sionna.tracing.shadows.sampling import Corners, sampled_fraction, touching
 from rfgen_sionna.tracing.shadows.visibility import lattice
 
 VIEW = np.array([0.0, 0.0, 1.0])

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
-from rfgen_sionna.tracing.shadows.lines import SPACINGS, lit_parts
+from rfgen_sionna.tracing.shadows.lattices import SPACINGS
+from rfgen_sionna.tracing.shadows.lines import lit_parts
 from rfgen_sionna.tracing.shadows.visibility import lattice
 
 value = st.floats(0.05, 1.0)

@@ -1,0 +1,90 @@
+"""Upper bounds on returns of facets and of strips beside shadows' edges."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.transfer import upload
+
+WIDEST = 0.25
+"""Width of strips beside shadows' edges, over the root of wavelength times distance, up to which they count as a whole;
+at twice that not at all: what casts the shadow is close to the radar, and who knows what the surface is so far
+aside."""
+
+
+def corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
+    """Those of the facets of a kernel's lanes, by their `name`."""
+    dr, types = drjit_types()
+    return [
+        types.Array3f64(*(dr.gather(types.Float64, given[name], 9 * given["lanes"] + 3 * corner + k) for k in range(3)))
+        for corner in range(3)
+    ]
+
+
+def returns_at_most(
+    corners: FloatArray, wavenumber: float, other: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
+    angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
+    phase. An integral over a whole facet falls with the square of that, one over a straight edge with
+    itself. And the phase between their ends, there and back [rad]. `other` (facet, 3, 3) are corners from where the way
+    back goes, if that is another place."""
+    count = len(corners)
+    if not count:
+        nothing = np.zeros(0)
+        return nothing, nothing, nothing
+    dr, types = drjit_types()
+    found = [dr.empty(types.Float64, count) for _ in range(3)]
+    given = {
+        "lanes": dr.arange(types.UInt32, count),
+        "corners": upload(types.Float64, corners),
+        "wavenumber": dr.opaque(types.Float64, wavenumber),
+        "found": found,
+    }
+    if other is not None:
+        given["other"] = upload(types.Float64, other)
+    _AT_MOST(given)
+    most, cut, width = (each.numpy() for each in found)
+    return most, cut, width
+
+
+def _at_most(given: dict[str, Any]) -> None:
+    """The kernel of :func:`returns_at_most`."""
+    dr, _ = drjit_types()
+    lane = given["lanes"]
+    angles, ways = [], []
+    for name in ("corners", "other") if "other" in given else ("corners",):
+        a, b, c = corners_of(given, name)
+        ways.append([dr.norm(each) for each in (a, b, c)])
+        near = dr.maximum(dr.minimum(dr.minimum(ways[-1][0], ways[-1][1]), ways[-1][2]), 1e-9)
+        angles.append(abs(dr.dot(a, dr.cross(b - a, c - a))) / (near * near * near))  # twice the solid angle, nearly
+    total = [0.5 * (there + back) for there, back in zip(ways[0], ways[-1], strict=True)]
+    low, high = (each(each(total[0], total[1]), total[2]) for each in (dr.minimum, dr.maximum))
+    turn = given["wavenumber"] * (high - low)
+    angle = angles[0] if len(angles) == 1 else dr.sqrt(angles[0] * angles[1])
+    for values, where in zip(
+        (angle / (1.0 + turn * turn), angle / (1.0 + turn), 2.0 * turn), given["found"], strict=True
+    ):
+        dr.scatter(where, values, lane, mode=dr.ReduceMode.Permute)
+    dr.eval(*given["found"])
+
+
+_AT_MOST = Frozen(_at_most)
+
+
+def strips_at_most(
+    offset: FloatArray, width: FloatArray, reach: float, nearest: float, wavenumber: float
+) -> FloatArray:
+    """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`returns_at_most`: seen
+    from `reach` [m] aside past what is no nearer than `nearest` [m]. `offset` (facet, corner, 3) [m] is from the
+    viewpoint, `width` (facet,) the phase between ends [rad]."""
+    distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
+    wide = reach * np.maximum(distance / max(nearest, 1e-9) - 1.0, 0.0)
+    wide = np.minimum(wide, 2.0 * WIDEST * np.sqrt(2 * np.pi / wavenumber * distance))
+    long = lengths(offset - offset[:, [1, 2, 0]]).max(axis=1)
+    return np.asarray(2.0 * wide * long / distance**2 / (1.0 + 0.5 * width))
