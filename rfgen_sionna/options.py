@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.dataset import check_output
+from rfgen_sionna.generative.environment_prompt import split_source
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS, check_name
+from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
@@ -45,7 +46,7 @@ def check_options(
     projection: str,
     max_bounces: int | None,
     transmission: bool,
-    surroundings: str,
+    environment: str | None,
     collisions: Policy,
     device: str,
     workers: int,
@@ -67,8 +68,7 @@ def check_options(
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     check_workers(workers, chosen_device(device))
     target = Path("run.h5") if output is None else check_output(output, overwrite)
-    check_name(surroundings)
-    chosen_view(pir_resolution, fov_deg, projection, surroundings)
+    chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
     radar = _placed(radar, preset, radar_position, look_at)
     radar.to_dict()  # what no file can hold is refused now
     empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)

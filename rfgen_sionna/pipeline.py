@@ -10,17 +10,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rfgen_sionna._deprecation import warn_renamed
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
+from rfgen_sionna.generative.environment_prompt import (
+    NOWHERE,
+    EnvironmentPrompt,
+    in_words,
+    parse_environment,
+    split_source,
+    with_source,
+)
 from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
-from rfgen_sionna.generative.setting import Imagining, check_kind, set_up
-from rfgen_sionna.generative.surroundings import NOWHERE, EnvironmentPrompt, in_words, parse_environment
+from rfgen_sionna.generative.setting import Imagining, chosen_source, set_up
 from rfgen_sionna.options import check_options, check_size, chosen_view
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
@@ -47,7 +55,7 @@ def generate(
     *,
     negative: str = "",
     environment: str | None = None,
-    surroundings: str = "auto",
+    surroundings: str | None = None,
     negative_environment: str = "",
     refine: bool | float | None = None,
     environment_model: str | PathLike[str] | None = None,
@@ -83,14 +91,16 @@ def generate(
     prompt, negative
         What is wanted and what is not: target, action, orientation, distance, body, surroundings.
     environment
-        Surroundings in words ("a living room") or the name of a scene; None takes what the prompt says, "free space"
-        is none.
+        Surroundings in words ("a living room"), or a scene by its own name ("living_room", "Munich"); "free space" is
+        none. None takes the surroundings that the prompt names. A source and a colon may stand before the words
+        ("furnished: an office"), or alone for a place that the prompt names ("furnished"): "scene" is the scene of a
+        file, always the same; "furnished" a place furnished by the seed; "diffusion" an image that a diffusion model
+        draws (:mod:`rfgen_sionna.generative.environment`); "none", always alone, is free space whatever the prompt
+        says. Without a source a scene by its own name is that scene, and a place in words is drawn. Without diffusers
+        such a place is a scene where there is one, else furnished, with a warning. "scene", "furnished" and "none"
+        import no model.
     surroundings
-        Where they come from: "scene" (a scene of a file, always the same), "furnished" (a place furnished by the seed),
-        "diffusion" (an image that a diffusion model draws, :mod:`rfgen_sionna.generative.environment`), "none" (free
-        space) or "auto": a place in words is imagined, a scene by its own name ("living_room", "Munich") is that scene.
-        Without diffusers "auto" warns, and takes a scene where there is one, else furnished. What "scene", "furnished"
-        and "none" don't need isn't imported.
+        Deprecated: the source, which `environment` names now.
     negative_environment
         What an imagined place is without ("sofa, TV"); what `environment` asks for is refused here.
     refine
@@ -159,6 +169,9 @@ def generate(
     ValueError, TypeError
         Before any long work, naming the argument, its value and what is allowed.
     """
+    if surroundings is not None:
+        warn_renamed("generate(surroundings=…)", "environment='furnished: …'")
+        environment = with_source(environment, surroundings)
     radar, impairments, count = check_options(
         radar=radar,
         preset=preset,
@@ -175,7 +188,7 @@ def generate(
         projection=projection,
         max_bounces=max_bounces,
         transmission=transmission,
-        surroundings=surroundings,
+        environment=environment,
         collisions=collisions,
         device=device,
         workers=workers,
@@ -185,8 +198,9 @@ def generate(
     )
     device = chosen_device(device)
     source = motion_source(motion)
-    said, asked = _read(prompt, negative, environment, seed, distance, surroundings, source)
-    kind = check_kind(surroundings, asked, imagining)
+    origin, place_words = split_source(environment)
+    said, asked = _read(prompt, negative, place_words, seed, distance, origin, source)
+    kind = chosen_source(origin, asked, imagining)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
     resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
@@ -296,7 +310,7 @@ def _read(
     if distance is not None and said.distance_m is None:
         said = replace(said, distance_m=float(distance), origins={**said.origins, "distance": argument("distance")})
     if kind == "none" and environment is None:
-        said = replace(said, surroundings=NOWHERE, origins={**said.origins, "surroundings": argument("surroundings")})
+        said = replace(said, surroundings=NOWHERE, origins={**said.origins, "surroundings": argument("environment")})
     named = in_words(said.surroundings) if said.surroundings else None
     surroundings = named if environment is None else parse_environment(environment)
     if environment is not None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from rfgen_sionna.cli.console import check_pictures, draw, out, progress, wrote
+from rfgen_sionna.cli.console import check_pictures, draw, out, progress, warn, wrote
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -26,11 +26,11 @@ rfgen generate "a person walks while raising the left arm, 5 m away" --motion di
 
 rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
 
-rfgen generate "a person stands" --environment "an office" --surroundings furnished --seed 4
+rfgen generate "a person stands" --environment "furnished: an office" --seed 4
 
 rfgen generate "a person doing jumping jacks" --environment "a bedroom with a wardrobe" --negative-environment desk
 
-rfgen generate "a person doing jumping jacks" --environment "a living room" --surroundings scene
+rfgen generate "a person doing jumping jacks" --environment "scene: a living room"
 
 rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 
@@ -47,18 +47,16 @@ def generate(
     environment: Annotated[
         str | None,
         typer.Option(
-            help='Where: "a living room", "an office", "free space", a scene of Sionna (default: what the prompt says).'
+            help='Where: "a living room", "an office", "free space", a scene of Sionna (default: the place in the '
+            'prompt). With a source: "furnished: an office" (by the seed), "scene: a living room" (of a file), '
+            '"diffusion: a street" (imagined by a model).'
         ),
     ] = None,
     surroundings: Annotated[
-        str,
-        typer.Option(
-            help='Where surroundings come from: "diffusion" (imagined by a model), "scene" (of a file), "furnished" '
-            '(by the seed), "none", or "auto": a place in words is imagined, a scene called by its name is that scene.'
-        ),
-    ] = "auto",
+        str | None, typer.Option(help='Deprecated: --environment "furnished: an office".', hidden=True)
+    ] = None,
     no_environment: Annotated[
-        bool, typer.Option("--no-environment", help="Free space, whatever the prompt says: --surroundings none.")
+        bool, typer.Option("--no-environment", help="Free space, whatever the prompt says: --environment none.")
     ] = False,
     negative_environment: Annotated[str, typer.Option(help='What imagined surroundings are without: "sofa".')] = "",
     refine: Annotated[
@@ -142,14 +140,18 @@ def generate(
 ) -> None:
     """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
     from rfgen_sionna.dataset import check_output
+    from rfgen_sionna.generative.environment_prompt import with_source
     from rfgen_sionna.generative.sentences import read_prompt
     from rfgen_sionna.options import check_options
     from rfgen_sionna.pipeline import generate as run
 
+    if surroundings is not None:
+        warn("--surroundings is deprecated: use --environment 'furnished: …'", DeprecationWarning)
+        environment = with_source(environment, surroundings)
     if no_environment:
-        if surroundings not in ("auto", "none"):
-            raise ValueError(f"--surroundings is {surroundings!r}, but --no-environment wants none: leave one out")
-        surroundings = "none"
+        if environment not in (None, "none"):
+            raise ValueError(f"--environment is {environment!r}, but --no-environment wants none: leave one out")
+        environment = "none"
     if strength is not None and refine is False:
         raise ValueError(f"--strength is {strength:g}, but --no-refine wants no path diffusion: leave one out")
     resolution = None if pir_resolution is None else _resolution(pir_resolution)
@@ -170,7 +172,7 @@ def generate(
         "projection": projection,
         "max_bounces": max_bounces,
         "transmission": transmission,
-        "surroundings": surroundings,
+        "environment": environment,
         "collisions": collisions,
         "device": device,
         "workers": workers,
@@ -187,7 +189,6 @@ def generate(
         run(
             prompt,
             negative=negative,
-            environment=environment,
             negative_environment=negative_environment,
             refine=refine if strength is None else strength,
             environment_model=environment_model,

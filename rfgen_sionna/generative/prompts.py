@@ -15,13 +15,13 @@ import numpy as np
 
 from rfgen_sionna.generative.body_prompt import BodyPrompt, PromptError, draw_body
 from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, drawn
+from rfgen_sionna.generative.environment_prompt import EnvironmentPrompt, parse_environment, split_keyword
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.kinematic import preferred_hand
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.reading import split_negative
 from rfgen_sionna.generative.scene_prompt import DECIDED, DEFAULT_DISTANCE, ScenePrompt, Spoken
-from rfgen_sionna.generative.surroundings import EnvironmentPrompt, parse_environment, split_keyword
 
 T = TypeVar("T")
 

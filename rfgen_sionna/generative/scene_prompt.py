@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from rfgen_sionna.generative.body_prompt import BodyPrompt
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, drawn, tabulate
+from rfgen_sionna.generative.environment_prompt import NOWHERE
 from rfgen_sionna.generative.motion.actions import ACTIONS
-from rfgen_sionna.generative.surroundings import NOWHERE
 
 DEFAULT_DISTANCE = 3.0
 """Distance from the radar where neither prompt nor caller says one [m]."""

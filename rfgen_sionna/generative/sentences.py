@@ -13,6 +13,7 @@ import numpy as np
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import PROMPT, drawn
+from rfgen_sionna.generative.environment_prompt import split_keyword
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource, SentenceSource
 from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.source import Reading
@@ -20,7 +21,6 @@ from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts import UnreadActionError, parse_prompt
 from rfgen_sionna.generative.reading import AFTERWARDS, normalise, split_negative
 from rfgen_sionna.generative.scene_prompt import ScenePrompt, Spoken
-from rfgen_sionna.generative.surroundings import split_keyword
 
 NEAREST = "the nearest that is known"
 """Origin of an action that the words do not name."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
-from rfgen_sionna.generative.surroundings import EnvironmentPrompt
+from rfgen_sionna.generative.environment_prompt import EnvironmentPrompt
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.load import load_scene
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from rfgen_sionna.pir.fused import Refiner
     from rfgen_sionna.radar import Radar
 
-KINDS = ("auto", "scene", "furnished", "diffusion", "none")
 NEEDED = ("torch", "diffusers", "safetensors")
 """Packages that imagine surroundings."""
 INSTALL = "pip install 'rfgen-sionna[diffusion]'"
@@ -35,7 +34,7 @@ IMAGE_FOV = 90.0
 IMAGE_PIXELS = (64, 64)
 """Rows and columns that an imagined image is drawn in."""
 _LOG = logging.getLogger(__name__)
-_FILE_ALONE = "is a scene of a file alone; surroundings='scene' has it"
+_FILE_ALONE = "is a scene of a file alone; the source 'scene: …' has it"
 
 
 @dataclass(frozen=True)
@@ -104,27 +103,20 @@ class Imagining:
             )
 
 
-def check_name(kind: str) -> None:
-    """Raise a ValueError unless `kind` is one of :data:`KINDS`."""
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ValueError(f"surroundings is {kind!r}; allowed are {', '.join(map(repr, KINDS))}")
+def chosen_source(source: str, asked: EnvironmentPrompt | None, imagining: Imagining) -> str:
+    """Source of the surroundings that are `asked` for: "scene", "furnished", "diffusion", or "none".
 
-
-def check_kind(kind: str, asked: EnvironmentPrompt | None, imagining: Imagining) -> str:
-    """Where surroundings come from: "scene", "furnished", "diffusion", or "none" where there are none.
-
-    "auto" is "diffusion" where a place is described that can be imagined. A scene that is called by its own name
-    ("living_room", "Munich") is that scene; without the packages that imagine, so is a place that there is a scene of,
-    and any other is furnished, with a warning.
+    `source` is that of :func:`~rfgen_sionna.generative.environment_prompt.split_source`. "auto" becomes "diffusion"
+    for a place in words. A scene by its own name ("living_room", "Munich") is that scene. Without the packages that
+    draw images, a place is the scene of a file where there is one, else furnished, with a warning.
 
     Raises
     ------
     ValueError, PromptError
-        If `kind` is none of :data:`KINDS`, there are no such surroundings of it, or an argument would have no effect.
+        The source has no such surroundings, or an argument would have no effect.
     ImportError
         Surroundings are to be imagined, and packages are missing.
     """
-    check_name(kind)
     wishes = {
         "negative_environment": imagining.negative,
         "refine": imagining.refine,
@@ -132,31 +124,32 @@ def check_kind(kind: str, asked: EnvironmentPrompt | None, imagining: Imagining)
         "environment_lora": imagining.lora,
     }
     wished = next((f"{name} is {value!r}" for name, value in wishes.items() if value), None)
-    if asked is None or kind == "none":
+    if asked is None or source == "none":
         found = "none"
-        if kind not in ("auto", "none"):
-            raise ValueError(f"surroundings is {kind!r}, but no environment is named; leave it out for free space")
-        if asked is not None:
-            raise PromptError(f"environment: {asked.text!r}, but surroundings is 'none': leave one of them out")
+        if source not in ("auto", "none"):
+            raise ValueError(
+                f"environment is {source!r}, but no place is named: name one ('{source}: a street'), or leave it out"
+            )
     else:
-        found = _automatic(asked, must=wished) if kind == "auto" else kind
+        found = _automatic(asked, must=wished) if source == "auto" else source
         if found == "scene" and not asked.has_file:
             raise PromptError(
-                f"environment: {asked.text!r} is no scene of a file; surroundings='furnished' or 'diffusion' has it"
+                f"environment: {asked.text!r} is no scene of a file; the sources 'furnished: …' and 'diffusion: …' "
+                "have it"
             )
         if found in ("furnished", "diffusion") and asked.place is None:
             raise PromptError(f"environment: {asked.text!r} {_FILE_ALONE}")
     if found == "diffusion":
         if absent := missing_packages():
             raise ImportError(
-                f"imagined surroundings need {', '.join(absent)}: {INSTALL}; or take surroundings='scene'"
+                f"imagined surroundings need {', '.join(absent)}: {INSTALL}; or take the source 'furnished: …'"
             )
         if asked is not None:
             from rfgen_sionna.generative.environment.wishes import check_words
 
             check_words(asked.text, imagining.negative, ("environment", "negative_environment"))
     elif wished:
-        raise ValueError(f"{wished}: only imagined surroundings take it, surroundings='diffusion'")
+        raise ValueError(f"{wished}: only imagined surroundings take it, environment='diffusion: …'")
     return found
 
 
@@ -169,7 +162,7 @@ def _automatic(asked: EnvironmentPrompt, must: str | None) -> str:
         return "diffusion"
     instead = "scene" if asked.has_file else "furnished"
     _LOG.warning(
-        "environment: %r would be imagined by a model, which needs %s (%s); surroundings=%r is taken instead",
+        "environment: %r would be imagined by a model, which needs %s (%s); the source %r is taken instead",
         asked.text, ", ".join(absent), INSTALL, instead,
     )  # fmt: skip
     return instead
@@ -177,7 +170,7 @@ def _automatic(asked: EnvironmentPrompt, must: str | None) -> str:
 
 def set_up(
     asked: EnvironmentPrompt | None,
-    kind: str,
+    source: str,
     radar: Radar,
     *,
     seed: int,
@@ -186,7 +179,7 @@ def set_up(
     resolution: tuple[int, int] = IMAGE_PIXELS,
     projection: str = "perspective",
 ) -> Setting:
-    """The surroundings that are asked for; `kind` is that of :func:`check_kind`.
+    """The surroundings that are asked for; `source` is that of :func:`chosen_source`.
 
     Parameters
     ----------
@@ -201,14 +194,14 @@ def set_up(
     fov_deg, resolution, projection
         Field of view, (rows, columns) and projection of an imagined image.
     """
-    if asked is None or kind == "none":
+    if asked is None or source == "none":
         return Setting(load_scene(None), "")
-    if kind == "scene":
+    if source == "scene":
         return Setting(load_scene(asked.scene), asked.scene)
     place = asked.place
     if place is None:
         raise PromptError(f"environment: {asked.text!r} {_FILE_ALONE}")
-    if kind == "furnished":
+    if source == "furnished":
         room = furnished(place, seed, radar.center_frequency)
         layout = room.layout
         size = f"{layout.x[1] - layout.x[0]:.1f} x {layout.y[1] - layout.y[0]:.1f} m"
@@ -301,7 +294,7 @@ def _imagined(
     if moves:
         _LOG.warning(
             "environment: %r is imagined in one image%s: its points stay in place while radar '%s' moves, and what "
-            "comes into view later is not there%s; surroundings='furnished' has all of a place along the way",
+            "comes into view later is not there%s; the source 'furnished: …' has all of a place along the way",
             words, seen, radar.name,
             "; path diffusion, which completes images for a radar that stands, is left out" if strength is None else "",
         )  # fmt: skip

@@ -74,12 +74,12 @@ def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path, monkeypat
     monkeypatch.setattr("rfgen_sionna.processes.may_use_cuda", lambda: False)  # wherever this runs
     (tmp_path / "rx.toml").touch()
     code, out, err = rfgen(
-        *("generate", "a person raises an arm", "--negative", "left arm", "--environment", "a living room"),
+        *("generate", "a person raises an arm", "--negative", "left arm", "--environment", "diffusion: a living room"),
         *("--radar", "awr1843", "--preset", "di_gesture", "--duration", "1.5", "--seed", "7", "--output", "arm.h5"),
         *("--no-noise", "--rtol", "0.01", "--distance", "2", "--pir-resolution", "32x64", "--no-pictures"),
         *("--radar-position", "-1,0.5,1.2", "--look-at", "3,0,1", "--receiver", "rx.toml"),
         *("--motion", "diffusion", "--collisions", "warn", "--device", "cpu", "--max-bounces", "2", "--transmission"),
-        *("--surroundings", "diffusion", "--negative-environment", "sofa", "--no-refine"),
+        *("--negative-environment", "sofa", "--no-refine"),
         *("--environment-model", "folder", "--environment-lora", "owner/lora", "--fov-deg", "80"),
         *("--projection", "equirectangular", "--workers", "2"),
     )
@@ -90,8 +90,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path, monkeypat
     assert call == {
         "prompt": "a person raises an arm",
         "negative": "left arm",
-        "environment": "a living room",
-        "surroundings": "diffusion",
+        "environment": "diffusion: a living room",
         "negative_environment": "sofa",
         "refine": False,
         "environment_model": "folder",
@@ -154,10 +153,18 @@ def test_a_prompt_beyond_the_grammar_is_read_by_the_source_of_motion(rfgen: Rfge
 def test_no_environment_is_free_space(rfgen: Rfgen) -> None:
     code, _, err = rfgen("generate", "a person walks in an office", "--no-environment", "--no-pictures")
     assert code == 0, err
-    assert rfgen.calls[0]["surroundings"] == "none"
-    code, _, err = rfgen("generate", "a person walks", "--no-environment", "--surroundings", "scene", "--no-pictures")
+    assert rfgen.calls[0]["environment"] == "none"
+    code, _, err = rfgen("generate", "a person walks", "--no-environment", "--environment", "scene", "--no-pictures")
     assert code == 2
-    assert "--surroundings is 'scene', but --no-environment" in err
+    assert "--environment is 'scene', but --no-environment" in err
+
+
+def test_the_former_option_for_the_source_warns(rfgen: Rfgen) -> None:
+    options = ("--environment", "an office", "--surroundings", "furnished", "--no-pictures")
+    code, _, err = rfgen("generate", "a person walks", *options)
+    assert code == 0, err
+    assert "--surroundings is deprecated: use --environment 'furnished: …'" in err
+    assert rfgen.calls[0]["environment"] == "furnished: an office"
 
 
 def test_generate_draws_what_it_made_and_names_it_after_the_action(rfgen: Rfgen, tmp_path: Path) -> None:
@@ -231,7 +238,7 @@ def test_show_after_generate_as_the_readme_has_it(rfgen: Rfgen) -> None:
         (["a person walking", "--collisions", "no"], "collisions is 'no'"),
         (["a person walking", "--fov-deg", "180"], "fov_deg is 180.0"),
         (["a person walking", "--projection", "flat"], "projection is 'flat'"),
-        (["a person walking", "--surroundings", "outside"], "surroundings is 'outside'"),
+        (["a person walking", "--environment", "outside: here"], "environment: 'outside' is no source of surroundings"),
         (["a person walking", "--device", "gpu"], "device is 'gpu'"),
     ],
 )
@@ -287,7 +294,7 @@ def test_every_option_is_one_of_the_pipeline() -> None:
 
     from rfgen_sionna.pipeline import generate
 
-    shown = set(signature(cli.generate).parameters) - {"pictures", "no_environment", "strength"}
+    shown = set(signature(cli.generate).parameters) - {"pictures", "no_environment", "strength", "surroundings"}
     assert shown <= set(signature(generate).parameters)
 
 

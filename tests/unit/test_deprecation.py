@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from rfgen_sionna import scene, signal
+from rfgen_sionna.pipeline import generate
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.report import TraceReport
 
@@ -43,3 +44,10 @@ def test_an_import_of_a_former_name_is_blamed_on_the_importing_line() -> None:
     program = "from rfgen_sionna.signal import Capture"
     done = subprocess.run([sys.executable, "-W", "default", "-c", program], capture_output=True, text=True, check=True)
     assert "<string>:1: DeprecationWarning: rfgen_sionna.signal.Capture is deprecated" in done.stderr
+
+
+def test_the_source_of_surroundings_as_an_argument_of_its_own() -> None:
+    refused = pytest.raises(ValueError, match="'painted' is no source of surroundings")
+    with warns("generate(surroundings=…)", "environment='furnished: …'") as caught, refused:
+        generate("a person walks", environment="an office", surroundings="painted")
+    assert caught[0].filename == __file__

@@ -395,7 +395,7 @@ def test_a_radar_placed_in_a_scene_of_sionna(quick: dict[str, Any]) -> None:
     """The person stands where the radar looks, at the distance, on what is there: the floor of a street at -3 cm."""
     with rfgen.generate(
         "a person pushing, 2 m away", output="run.h5", radar_position=(1, -2, 1.2), look_at=(1, 3, 1),
-        **quick | {"environment": "a street", "surroundings": "scene", "duration": 0.05},
+        **quick | {"environment": "scene: a street", "duration": 0.05},
     ) as run:  # fmt: skip
         assert run.radar.position == (1, -2, 1.2)
         np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [1, 0], atol=0.2)

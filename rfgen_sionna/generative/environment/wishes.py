@@ -11,10 +11,10 @@ from functools import cache
 
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.captions import NAMES
+from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.reading import Reader, inflected, normalise
-from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
 
 _PLAIN = frozenset(

@@ -13,14 +13,15 @@ import pytest
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.generative import setting
+from rfgen_sionna.generative.environment_prompt import in_words, split_source, with_source
 from rfgen_sionna.generative.prompts import PromptError, parse_environment
-from rfgen_sionna.generative.setting import IMAGE_PIXELS, Imagining, check_kind, set_up
-from rfgen_sionna.generative.environment_prompt import in_words
+from rfgen_sionna.generative.setting import IMAGE_PIXELS, Imagining, chosen_source, set_up
 from rfgen_sionna.scene.furnished import FurnishedScene
 
 
-def kind(environment: str | None, surroundings: str = "auto", negative: str = "", refine: bool | None = None) -> str:
-    return check_kind(surroundings, parse_environment(environment), Imagining(negative, refine))
+def kind(environment: str | None, negative: str = "", refine: bool | None = None) -> str:
+    source, words = split_source(environment)
+    return chosen_source(source, parse_environment(words), Imagining(negative, refine))
 
 
 @pytest.fixture
@@ -35,14 +36,12 @@ def no_diffusers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("nothing_missing")
 def test_a_place_in_words_is_imagined_and_a_scene_by_its_name_is_that_scene() -> None:
-    assert (
-        kind("a living room") == kind("an office") == kind("a living room with a sofa", "auto", "desk") == "diffusion"
-    )
+    assert kind("a living room") == kind("an office") == kind("a living room with a sofa", "desk") == "diffusion"
     assert kind("living_room") == kind("Munich") == "scene"
-    assert kind("living_room", "auto", "sofa") == "diffusion"
-    assert kind("a living room", "scene") == "scene"
-    assert kind("a living room", "furnished") == "furnished"
-    assert kind(None) == kind("free space") == kind(None, "none") == "none"
+    assert kind("living_room", "sofa") == "diffusion"
+    assert kind("scene: a living room") == "scene"
+    assert kind("Furnished : a living room") == "furnished"
+    assert kind(None) == kind("free space") == kind("none") == "none"
     words = in_words("living_room")
     assert words is not None
     assert words.text == "a living room"
@@ -72,7 +71,7 @@ def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: p
     assert kind("a living room") == "scene"
     assert kind("an office") == "furnished"
     assert caplog.text.count("pip install 'rfgen-sionna[diffusion]'") == 2
-    for asked in (("an office", "diffusion"), ("an office", "auto", "desk"), ("an office", "auto", "", True)):
+    for asked in (("diffusion: an office",), ("an office", "desk"), ("an office", "", True)):
         with pytest.raises(ImportError, match=r"need diffusers: pip install 'rfgen-sionna\[diffusion\]'"):
             kind(*asked)
 
@@ -82,26 +81,39 @@ def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: p
     ("arguments", "words"),
     [
         (
-            ("a living room", "painted"),
-            "surroundings is 'painted'; allowed are 'auto', 'scene', 'furnished', 'diffusion', 'none'",
+            ("painted: a living room",),
+            r"'painted' is no source of surroundings; allowed before the colon: 'scene' \(the scene of a file\), 'furn",
         ),
-        ((None, "furnished"), "no environment is named"),
-        (("an office", "scene"), "'an office' is no scene of a file"),
-        (("Munich", "furnished"), "'Munich' is a scene of a file alone"),
-        (("Munich", "diffusion"), "'Munich' is a scene of a file alone"),
-        (("an office", "furnished", "desk"), "negative_environment is 'desk': only imagined surroundings"),
-        (("a living room", "scene", "", True), "refine is True: only imagined surroundings"),
-        (("a living room", "none"), "'a living room', but surroundings is 'none'"),
+        (("furnished",), r"environment is 'furnished', but no place is named: name one \('furnished: a street'\)"),
+        (("scene: an office",), "'an office' is no scene of a file"),
+        (("furnished: Munich",), "'Munich' is a scene of a file alone"),
+        (("diffusion: Munich",), "'Munich' is a scene of a file alone"),
+        (("furnished: an office", "desk"), "negative_environment is 'desk': only imagined surroundings"),
+        (("scene: a living room", "", True), "refine is True: only imagined surroundings"),
+        (("none: a living room",), "'none: a living room' names a place, but 'none' is free space"),
         (
-            ("an office with a desk", "auto", "desks"),
+            ("an office with a desk", "desks"),
             "environment: 'an office with a desk' asks for 'desk', which negative_environment 'desks' excludes",
         ),
-        (("an office", "diffusion", "no desk"), r"negative_environment: 'no desk' negates what is left out already"),
+        (("diffusion: an office", "no desk"), r"negative_environment: 'no desk' negates what is left out already"),
     ],
 )
 def test_what_has_no_effect_is_refused(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises((ValueError, PromptError), match=words):
         kind(*arguments)
+
+
+def test_an_environment_may_name_its_source() -> None:
+    assert split_source(None) == ("auto", None)
+    assert split_source("an office") == ("auto", "an office")
+    assert split_source("furnished: an office, with: a desk") == ("furnished", "an office, with: a desk")
+    assert split_source("scene") == split_source(" scene: ") == ("scene", None)
+    for words in (None, "an office"):
+        for source in ("scene", "furnished", "diffusion"):
+            assert split_source(with_source(words, source)) == (source, words)
+        assert split_source(with_source(words, "auto")) == ("auto", words)
+    with pytest.raises(TypeError, match="environment: expected a text or None, got int"):
+        split_source(3)  # type: ignore[arg-type]
 
 
 def test_a_seed_furnishes(tiny_toml: Path) -> None:
@@ -117,7 +129,7 @@ def test_a_run_in_a_furnished_place(tiny_toml: Path, tmp_path: Path) -> None:
     pytest.importorskip("anny", reason="people need the body model")
     quick: dict[str, Any] = {"radar": tiny_toml, "duration": 0.05, "pir_resolution": (12, 16), "rtol": 0.03}
     with rfgen.generate(
-        "a person stands in a corridor", surroundings="furnished", seed=2, output=tmp_path / "c.h5", **quick
+        "a person stands in a corridor", environment="furnished", seed=2, output=tmp_path / "c.h5", **quick
     ) as run:
         assert run.environment == "furnished corridor"
         assert run.seeds["surroundings"] == 2
@@ -166,7 +178,9 @@ def test_who_would_stand_behind_an_imagined_wall_is_told(tiny_toml: Path, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("without", [["--no-environment"], ["--surroundings", "scene"]], ids=lambda each: each[-1])
+@pytest.mark.parametrize(
+    "without", [["--no-environment"], ["--environment", "scene: a living room"]], ids=lambda each: each[-1]
+)
 def test_what_is_not_asked_for_is_not_imported(tiny_toml: Path, tmp_path: Path, without: list[str]) -> None:
     """Rules move the person, surroundings are exact or none: nothing learned is loaded."""
     pytest.importorskip("anny", reason="people need the body model")
@@ -181,10 +195,9 @@ found = [n for n in sys.modules if n.split(".")[0] in ("diffusers", "transformer
          or n.startswith(("rfgen_sionna.generative.environment", "rfgen_sionna.generative.diffusion"))]
 assert not found, found
 """
-    place = [] if "--no-environment" in without else ["--environment", "a living room"]
     options = ["--radar", str(tiny_toml), "--duration", "0.05", "--rtol", "0.1", "--pir-resolution", "8x8"]
     options += ["--motion", "kinematic", "--no-pictures", "--output", str(tmp_path / "run.h5")]
-    command = [sys.executable, "-c", code, "generate", "a person stands, in a living room, at 2 m", *place, *options]
+    command = [sys.executable, "-c", code, "generate", "a person stands, in a living room, at 2 m", *options]
     done = subprocess.run([*command, *without], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     with rfgen.open_run(tmp_path / "run.h5") as run:
@@ -331,4 +344,4 @@ def test_wishes_without_effect_are_refused() -> None:
             Imagining(refine=wrong).check(moves=False)  # type: ignore[arg-type]
     for how in (Imagining(model="folder"), Imagining(lora="folder"), Imagining(refine=0.5)):
         with pytest.raises(ValueError, match="only imagined surroundings take it"):
-            check_kind("furnished", parse_environment("an office"), how)
+            chosen_source("furnished", parse_environment("an office"), how)

@@ -48,6 +48,15 @@ KNOWN = (
     f"{', '.join(sorted(SCENE_PATTERNS))}"
 )
 
+SOURCES = {
+    "scene": "the scene of a file",
+    "furnished": "a place furnished by the seed",
+    "diffusion": "an image drawn by a diffusion model",
+    "none": "free space, whatever the prompt says",
+}
+"""Sources of surroundings that an `environment` argument may name -> their meaning."""
+_SOURCE = re.compile(r"\s*(\w+)\s*(?::(.*))?", re.DOTALL)
+
 _KEYWORD = re.compile(
     r"""["']?\b(?:environment|surroundings|scene|location|place|room|background|setting)\b["']?\s*[:=]([^,;.\n}]*)""",
     re.IGNORECASE,
@@ -91,6 +100,45 @@ class EnvironmentPrompt:
                     reader.take(pattern)
             lost = tuple(phrase for reader in readers for phrase in reader.rest(FILLERS))
         return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in lost)
+
+
+def split_source(environment: str | None) -> tuple[str, str | None]:
+    """Source and words of an `environment` argument: "furnished: an office", "an office", "furnished".
+
+    Returns
+    -------
+    One of :data:`SOURCES`, "auto" where none is named; and the words, None where there are none.
+
+    Raises
+    ------
+    PromptError
+        The text before a colon is no source, or words follow "none".
+    TypeError
+        `environment` is neither a text nor None.
+    """
+    if environment is None:
+        return "auto", None
+    if not isinstance(environment, str):
+        raise TypeError(f"environment: expected a text or None, got {type(environment).__name__}")
+    match = _SOURCE.fullmatch(environment)
+    if match is None or (match[2] is None and match[1].lower() not in SOURCES):
+        return "auto", environment
+    source, words = match[1].lower(), (match[2] or "").strip()
+    if source not in SOURCES:
+        allowed = ", ".join(f"'{name}' ({meaning})" for name, meaning in SOURCES.items())
+        raise PromptError(f"environment: {source!r} is no source of surroundings; allowed before the colon: {allowed}")
+    if source == "none" and words:
+        raise PromptError(
+            f"environment: {environment!r} names a place, but 'none' is free space: leave one of them out"
+        )
+    return source, words or None
+
+
+def with_source(environment: str | None, source: str) -> str | None:
+    """`environment` with a `source` of its own, as the former argument `surroundings` had it."""
+    if source == "auto":
+        return environment
+    return source if environment is None else f"{source}: {environment}"
 
 
 def parse_environment(text: str | None) -> EnvironmentPrompt | None:
