@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.checks.clearance import CLEARANCE, Obstacle, check_radar_clear, surface_of
-from rfgen_sionna.scene.checks.collision import ALLOWED, Collision, CollisionFinder, deepest
-from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.checks.collision import CollisionFinder, report_collisions
 from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.rays import RayScene
 
@@ -90,16 +89,9 @@ def check_collisions(
     if policy == "ignore" or rays is None:
         return
     for actor in actors:
-        found: list[Collision] = []
-        for each in CollisionFinder(scene, rays, actor).find(start, stop):
-            if each.depth > ALLOWED and policy == "error":
-                raise SceneError(
-                    f"{each}; allowed are {100 * ALLOWED:g} cm. Place the actor elsewhere or at another distance, let "
-                    "it move less, or say Simulator(..., collisions='warn') if it is meant"
-                )
-            found.append(each)
-        if found:
-            warnings.warn("; ".join(map(str, deepest(found))), stacklevel=stacklevel + 1)
+        found = CollisionFinder(scene, rays, actor).find(start, stop)
+        remedy = "Place the actor elsewhere or at another distance, let it move less"
+        report_collisions(found, policy, remedy, stacklevel + 1)
 
 
 class Occluder(Protocol):

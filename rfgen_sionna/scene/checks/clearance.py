@@ -1,4 +1,4 @@
-"""Whether a radar stands free: neither inside something nor touching it."""
+"""Free space around a radar: it is neither inside an object nor touches one."""
 
 from __future__ import annotations
 

@@ -1,20 +1,19 @@
-"""Whether actors go through the surfaces of the scene."""
+"""Collisions of actors with the surfaces of a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.checks.clearance import distance, surface_of, winding_number
+from rfgen_sionna.scene.checks.clearance import Obstacle, distance, surface_of, winding_number
+from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.rays import Hits, RayScene
-
-if TYPE_CHECKING:
-    from rfgen_sionna.scene.checks.clearance import Obstacle
 
 CONTACT = 0.02
 """Depth [m] up to which an actor touches a surface: feet on the floor, a hand on a table."""
@@ -39,7 +38,7 @@ _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
 class Thing(Protocol):
-    """What an actor may run into: an object of a scene, or another actor at one instant."""
+    """An object of a scene, or another actor at one instant, that an actor may run into."""
 
     @property
     def name(self) -> str: ...
@@ -56,7 +55,7 @@ class Thing(Protocol):
 
 
 class StaticMeshes(Protocol):
-    """Whatever holds things: a scene."""
+    """A scene, by its objects."""
 
     @property
     def objects(self) -> Sequence[Thing]: ...
@@ -319,3 +318,23 @@ def deepest(found: Sequence[Collision]) -> list[Collision]:
         if key not in worst or each.depth > worst[key].depth:
             worst[key] = each
     return sorted(worst.values(), key=lambda each: -each.depth)
+
+
+def report_collisions(found: Iterable[Collision], policy: str, remedy: str, stacklevel: int) -> None:
+    """Refuse collisions deeper than :data:`ALLOWED` where `policy` is "error", and warn of the deepest of all others.
+
+    Raises
+    ------
+    SceneError
+        At the first such collision, naming `remedy`.
+    """
+    collisions: list[Collision] = []
+    for each in found:
+        if each.depth > ALLOWED and policy == "error":
+            raise SceneError(
+                f"{each}; allowed are {100 * ALLOWED:g} cm. {remedy}, or say Simulator(..., collisions='warn') if it "
+                "is meant"
+            )
+        collisions.append(each)
+    if collisions:
+        warnings.warn("; ".join(map(str, deepest(collisions))), stacklevel=stacklevel + 1)

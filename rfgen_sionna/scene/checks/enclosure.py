@@ -1,4 +1,4 @@
-"""Whether a radar stands in the open or in a room, or inside of a building or below the ground."""
+"""Place of a radar: in the open or in a room, not inside a building or below the ground."""
 
 from __future__ import annotations
 

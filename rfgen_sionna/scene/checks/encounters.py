@@ -1,8 +1,7 @@
-"""Whether two actors are in one place: people that walk through each other, a hand in somebody's chest."""
+"""Collisions of two actors: people that walk through each other, a hand in somebody's chest."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -13,8 +12,14 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.checks.clearance import surface_of, winding_number
-from rfgen_sionna.scene.checks.collision import ALLOWED, FINEST_STEP, STEP, Collision, CollisionFinder, deepest
-from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.checks.collision import (
+    ALLOWED,
+    FINEST_STEP,
+    STEP,
+    Collision,
+    CollisionFinder,
+    report_collisions,
+)
 from rfgen_sionna.scene.rays import RayScene
 
 if TYPE_CHECKING:
@@ -82,16 +87,8 @@ def check_encounters(
     if policy == "ignore":
         return
     for one, other in combinations(actors, 2):
-        found: list[Collision] = []
-        for each in find_encounters(one, other, start, stop, eye):
-            if each.depth > ALLOWED and policy == "error":
-                raise SceneError(
-                    f"{each}; allowed are {100 * ALLOWED:g} cm. Place one of them elsewhere, let them move less, or "
-                    "say Simulator(..., collisions='warn') if it is meant"
-                )
-            found.append(each)
-        if found:
-            warnings.warn("; ".join(map(str, deepest(found))), stacklevel=stacklevel + 1)
+        found = find_encounters(one, other, start, stop, eye)
+        report_collisions(found, policy, "Place one of them elsewhere, let them move less", stacklevel + 1)
 
 
 class _Instant:
