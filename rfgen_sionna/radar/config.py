@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rfgen_sionna.radar.config_error import RadarConfigError
-from rfgen_sionna.radar.plausible import check_units
+from rfgen_sionna.radar.config_checks import RadarConfigError, check_units
 
 _NUMBER = (int, float)
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config_error import RadarConfigError
+from rfgen_sionna.radar.config_checks import RadarConfigError, check_cut, check_plausible
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
-from rfgen_sionna.radar.plausible import check_cut, check_plausible
 from rfgen_sionna.radar.preset import preset_waveform
 from rfgen_sionna.radar.table import read_table
 from rfgen_sionna.resources import available, resolve

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
-from rfgen_sionna.radar.config_error import RadarConfigError
-from rfgen_sionna.radar.plausible import check_plausible
+from rfgen_sionna.radar.config_checks import RadarConfigError, check_plausible
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot, coded_slots, doppler_slot, hadamard_code, single
 from rfgen_sionna.radar.waveform import Waveform

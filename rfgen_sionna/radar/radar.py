@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import overridden, read_config
-from rfgen_sionna.radar.config_error import RadarConfigError
+from rfgen_sionna.radar.config_checks import RadarConfigError
 from rfgen_sionna.radar.device import radar_fields, radar_file
-from rfgen_sionna.radar.elements import checked_elements
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
@@ -22,6 +22,9 @@ from rfgen_sionna.radar.slots import slot_label
 from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
+
+_LARGEST_OFFSET = 10.0
+"""Largest distance of an element from the centre [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,7 @@ class Radar:
 
     def __post_init__(self) -> None:
         for end in ("tx", "rx"):
-            array = checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
+            array = _checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
             object.__setattr__(self, f"{end}_positions", array)
         if self.waveform.num_tx != len(self.tx_positions):
             named = "slots know" if self.waveform.slots else "tx_order fires"
@@ -315,3 +318,29 @@ class Radar:
 
     def __hash__(self) -> int:
         return hash((self.name, self.preset, self.waveform, self.pattern, self.position, self.orientation))
+
+
+def _checked_elements(end: str, positions: ArrayLike, names: Sequence[str]) -> FloatArray:
+    """A read-only copy of the positions (element, 3) [m] of the "tx" or "rx" elements, each with a name of its own.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, its value and what is allowed.
+    """
+    field = f"radar.{end}_positions"
+    array = np.array(positions, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):
+        raise ValueError(f"{field} has shape {array.shape}: finite (element, 3) positions [m] are needed")
+    if np.abs(array).max() > _LARGEST_OFFSET:
+        raise ValueError(
+            f"{field} reaches {np.abs(array).max():g} m: elements lie within {_LARGEST_OFFSET:g} m of the centre"
+        )
+    gaps = np.linalg.norm(array[:, None] - array[None], axis=-1) + np.eye(len(array))
+    if gaps.min() < 1e-6:
+        i, j = np.argwhere(gaps < 1e-6)[0]
+        raise ValueError(f"{field}: elements {i} and {j} are at the same place {array[i].tolist()} m")
+    if len(names) != len(array) or len(set(names)) != len(names):
+        raise ValueError(f"radar.{end}_names is {tuple(names)!r}: a different name for each of {len(array)} elements")
+    array.setflags(write=False)
+    return array

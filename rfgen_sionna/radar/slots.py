@@ -175,3 +175,21 @@ def slot_label(slot: Slot, names: Sequence[str]) -> str:
         phase = (slot.phases_deg[tx] or 0.0) % 360
         text += f"{'-' if phase == 180 else '+'}{names[tx]}{'' if phase in (0, 180) else f'@{phase:g}'}"
     return text.removeprefix("+")
+
+
+def check_slots(slots: Sequence[Slot], profiles: int) -> None:
+    """Slots for the same Tx elements, all of which fire, with profiles all of which are used."""
+    if not all(isinstance(slot, Slot) for slot in slots):
+        raise ValueError(f"waveform.slots is {slots!r}: a list of Slot is needed")
+    count = len(slots[0].phases_deg)
+    if any(len(slot.phases_deg) != count for slot in slots):
+        raise ValueError(f"waveform.slots: all of them need {count} phases, one for each Tx element")
+    if silent := set(range(count)) - {tx for slot in slots for tx in slot.on}:
+        raise ValueError(f"waveform.slots: Tx element {min(silent)} never fires; leave it out of the radar")
+    used = {slot.profile for slot in slots}
+    if used != set(range(profiles)):
+        raise ValueError(
+            f"waveform.slots use the profiles {sorted(used)}; there are {profiles}, from 0, each of which must be used"
+        )
+    for number in used:
+        multiplexing_of([slot for slot in slots if slot.profile == number])

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
-from rfgen_sionna.radar.frame_checks import check_slots, checked_order
 from rfgen_sionna.radar.profile import Profile, is_number
-from rfgen_sionna.radar.slots import Slot, doppler_gap, multiplexing_of
+from rfgen_sionna.radar.slots import Slot, check_slots, doppler_gap, multiplexing_of
 
 _PROFILE = tuple(field.name for field in fields(Profile))
 
@@ -74,7 +74,7 @@ class Waveform:
         if not (is_number(self.frame_period) and self.frame_period > 0):
             raise ValueError(f"waveform.frame_period is {self.frame_period!r}: a positive, finite number is needed")
         if not self.slots:
-            object.__setattr__(self, "tx_order", checked_order(self.tx_order))
+            object.__setattr__(self, "tx_order", _checked_order(self.tx_order))
             if self.other_profiles:
                 raise ValueError("waveform.other_profiles needs slots, which say what each profile is for")
         elif self.tx_order:
@@ -339,3 +339,17 @@ def _check_times(wave: Waveform) -> None:
             f"waveform.num_loops is {wave.num_loops}: {wave.doppler_bands:g} Doppler bands of at least 2 bins need "
             f"{2 * math.ceil(wave.doppler_bands)} loops"
         )
+
+
+def _is_index(value: object) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def _checked_order(order: Sequence[int]) -> tuple[int, ...]:
+    """`order` as a tuple, if it fires each Tx element once."""
+    fired = list(order)
+    if not fired or not all(_is_index(tx) for tx in fired) or sorted(fired) != list(range(len(fired))):
+        raise ValueError(
+            f"waveform.tx_order is {order!r}: each of the Tx elements 0..n-1 must fire exactly once a loop"
+        )
+    return tuple(int(tx) for tx in fired)

@@ -1,11 +1,9 @@
-"""Ranges that the numbers of every radar keep to, so that one with a unit prefix too many or too few is noticed."""
+"""Plausible ranges of the numbers in a radar file, which reveal a wrong unit prefix."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
-
-from rfgen_sionna.radar.config_error import RadarConfigError
 
 _ZERO_OR: dict[str, tuple[float, float]] = {
     "transmitter.power_dbm": (0.1, 80.0),
@@ -19,6 +17,10 @@ _ZERO_OR: dict[str, tuple[float, float]] = {
 _FREQUENCY = (1e9, 1e12)
 _LEAST_SPAN, _LEAST_DEPTH, _MOST_DEPTH = 1.0, 0.3, 200.0
 _SLOT_PHASE = (0.4, 360.0)
+
+
+class RadarConfigError(ValueError):
+    """A radar file says something that no radar can do, or in words the format does not know."""
 
 
 def check_plausible(
