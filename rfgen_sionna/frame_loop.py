@@ -23,30 +23,30 @@ from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
 TIDIED_EVERY = 50
-"""Frames after which what is free goes back to the system."""
+"""Number of frames after which free memory goes back to the system."""
 RUN = 4
-"""Frames one after the other that go to a process."""
+"""Number of consecutive frames that one process computes."""
 
 
 class TracedFrame(NamedTuple):
-    """What is traced for a frame."""
+    """Paths of one frame."""
 
     begin: float
     """[s]"""
     static: tuple[RadarPaths, ...]
-    """What every frame has."""
+    """Paths of the static scene, the same in every frame."""
     parts: Callable[[], Sequence[RadarPaths]]
-    """Works all else out, on whatever thread."""
+    """Computes all other paths, on any thread."""
     report: TraceReport
     shown: tuple[RadarPaths, ...]
-    """Actors and imagined surroundings, where images need them."""
+    """Actors and imagined surroundings, for images; empty where surroundings are modelled."""
     still: int
-    """So many of the first objects stay in the world, and share one tolerance."""
+    """Number of static objects, the first ones, which share one tolerance."""
 
 
 def frame_tracer(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Callable[[float], TracedFrame]:
-    """What traces frames that begin at whichever of the `times` [s], one after the other: each goes on with the facets
-    of the one before."""
+    """Function that traces the frame that begins at one of the `times` [s]. Frames are traced one after another: each
+    starts from the facets of the one before."""
     moving, length = tracer.follow(), tracer.radar.waveform.frame_length
     still = sum(each.still for each in (*tracer.surfaces.static, *tracer.surfaces.moving))
     if fusion is None:

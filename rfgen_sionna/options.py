@@ -24,9 +24,9 @@ from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
 
 RADAR_POSITION = (0.0, 0.0, 1.0)
-"""Where the radar stands unless one that is placed is given [m]; our rooms are laid out around it."""
+"""Default place of a radar [m]; our rooms are laid out around it."""
 RADAR_TARGET = (3.0, 0.0, 1.0)
-"""Where it looks [m]."""
+"""Default target of its boresight [m]."""
 
 
 def check_options(
@@ -51,8 +51,8 @@ def check_options(
     device: str,
     workers: int,
 ) -> tuple[Radar, Receiver, int]:
-    """What can be told of arguments of :func:`rfgen_sionna.pipeline.generate` whatever the prompt says: before the
-    models are imported that read prompts, a scene is read, or a body is built.
+    """Check the arguments of :func:`rfgen_sionna.pipeline.generate` that do not depend on the prompt, before any model
+    is imported, scene read or body built.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def chosen_view(
 
 
 def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
-    """What the arguments make of the receiver."""
+    """Receiver of the arguments."""
     if receiver is None:
         return Receiver() if noise else Receiver.ideal()
     known = read_receiver(receiver, radar)
@@ -125,7 +125,7 @@ def _vector(name: str, value: Any) -> tuple[float, float, float]:
 
 
 def check_size(duration: Any, radar: Radar, pir_resolution: tuple[int, int], target: Path) -> None:
-    """Whether the samples and images of so long a run have room on the disk; other mistakes are told elsewhere."""
+    """Check that the samples and images of so long a run have room on the disk."""
     if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)) or not duration > 0:
         return
     # A PIR image has three float32 channels, samples are complex64; meshes come on top.

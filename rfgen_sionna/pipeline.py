@@ -1,4 +1,4 @@
-"""From a prompt to radar data: the whole way on one page."""
+"""Radar data from a prompt."""
 
 from __future__ import annotations
 
@@ -302,7 +302,7 @@ def _read(
     kind: str,
     source: MotionSource,
 ) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
-    """What the prompt and the arguments beside it ask for; logs the words without effect."""
+    """Contents of the prompt and of the arguments beside it; words without effect are logged."""
     check_seed(seed)
     said = read_prompt(prompt, negative, seed=seed, source=source)
     if distance is not None and not (np.isfinite(distance) and distance > 0):
@@ -324,7 +324,7 @@ def _read(
 
 
 def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:
-    """Where the centre of the vertices of an actor's surface is at `t` [s], and how it moves; one row per actor."""
+    """Labels of an actor at `t` [s]: place and motion of the centre of its vertices; one row per actor."""
     surface = surface_of(actor)
     before, centre, after = (surface.vertices(t + step).mean(axis=0) for step in (-LABEL_STEP, 0.0, LABEL_STEP))
     velocity = (after - before) / (2 * LABEL_STEP)

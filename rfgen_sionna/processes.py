@@ -39,11 +39,11 @@ AHEAD = 1
 """Runs that may be begun or over beyond those that are worked on: what they made is kept until it is its turn."""
 
 _PATIENCE = 5.0
-"""How long a process may take to go when nobody asks for it any more [s]."""
+"""Time that a process gets to end once its results are not wanted any more [s]."""
 
 
 class _Message(Enum):
-    """What a process tells."""
+    """Kind of a message from a process."""
 
     MADE = auto()
     LOGGED = auto()
@@ -79,7 +79,7 @@ def check_workers(workers: Any, device: str = "cpu") -> int:
 
 
 def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
-    """What a `job` makes of the numbers of all `runs`, in their order; so many processes work at a time, on a run each.
+    """Results of `job` for the numbers of all `runs`, in order; `workers` processes work at a time, on a run each.
 
     A process is forked when its run begins, as soon as no other thread traces or sums paths, and works on one core. It
     ends with this one, or when nobody asks for more. What it logs and warns of is logged and warned of here, when it is

@@ -1,4 +1,4 @@
-"""The records that pass from one stage to the next.
+"""Records that pass from one stage to the next.
 
 Every array names its axes and its unit. World frame: metres, z up, Sionna's conventions; a body in its
 rest pose faces +x and has its left side at +y.
@@ -92,7 +92,7 @@ class MeshSequence(Protocol):
 
 
 class PathKind(IntEnum):
-    """How a path came about."""
+    """Kind of a propagation path."""
 
     FACET = 0
     """Physical-optics return of one facet, or of a patch of small ones that go by one of them."""
@@ -105,7 +105,7 @@ class PathKind(IntEnum):
 
 
 _DIGITS, _KEPT = 13, 10_000
-"""To how many decimals of the stretch times count, and how many weights are worth to be kept in mind."""
+"""Decimals of times as shares of the knots' span, and the most weights that are cached."""
 
 
 def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A radar, a scene and actors put together: paths, images and samples of any instant."""
+"""Simulation of a radar in a scene with actors: paths, images and samples."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Frame:
 
 
 class Simulator:
-    """Traces a radar in a scene with actors and synthesises what its ADC takes.
+    """Traces a radar in a scene with actors and synthesises the samples of its ADC.
 
     Parameters
     ----------
@@ -354,7 +354,7 @@ class Simulator:
         return np.asarray(_time("start", start) + np.arange(count) * waveform.frame_period, dtype=np.float64)
 
     def _check_places(self, start: float, stop: float) -> None:
-        """Nothing is where it cannot be from `start` to `stop` [s]: radar, range window, walls."""
+        """Check the places of radar and actors from `start` to `stop` [s]: clearance, range window, collisions."""
         check_way_clear(self.radar, self.scene, self.actors, start, stop)
         moves = self.radar.trajectory is not None
         check_places(self.radar, seen_from(self.radar, None, self.actors) if moves else self.actors, start, stop)
@@ -362,7 +362,7 @@ class Simulator:
         check_encounters(self.actors, start, stop, self.collisions, 3, self.radar.pose(start)[0])
 
     def _warn_silent(self) -> None:
-        """A scene that returns nothing at all is not what a user expects of it."""
+        """Warn once of a scene without any return."""
         if self._silence_told or self.scene.is_free_space or self.radar.trajectory is not None:
             return
         self._silence_told = True

@@ -139,7 +139,7 @@ def _scale(text: str) -> dict[str, Any]:
 
 
 class _LogLines(logging.Handler):
-    """What the package logs, as warnings are shown."""
+    """Handler that prints the package's log like warnings."""
 
     def emit(self, record: logging.LogRecord) -> None:
         _err.print(f"[yellow]{record.levelname.lower()}:[/yellow] {escape(record.getMessage())}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What the commands share: where they print, how they show progress, and the pictures that they draw."""
+"""Output of the commands: text, progress and pictures."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ class Run:
 
     @property
     def report(self) -> str:
-        """What the prompt was read as and what was decided, by whom; empty where the file does not say."""
+        """Interpretation of the prompt, and every decision with its origin; empty in files without it."""
         return str(self._opened.attrs.get("report", ""))
 
     @property

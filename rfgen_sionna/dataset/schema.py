@@ -1,4 +1,4 @@
-"""What a run file holds: names, axes and units of format `rfgen-run`.
+"""Contents of a run file: names, axes and units of format `rfgen-run`.
 
 One HDF5 file holds one run, laid out as netCDF-4 does (dimension scales by name, units as attributes), so that
 general tools open it. Complex samples are the compound (r, i) that h5py and NumPy share::
@@ -68,7 +68,7 @@ def software_versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Label:
-    """How one label is stored: one value a frame with these further axes."""
+    """Storage of one label: one value a frame with these further axes."""
 
     units: str = "1"
     """As UDUNITS writes them ("m s-1"); "1" for numbers without a unit; empty for text."""
@@ -94,7 +94,7 @@ STANDARD_LABELS: dict[str, Label] = {
 
 @dataclass(frozen=True)
 class ActorInfo:
-    """What stays the same about an actor during a run."""
+    """Facts about an actor that stay the same during a run."""
 
     name: str
     material: str
@@ -142,18 +142,18 @@ class ActorInfo:
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What is known about a run before its first frame."""
+    """Facts about a run before its first frame."""
 
     radar: Radar
     prompt: str = ""
     negative_prompt: str = ""
     environment: str = ""
     seeds: Mapping[str, int | None] = field(default_factory=dict)
-    """What drew from which seed, for instance {"motion": 0, "noise": 1}; None where nothing was drawn."""
+    """Seed of each draw, for instance {"motion": 0, "noise": 1}; None where nothing was drawn."""
     actors: tuple[ActorInfo, ...] = ()
     labels: Mapping[str, Label] = field(default_factory=dict)
     report: str = ""
-    """What the prompt was read as and what was decided, by whom; text of several lines."""
+    """Interpretation of the prompt, and every decision with its origin; text of several lines."""
     receiver: Mapping[str, Any] | None = None
     """The receiver's record (`signal.receiver_record`), ready for JSON; None where there was none or nobody says."""
     software: Mapping[str, str] = field(default_factory=software_versions)

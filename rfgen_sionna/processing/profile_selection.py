@@ -1,4 +1,4 @@
-"""What the axis "tx" of a cube holds, and what each Tx element has in it."""
+"""Entries of the axis "tx" of a cube, and the share of each Tx element in them."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def decoder(radar: Radar) -> ComplexArray | None:
 
 
 def empty_bands(radar: Radar) -> int:
-    """How many of the Doppler bands that Tx elements share are nobody's (DDM); 0 elsewhere."""
+    """Number of empty Doppler bands (DDM); 0 elsewhere."""
     return round(radar.waveform.doppler_bands) - radar.waveform.num_tx if in_bands(radar) else 0
 
 

@@ -105,7 +105,7 @@ _ITEMS: dict[str, tuple[type, ...]] = {
     "slot": (dict,),
     "tx": (str,),
 }
-"""What the lists hold; those that are not named here hold numbers."""
+"""Types of list entries; lists that are not named here hold numbers."""
 
 
 def _check_value(value: Any, wanted: tuple[type, ...], what: str) -> None:

@@ -17,7 +17,7 @@ from rfgen_sionna.radar.table import read_table
 from rfgen_sionna.resources import available, resolve
 
 _LEAST_PITCH, _LARGEST_ARRAY = 0.05, 250.0
-"""What lies between two elements of one end [wavelengths]: antennas have a size, and boards too."""
+"""Allowed distances between two elements of one end [wavelengths]: least and largest."""
 
 
 def radar_file(radar: str | os.PathLike[str]) -> Path:

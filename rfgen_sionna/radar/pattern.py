@@ -14,7 +14,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.table import TablePattern
 
 PREFIX = "sionna:"
-"""How the name of a pattern in Sionna's registry begins."""
+"""Prefix of the names of patterns in Sionna's registry."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class ElementPattern:
 
     @property
     def cubics(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Of the cut over azimuth, then of that over elevation: (angle,) ends of its pieces [degrees], and (4, piece)
-        the level [dB] as polynomials of the angle from where each begins, the cube's coefficient first."""
+        """Cuts over azimuth and elevation: (angle,) ends of the pieces [degrees], and (4, piece) coefficients of the
+        level [dB] as a cubic of the angle from the start of a piece, the highest power first."""
         return [(np.asarray(cut.x), np.asarray(cut.c)) for cut in self._cuts]
 
     @cached_property

@@ -57,8 +57,8 @@ class Radar:
     """Yaw, pitch, roll [rad]."""
     adc: Adc = field(default_factory=Adc)
     trajectory: Callable[[float], Any] | None = None
-    """Where the radar is at a time [s]: its position [m], or a pair of position and orientation [rad]; `position` and
-    `orientation` are then those at t = 0. It must be smooth (C²): steps in it are steps in the phase. A
+    """Function of the time [s] that returns the position [m], or a pair of position and orientation [rad]; `position`
+    and `orientation` are then those at t = 0. It must be smooth (C²): steps in it are steps in the phase. A
     :class:`~rfgen_sionna.radar.trajectory.Trajectory` can be stored in a file, a function cannot."""
 
     def __post_init__(self) -> None:

@@ -30,7 +30,7 @@ def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] 
 
 
 def waveform_record(waveform: Waveform) -> dict[str, Any]:
-    """What a common frame does not have is left out where it is not."""
+    """Record of a waveform, without the fields that have their default."""
     record: dict[str, Any] = {}
     for item in fields(Waveform):
         value = getattr(waveform, item.name)

@@ -1,4 +1,4 @@
-"""What Tx elements do in the slots of a loop: one at a time (TDM), coded (BPM), in Doppler bands (DDM), as a beam."""
+"""Tx elements in the slots of a loop: one at a time (TDM), coded (BPM), in Doppler bands (DDM), as a beam."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def doppler_slot(bands: int, members: Sequence[int], count: int, profile: int = 
 
 
 def multiplexing_of(slots: Sequence[Slot]) -> str:
-    """How the Tx elements of slots of one profile can be told apart.
+    """Multiplexing of the Tx elements in slots of one profile.
 
     "tdm": one at a time. "bpm": by a code over the slots, of ±1 or of any other phases that can be inverted. "ddm": by
     the Doppler band that each is shifted to. "beam": not at all; they radiate as one.
@@ -169,7 +169,7 @@ def doppler_gap(slot: Slot) -> float:
 
 
 def slot_label(slot: Slot, names: Sequence[str]) -> str:
-    """What a slot radiates, for instance "TX1-TX3" or "TX1+TX2@90" (degrees)."""
+    """Tx elements and phases of a slot, for instance "TX1-TX3" or "TX1+TX2@90" (degrees)."""
     text = ""
     for tx in slot.on:
         phase = (slot.phases_deg[tx] or 0.0) % 360

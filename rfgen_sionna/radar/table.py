@@ -31,7 +31,7 @@ class TablePattern:
     gain_dbi: tuple[tuple[float, ...], ...]
     """(azimuth, elevation) [dBi]"""
     name: str = ""
-    """What the table was made of, for instance "sionna:tr38901"; empty for a table of one's own."""
+    """Source of the table, for instance "sionna:tr38901"; empty for a table of one's own."""
 
     def __post_init__(self) -> None:
         for axis, limit in (("azimuth", 180.0), ("elevation", 90.0)):

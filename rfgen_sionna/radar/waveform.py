@@ -132,7 +132,7 @@ class Waveform:
 
     @property
     def doppler_bands(self) -> float:
-        """How many Doppler bands, one for each Tx and empty ones, share the Doppler spectrum (DDM); else 1."""
+        """Number of Doppler bands, empty ones included, that share the Doppler spectrum (DDM); else 1."""
         if self.slots and not self.separated and any(slot.advance_deg for slot in self.slots):
             return 1 / min(doppler_gap(slot) for slot in self.slots if slot.advance_deg)
         return 1.0

@@ -41,7 +41,7 @@ _RECORDING = Lock()
 """One for all kernels and threads: whether garbage is collected is one switch for the process."""
 _PLAIN = (bool, int, str, type(None))
 _KINDS, _NEVER = 256, 2**31 - 1
-"""How many kinds of inputs a kernel is kept for, and after how many Dr.Jit warns that there were more."""
+"""Kinds of inputs that a kernel is kept for, and the number after which Dr.Jit warns."""
 
 
 class Frozen:

@@ -1,4 +1,4 @@
-"""What can be wrong with a scene."""
+"""Errors and warnings of scenes."""
 
 from __future__ import annotations
 

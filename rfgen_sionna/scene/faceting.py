@@ -22,7 +22,7 @@ the tracer rounds them, err by up to 0.01 dB at 0.08 rad (1,280 facets), 0.08 dB
 
 @dataclass(frozen=True)
 class Faceting:
-    """How coarsely a mesh samples the smooth surface through its vertices."""
+    """Coarseness of a mesh as a sample of the smooth surface through its vertices."""
 
     turn: float
     """Angle between neighbouring faces [rad], median over the area; 0 where most of it is flat."""
@@ -38,7 +38,7 @@ class Faceting:
 
 
 def faceting(vertices: FloatArray, faces: IntArray) -> Faceting:
-    """By what angles the smooth parts of a mesh turn from face to face.
+    """Angles between neighbouring faces of the smooth parts of a mesh.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a mesh is flat, beside what samples something bent.
+"""Flat parts of a mesh beside parts that sample a curved surface.
 
 A box with rounded edges has large faces that are as flat as they look and narrow ones that stand for its edges, and
 between both the mesh turns by a few degrees as it does within the edges. A normal that is a mean of both would bend the
@@ -45,7 +45,7 @@ def planes(
     other: NDArray[np.int64],
     turn: FloatArray,
 ) -> PlaneParts:
-    """Find what is flat.
+    """Plane parts of a mesh.
 
     Parameters
     ----------

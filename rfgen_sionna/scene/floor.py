@@ -10,7 +10,7 @@ from rfgen_sionna.scene.scene import RadarScene
 SLAB = 0.5
 """Surfaces of one object that lie less than this above each other [m] are the two sides of a slab."""
 _STEP = 1e-3
-"""How far under a surface the next one is looked for [m]."""
+"""Distance below a surface at which the search for the next one starts [m]."""
 
 
 def floor_under(scene: RadarScene, point: tuple[float, float, float]) -> tuple[float, str] | None:

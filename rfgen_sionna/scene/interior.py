@@ -15,7 +15,7 @@ from rfgen_sionna.scene.errors import SceneError
 
 @dataclass(frozen=True)
 class Interior:
-    """Where there is free space in a scene that is a room: a union of boxes, with low and high corners (box, 3) [m]."""
+    """Free space of a scene that is a room: a union of boxes, with low and high corners (box, 3) [m]."""
 
     low: FloatArray
     high: FloatArray

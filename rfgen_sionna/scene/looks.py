@@ -36,7 +36,7 @@ _TOLD = 8
 
 
 class Looks:
-    """What hides points at several times: all static objects, and of the moving ones the faces that may.
+    """Occluders of points at several times: all static objects, and the moving faces that may occlude.
 
     Args:
         static: what rays hit of static objects.
@@ -267,8 +267,8 @@ _BEFORE = Frozen(_may_come_before)
 
 
 def _boxes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of `points` (time, point, 3) [m] the least and the largest coordinates (point, 3) of their directions, over time,
-    and the largest distance (point,) [m]."""
+    """Least and largest coordinates (point, 3) of the directions to `points` (time, point, 3) [m] over time, and the
+    largest distance (point,) [m]."""
     distance = np.stack([lengths(each) for each in points])
     directions = points / np.maximum(distance, 1e-12)[..., None]
     return directions.min(axis=0), directions.max(axis=0), distance.max(axis=0)

@@ -44,7 +44,7 @@ def _frequencies(frequency: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True)
 class Material:
-    """What a surface is made of.
+    """Material of a surface.
 
     Raises:
         MaterialError: naming the field, its value and what is allowed.
@@ -59,13 +59,13 @@ class Material:
     scattering_coefficient: float = 0.0
     """Share S of the reflected field that is scattered diffusely, 0 … 1 (Sionna's definition): S² of the energy."""
     scattering_pattern: ScatteringPattern = LAMBERTIAN
-    """Where the diffuse part goes."""
+    """Pattern of the diffuse part."""
     xpd_coefficient: float = 0.0
     """Share of the diffuse energy that changes its polarisation, 0 … 1 (Sionna's definition)."""
     permeability: complex = 1.0
     """Relative permeability; 1 for everything in the table."""
     outside: Outside = "extrapolate"
-    """What happens at a frequency that the source does not cover."""
+    """Policy at frequencies that the source does not cover."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):

@@ -203,7 +203,7 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
 
 
 def _given_twice(triangles: IntArray) -> str:
-    """What to say of faces that have the same vertices as others, if there are any."""
+    """Sentence about faces with the same vertices as others; empty where there are none."""
     smallest = triangles.argmin(axis=1)[:, None]
     turned = np.take_along_axis(triangles, (smallest + np.arange(3)) % 3, axis=1)  # the same face, the same row
     again = len(triangles) - len(np.unique(np.sort(triangles, axis=1), axis=0))

@@ -43,7 +43,7 @@ class MeshActor:
     """Name of a material, see :data:`rfgen_sionna.scene.MATERIALS`, or a material, such as
     `dataclasses.replace(MATERIALS["concrete"], scattering_coefficient=0.3)`."""
     name: str = "actor"
-    """What labels call it; unique within a simulation."""
+    """Name in labels; unique within a simulation."""
     position: Vector = (0.0, 0.0, 0.0)
     """World position of the actor's origin at t = 0 [m]."""
     orientation: Vector = (0.0, 0.0, 0.0)

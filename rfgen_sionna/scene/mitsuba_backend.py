@@ -27,7 +27,7 @@ PREFERRED_LLVM = 19
 OLDEST_LLVM = 17
 """Older ones are known to abort the process (15, 16) or to be refused (14 and before)."""
 VARIANTS = ("cuda_ad_mono_polarized", "llvm_ad_mono_polarized")
-"""What is chosen where the user has not set a variant, in this order (Sionna's own choice)."""
+"""Mitsuba variants in the order of choice, as in Sionna; a variant set by the user comes first."""
 
 _ENVIRONMENT = "DRJIT_LIBLLVM_PATH"
 _CURE = (

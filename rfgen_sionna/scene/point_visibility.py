@@ -110,8 +110,8 @@ class PointVisibility:
         return found, hider
 
     def _halved(self, piece: Any, near: list[Any], far: list[Any], count: Any) -> tuple[list[Any], Any]:
-        """Where the edge is between `near`, which is seen, and `far`, after `count` steps, and how far off what casts
-        it is."""
+        """Shadow edge between `near`, which is visible, and `far`, after `count` bisections, and the relative distance
+        of its occluder."""
         import drjit as dr
         import mitsuba as mi
 
@@ -153,7 +153,7 @@ class PointVisibility:
         return hidden, share
 
     def _origins(self, piece: Any) -> list[list[Any]]:
-        """Where rays to the `piece` start."""
+        """Origins of the rays to `piece`."""
         import drjit as dr
 
         if self._common is not None:

@@ -19,7 +19,7 @@ from rfgen_sionna.scene.scattering import ScatteringPattern
 PLUGIN = "rfgen-radio-material"
 """Mitsuba's name for our materials in scene descriptions."""
 PREFIX = "rfgen_"
-"""What the id of a material starts with that stands for one of ours, as Sionna's own start with `itu_`."""
+"""Prefix of the ids of our materials, as `itu_` is of Sionna's."""
 
 
 def sionna_material(

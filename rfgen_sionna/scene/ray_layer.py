@@ -53,7 +53,7 @@ class Layer:
 
     @cached_property
     def _parameters(self) -> Any:
-        """Of the scene; most are never moved."""
+        """Parameters of the scene; most scenes never move."""
         import mitsuba as mi
 
         return mi.traverse(self.scene)
@@ -97,7 +97,7 @@ def before_another_scene(*found: Any) -> None:
 
 
 def loop_mode(scenes: int) -> Literal["evaluated", "symbolic"]:
-    """How Dr.Jit goes through a loop whose steps ask so many scenes: within one kernel where it can."""
+    """Mode of a Dr.Jit loop whose steps trace so many scenes: symbolic (one kernel) where possible."""
     return "evaluated" if scenes > 1 and one_scene_a_kernel() else "symbolic"
 
 

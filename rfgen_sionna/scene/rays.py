@@ -24,7 +24,7 @@ from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, before_another_scene
 from rfgen_sionna.scene.transfer import upload
 
 BLIND_GAP = 1e-4
-"""What :data:`SELF_GAP` is where the target's facet is not known and its own hit must not count."""
+""":data:`SELF_GAP` for targets whose facet is not known and whose own hit must not count."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class RayScene:
         self._moving.move(np.concatenate([np.asarray(v, np.float64) for v in vertices]))
 
     def first_hit(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
-        """What each ray hits first.
+        """First hit of each ray.
 
         Args:
             origins: (ray, 3) or (3,) [m].
@@ -238,8 +238,8 @@ class RayScene:
         hiding: Sequence[NDArray[np.intp]],
         corners: FloatArray | None = None,
     ) -> Looks:
-        """What hides facets from the viewpoint at several times, at which the moving objects have their `vertices`: for
-        every time those of :meth:`update`.
+        """Occluders of facets as seen from a viewpoint at several times. `vertices` are those of the moving objects, as
+        :meth:`update` takes them, for every time.
 
         Args:
             viewpoint: (3,) [m].

@@ -1,4 +1,4 @@
-"""How a rough surface spreads what it reflects diffusely: the patterns that Sionna has, at directions in NumPy.
+"""Diffuse reflection patterns of rough surfaces, those of Sionna, evaluated in NumPy.
 
 Source: V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas Propag.
 55 (2007) 143; the definitions are those of `sionna.rt.scattering_pattern_registry`.
@@ -60,7 +60,7 @@ class ScatteringPattern:
 
     @property
     def of_sionna(self) -> dict[str, Any]:
-        """What a `sionna.rt.RadioMaterial` is made with for the same pattern."""
+        """Arguments of a `sionna.rt.RadioMaterial` with the same pattern."""
         lobes: dict[str, dict[str, Any]] = {
             "lambertian": {},
             "directive": {"alpha_r": self.alpha_r},

@@ -71,8 +71,7 @@ class RadarScene:
 
     @cached_property
     def interior(self) -> Interior | None:
-        """Where a radar may stand in a scene that is a room, from the file beside the scene's that ends in `.toml`;
-        None where there is no such file.
+        """Free space of a scene that is a room, from the `.toml` file beside the scene's; None without such a file.
 
         Raises:
             SceneError: the file cannot be used.

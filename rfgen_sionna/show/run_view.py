@@ -1,4 +1,4 @@
-"""What the pictures of a run show: the processed data of one frame and of the whole run."""
+"""Processed data of one frame and of a whole run, for pictures."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class FrameView:
     azimuth: RangeAzimuth
     """With or without what does not move, as `static` says."""
     cloud: PointCloud
-    """What moves."""
+    """Detections that move."""
 
 
 def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
@@ -158,7 +158,7 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
 
 
 def reach(run: Run, frame: int) -> float:
-    """How far the pictures go [m]: to the farthest return of the PIR, else past the actors, else the radar's all."""
+    """Largest range in the pictures [m]: to the farthest return of the PIR, else past the actors, else the radar's."""
     limit = run.radar.max_range
     if run.has_pir:
         delay = run.pir(frame).time_of_arrival

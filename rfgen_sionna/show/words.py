@@ -28,7 +28,7 @@ def radar_line(run: Run) -> str:
 
 
 def summary(run: Run | str | os.PathLike[str]) -> str:
-    """What a run file holds, in a few lines of plain text."""
+    """Summary of a run file in a few lines of plain text."""
     with opened(run) as source:
         radar, times = source.radar, source.frame_times
         seeds = ", ".join(f"{name} {'-' if seed is None else seed}" for name, seed in source.seeds.items())

@@ -1,4 +1,4 @@
-"""What samples cannot be synthesised of, told before any work."""
+"""Checks of paths and times before samples are synthesised."""
 
 from __future__ import annotations
 

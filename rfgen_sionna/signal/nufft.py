@@ -32,7 +32,7 @@ _TOGETHER = 4
 
 @dataclass(frozen=True)
 class ChirpTable:
-    """What the kernel runs over."""
+    """Coefficients of all paths, and the weights that give them at the time of each chirp."""
 
     table: NDArray[np.float64] | NDArray[np.float32]
     """(row, path, field) coefficients; the fields are padded to a multiple of 4. In single precision all but the

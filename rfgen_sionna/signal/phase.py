@@ -1,4 +1,4 @@
-"""What a path's delay and gain make of its samples, as smooth curves over the frame.
+"""Phase, beat frequency and gain of a path's samples, as smooth curves over the frame.
 
 Around the middle t_m of the ADC window, u = (t - t_m) / half, the delay is tau + rate t + curve t^2 / 2, which makes
 the phase a constant, a term in u (the beat frequency) and a small one in u^2. All three are as smooth in time as the

@@ -1,4 +1,4 @@
-"""How accurately paths are to be summed for each object's return to be right to a tolerance."""
+"""Accuracy of the sum of paths that keeps the return of each object within a tolerance."""
 
 from __future__ import annotations
 

@@ -70,9 +70,9 @@ class Collision:
     time: float
     """[s]"""
     place: tuple[float, float, float]
-    """Where it is deepest [m]."""
+    """Deepest point [m]."""
     depth: float
-    """How far the actor reaches behind the surface, or the object into the actor [m]; `inf` where the actor lies inside
+    """Depth of the actor behind the surface, or of the object in the actor [m]; `inf` where the actor lies inside
     of the object or goes through it as a whole."""
 
     def __str__(self) -> str:
@@ -128,7 +128,7 @@ class CollisionFinder:
     def _between(
         self, t0: float, before: FloatArray, t1: float, after: FloatArray, points: tuple[FloatArray, NDArray[np.intp]]
     ) -> Iterator[Collision]:
-        """What an actor moves through between two instants."""
+        """Collisions on the way of an actor between two instants."""
         way = np.linalg.norm(after - before, axis=1)
         crossing, hits = self._crossing(before, after)
         # How far each vertex starts before and ends behind the surface.
@@ -190,7 +190,7 @@ class CollisionFinder:
     def _part(
         self, t: float, vertices: FloatArray, members: NDArray[np.intp], facets: NDArray[np.int64]
     ) -> Iterator[Collision]:
-        """How deep a part lies behind the facets through which the edges to the rest of the actor go."""
+        """Depth of a part behind the facets that its edges to the rest of the actor cross."""
         facets, counts = np.unique(facets, return_counts=True)
         number = int(np.bincount(self._owner[facets], weights=counts).argmax())
         members = members[:: max(1, len(members) // _SAMPLES)]

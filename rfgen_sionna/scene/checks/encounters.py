@@ -100,7 +100,7 @@ class _Instant:
         self.vertices = tuple(body.vertices(t) for body in self.bodies)
 
     def meet(self, eye: ArrayLike) -> Iterator[Encounter]:
-        """What of the one is in the other, or all of either."""
+        """Parts of one actor in the other, or the whole of either."""
         boxes = [x for v in self.vertices for x in (v.min(axis=0), v.max(axis=0))]
         if not _touch(*boxes) or not (_within(boxes) or _reach(self, boxes) <= 0.0):
             return

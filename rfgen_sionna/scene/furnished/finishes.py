@@ -1,4 +1,4 @@
-"""What furnished places are made of: a material, the slab's thickness, and how rough the surface is.
+"""Finishes of furnished places: material, thickness of the slab, and roughness of the surface.
 
 Roughness decides between mirror and matt: of the energy that a surface with height deviation h [m, root mean square]
 reflects at normal incidence, exp(-(4 pi h / lambda)^2) stays coherent (Ament, Proc. IRE 41 (1953) 142; Beckmann and
@@ -26,7 +26,7 @@ class Finish:
     material: str
     """Name in :data:`~rfgen_sionna.scene.materials.MATERIALS`."""
     thickness: float | None
-    """Of the slab that the surface stands for [m]; None is a body so thick that only its front reflects."""
+    """Thickness of the slab behind the surface [m]; None for a body of which only the front reflects."""
     roughness: float
     """Root mean square of the height [m], at the scale of the wavelength and below."""
     colour: tuple[float, float, float]

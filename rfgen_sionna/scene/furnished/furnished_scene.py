@@ -25,7 +25,7 @@ CEILING_OF_THE_SKY = 30.0
 
 @dataclass(frozen=True)
 class Layout:
-    """What a seed decided."""
+    """Layout drawn from a seed."""
 
     place: str
     seed: int
@@ -33,20 +33,20 @@ class Layout:
     """Extent of the floor [m]."""
     y: tuple[float, float]
     height: float
-    """Of the ceiling [m]; outdoors of what stands there."""
+    """Height of the ceiling [m]; outdoors of the highest piece."""
     indoors: bool
     items: tuple[Item, ...]
     """The furniture, with places and sizes."""
     surroundings: tuple[str, ...]
     """Walls, floor, doors, windows: by name, in the order of their objects."""
     free: tuple[Ground, ...]
-    """What was kept free: for a radar and somebody before it, and in front of doors and windows."""
+    """Ground kept free for a radar and a person in front of it, and in front of doors and windows."""
     stand: tuple[tuple[float, float], tuple[float, float]]
-    """Where one would put a radar: x and y, from and to [m]. Indoors anywhere; not in the gardens of a street."""
+    """Place for a radar: x and y, from and to [m]. Indoors anywhere; not in the gardens of a street."""
 
     @property
     def kinds(self) -> dict[str, int]:
-        """How many there are of each kind of furniture."""
+        """Number of pieces of each kind of furniture."""
         return dict(Counter(item.kind for item in self.items))
 
     def clear(self, ground: Ground) -> bool:
@@ -100,7 +100,7 @@ class FurnishedScene(RadarScene):
 
     @cached_property
     def finishes(self) -> dict[str, str]:
-        """What most of the surface of each kind of object is made of, by the names of
+        """Main finish of each kind of object, by the names of
         :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
         areas: dict[str, dict[str, float]] = {}
         for kind, _, part in self._parts:

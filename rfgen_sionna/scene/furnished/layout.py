@@ -1,4 +1,4 @@
-"""Where pieces stand: on a floor plan, without overlaps, and with free space for a radar and a person."""
+"""Placement of pieces on a floor plan, without overlaps, with free space for a radar and a person."""
 
 from __future__ import annotations
 
@@ -73,13 +73,13 @@ class Item:
     size: tuple[float, float, float]
     """Width, depth and height [m]."""
     ground: Ground
-    """What it takes of the floor plan."""
+    """Its ground on the floor plan."""
     parts: tuple[Part, ...] = field(repr=False, compare=False)
     """In the world [m], one of each finish."""
 
 
 def person_space(half_width: float = 1.2) -> tuple[Ground, ...]:
-    """What stays free in every place: a radar at (0, 0), and somebody who moves at 1.2 … 4.3 m in front of it."""
+    """Ground free in every place: a radar at (0, 0), and a person who moves at 1.2 … 4.3 m in front of it."""
     return (
         Ground(0.45, 0.0, 1.5, 1.0, 0.0, 0.0, HEADROOM),
         Ground(2.75, 0.0, 3.1, 2 * half_width, 0.0, 0.0, HEADROOM),
@@ -113,10 +113,10 @@ class Plan:
         self.x, self.y, self.height = x, y, height
         self.free = list(free)
         self.stand = (x, y)
-        """Where a radar may stand: x and y, from and to [m]."""
+        """Allowed places of a radar: x and y, from and to [m]."""
         self.items: list[Item] = []
         self.shell: list[tuple[str, Part]] = []
-        """What encloses the place: name and part."""
+        """Enclosing surfaces: name and part."""
 
     def ground_of(self, thing: Piece, x: float, y: float, yaw: float) -> Ground:
         return Ground(x, y, thing.width, thing.depth, yaw, thing.bottom, thing.top)
@@ -157,7 +157,7 @@ class Plan:
         return None
 
     def wall_spot(self, thing: Piece, wall: Wall, share: float, gap: float = 0.03) -> tuple[float, float]:
-        """Where the middle of a piece is whose back is at a wall, a share of the wall's length along it."""
+        """Middle of a piece with its back at a wall, at a share of the wall's length."""
         along = self.x if wall in ("left", "right") else self.y
         low, high = along[0] + thing.width / 2 + gap, along[1] - thing.width / 2 - gap
         u, off = low + share * max(high - low, 0.0), gap + thing.depth / 2

@@ -16,7 +16,7 @@ class Piece:
     -y and its front towards +y."""
 
     kind: str
-    """What it is, as a caption would say: "sofa"."""
+    """Noun of a caption: "sofa"."""
     parts: tuple[Part, ...]
     """One of each finish."""
     width: float

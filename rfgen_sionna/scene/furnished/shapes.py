@@ -22,7 +22,7 @@ class Part:
     faces: IntArray
     """(face, 3), counter-clockwise seen from outside."""
     finish: str = ""
-    """What its surface is: a name of :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
+    """Finish of its surface: a name of :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
 
     def of(self, finish: str) -> Part:
         """The same shape with a finish."""

@@ -13,7 +13,7 @@ from rfgen_sionna.scene.furnished.piece import merge
 from rfgen_sionna.scene.furnished.shapes import Part, box, cushion, grid_faces, joined, lathe, quad, tube
 
 DOOR_SPACE = 0.75
-"""What a door needs in front of it [m]."""
+"""Free space in front of a door [m]."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _on_plan(plan: Plan, wall: Wall, u: float, off: float) -> tuple[float, float
 
 
 def _fill(rng: np.random.Generator, opening: Opening) -> list[Part]:
-    """What is in an opening, in the wall's own frame: leaf and frame, or panes, bars, sill and curtains."""
+    """Filling of an opening, in the wall's own frame: leaf and frame, or panes, bars, sill and curtains."""
     a, b, low, top = opening.u - opening.width / 2, opening.u + opening.width / 2, opening.sill, opening.top
     if opening.kind == "door":
         return _door(rng, a, b, top)

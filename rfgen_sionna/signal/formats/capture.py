@@ -1,4 +1,4 @@
-"""What reading and writing a capture gives back, and what can be wrong with one."""
+"""Results, errors and warnings of reading and writing captures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def full_scale_dbm(scale: float, full_scale: int) -> float:
 
 @dataclass(frozen=True)
 class CaptureReport:
-    """What was written."""
+    """Result of writing a capture."""
 
     format: str
     paths: tuple[Path, ...]

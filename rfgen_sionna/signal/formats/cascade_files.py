@@ -1,4 +1,4 @@
-"""Where the frames of a cascade capture lie: indices and data of its devices, as far as they are whole."""
+"""Locations of the frames of a cascade capture: whole entries in the indices and data of its devices."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class _Index:
-    """What one index says of a file."""
+    """One index."""
 
     entries: tuple[Any, ...] = ()
     """None for those that are damaged."""

@@ -42,7 +42,7 @@ NAME = "dca1000"
 STANDARD = "adc_data.bin"
 FULL_SCALE = 1 << 15
 BANDS = ((57e9, 64e9), (76e9, 81e9))
-"""What the devices transmit in [Hz]."""
+"""Bands of the devices [Hz]."""
 
 
 def write(request: WriteRequest) -> CaptureReport:

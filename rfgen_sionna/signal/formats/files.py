@@ -83,7 +83,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def complain(message: str, partial: bool) -> None:
-    """What is wrong with a capture: a warning where a part is asked for, an error otherwise.
+    """Report a damaged capture: by a warning where a part is wanted, by an error otherwise.
 
     Raises
     ------

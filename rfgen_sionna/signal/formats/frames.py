@@ -83,7 +83,7 @@ def frames_of(cube: AdcCube) -> Iterator[NDArray[np.complex64]]:
 def resolve_scale(
     cube: AdcCube, scale: Scale, full_scale_dbm: float | None, full_scale: int | None
 ) -> tuple[float, float | None]:
-    """What to divide by [sqrt(W)/LSB], and what to declare.
+    """Divisor of the samples [sqrt(W)/LSB], and the scale to declare.
 
     "auto" fills the converter at the radar's own full scale, `radar.adc.full_scale_dbm`. Where that is automatic too,
     it is the smallest power of two that clips nothing: LSB times such a scale is exact in float32, so that units come

@@ -27,7 +27,7 @@ def even_times(frames: int, radar: Radar) -> FloatArray:
 
 @dataclass(frozen=True)
 class Description:
-    """What a reader knows of a capture before it looks at the samples."""
+    """Facts about a capture beside its samples."""
 
     radar: Radar
     scale: float | None
@@ -55,7 +55,7 @@ def described(
     read_config: Callable[[Radar], Description],
     check_config: Callable[[Description], None] | None = None,
 ) -> Description:
-    """What is known of the capture in `data`: by its sidecar, else by `radar` and the tool's own configuration.
+    """Description of the capture in `data`, from its sidecar, else from `radar` and the tool's own configuration.
 
     `check_config` compares the tool's configuration with the sidecar where there are both.
 
@@ -97,7 +97,7 @@ def write_sidecar(path: Path, record: dict[str, Any]) -> None:
 
 
 def read_sidecar(path: Path) -> Description:
-    """What a file that :func:`describe` made says.
+    """Description in a file that :func:`describe` made.
 
     Raises
     ------

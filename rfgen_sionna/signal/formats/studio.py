@@ -161,7 +161,7 @@ def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Studio:
-    """What a `.mmwave.json` says of a capture."""
+    """Contents of a `.mmwave.json`."""
 
     radar: Radar
     frames: int | None

@@ -1,4 +1,4 @@
-"""What sets channels apart: mutual coupling of the Rx antennas, gain and phase of the elements' chains."""
+"""Differences between channels: mutual coupling of the Rx antennas, gain and phase of the elements' chains."""
 
 from __future__ import annotations
 

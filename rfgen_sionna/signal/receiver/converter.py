@@ -13,12 +13,12 @@ from rfgen_sionna.radar import Adc, Radar
 from rfgen_sionna.signal.noise import noise_power
 
 AUTOMATIC_HEADROOM = 2.0
-"""How much larger an automatic full scale is at least than the largest I or Q that it is set from."""
+"""Least ratio of an automatic full scale to the largest I or Q that it is set from."""
 
 
 @dataclass(frozen=True)
 class ReceivedFrame:
-    """What the receiver hands over for one frame."""
+    """Samples of one frame behind the receiver."""
 
     samples: ComplexArray
     """(chirp, tx, rx, sample) in square roots of watts at the receiver input."""

@@ -102,7 +102,7 @@ def generator_error(
     rng: np.random.Generator,
     tx_weights: ComplexArray | None = None,
 ) -> ComplexArray:
-    """What the generator's phase error adds to `samples` and to the device's own paths, of which `samples` is free.
+    """Error that the generator's phase adds to `samples` and to the device's own paths, which are not in `samples`.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ class RampError:
     sine_hz: float = 0.0
     """Amplitude of the sine [Hz]."""
     sine_frequency_hz: float = 0.0
-    """How fast the sine goes through its periods [Hz]."""
+    """Frequency of the sine [Hz]."""
     sine_phase_deg: float = 0.0
     """Phase of the sine at the start of the ramp."""
 
@@ -66,7 +66,7 @@ class RampError:
         return np.asarray(phase)
 
     def variation(self, radar: Radar) -> float:
-        """How fast the phase error changes its course over the ramp, as a frequency [Hz]."""
+        """Frequency scale of the phase error over the ramp [Hz]."""
         return max(self.sine_frequency_hz, len(self.polynomial_hz) / radar.waveform.ramp_end_time)
 
 

@@ -137,7 +137,7 @@ def receive(
     frame: int = 0,
     full_scale: float | None = None,
 ) -> ReceivedFrame:
-    """What comes out of the receiver for the samples of one frame.
+    """Samples of one frame behind the receiver.
 
     The order is that of the signal: leakage and chassis join the echoes, all of them late by the range bias; the
     generator's ramp error and phase noise act on each by its delay; the Tx chains; interference; coupling of the Rx

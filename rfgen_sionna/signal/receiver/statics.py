@@ -1,4 +1,4 @@
-"""What every frame holds whatever is in front of the radar: Tx-Rx leakage, the chassis, and the range bias.
+"""Returns of the device itself, the same in every frame: Tx-Rx leakage, chassis, range bias.
 
 A path of delay tau and voltage gain g comes out of the mixer as `g exp(j 2 pi [f_0 tau + mu t tau - mu tau^2 / 2])`,
 the same law as for the scene (:mod:`rfgen_sionna.signal.synthesis`).

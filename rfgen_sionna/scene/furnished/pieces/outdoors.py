@@ -1,4 +1,4 @@
-"""What stands in streets, on playgrounds and in fields."""
+"""Pieces in streets, on playgrounds and in fields."""
 
 # ruff: noqa: RUF005  (arrays are added to tuples here, not joined)
 from __future__ import annotations

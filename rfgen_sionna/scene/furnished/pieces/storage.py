@@ -1,4 +1,4 @@
-"""What things are kept in, and the things."""
+"""Storage furniture and the things in it."""
 
 from __future__ import annotations
 

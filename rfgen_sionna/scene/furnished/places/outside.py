@@ -11,7 +11,7 @@ from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, se
 from rfgen_sionna.scene.furnished.shapes import box, joined, quad, sheet
 
 BEYOND = 45.0
-"""How far the ground goes on [m]."""
+"""Extent of the ground [m]."""
 
 
 def flat(
