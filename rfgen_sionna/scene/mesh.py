@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.errors import MeshError
-from rfgen_sionna.scene.seams import sewn
+from rfgen_sionna.scene.mesh_seams import sewn
 
 LARGEST = 1e10
 """Coordinates, at most [m]: beyond it they are known to less than a few micrometres."""
@@ -67,9 +67,9 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
     """Check that an array pair is a usable surface of triangles and return it as float64 and int32.
 
     Open surfaces such as a plate are allowed. Seams, along which vertices are given twice, are sewn
-    (:func:`rfgen_sionna.scene.seams.sewn`). Faces without area are dropped with a warning that counts them, vertices
-    that no face uses without one; a closed surface whose faces all look inwards is turned inside out, with a warning
-    too.
+    (:func:`rfgen_sionna.scene.mesh_seams.sewn`). Faces without area are dropped, with a warning that counts them, and
+    vertices that no face uses without one. A closed surface whose faces all look inwards is turned inside out, with a
+    warning too.
 
     Args:
         vertices: (vertex, 3) positions [m]; an array, or a tensor of torch, whose gradients are not followed.

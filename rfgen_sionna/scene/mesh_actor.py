@@ -17,7 +17,7 @@ from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
-from rfgen_sionna.scene.seams import sewn
+from rfgen_sionna.scene.mesh_seams import sewn
 
 FASTEST = 0.01 * SPEED_OF_LIGHT
 """Constant velocities, at most [m/s]: an echo comes from where a thing is, not from where it was."""
@@ -134,7 +134,7 @@ class MeshActor:
     @cached_property
     def faces(self) -> IntArray:
         """(face, 3) vertex indices, counter-clockwise seen from outside; seams of the sequence's are sewn
-        (:func:`rfgen_sionna.scene.seams.sewn`)."""
+        (:func:`rfgen_sionna.scene.mesh_seams.sewn`)."""
         faces, duration = self.sequence.faces, self.sequence.duration
         if isinstance(self.sequence, RigidMesh):
             return faces  # that is done

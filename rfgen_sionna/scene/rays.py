@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.looks import Looks
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.occluders import Occluders
 from rfgen_sionna.scene.point_visibility import CHUNK, NO_PRIMITIVE, SELF_GAP, PointVisibility
 from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, before_another_scene
 from rfgen_sionna.scene.transfer import upload
@@ -231,13 +231,13 @@ class RayScene:
         """(face, 3) of all moving objects, which count their vertices one after the other."""
         return np.zeros((0, 3), np.uint32) if self._moving is None else self._moving.faces
 
-    def looks(
+    def occluders(
         self,
         viewpoint: FloatArray,
         vertices: Sequence[Sequence[FloatArray]],
         hiding: Sequence[NDArray[np.intp]],
         corners: FloatArray | None = None,
-    ) -> Looks:
+    ) -> Occluders:
         """Occluders of facets as seen from a viewpoint at several times. `vertices` are those of the moving objects, as
         :meth:`update` takes them, for every time.
 
@@ -253,7 +253,7 @@ class RayScene:
 
         placed = [np.concatenate([np.zeros((0, 3)), *each]) for each in vertices]
         points = np.zeros((0, 3)) if corners is None else corners.reshape(-1, 3)
-        return Looks(static, self.origin, self.moving_faces, self._num_static, viewpoint, placed, hiding, points)
+        return Occluders(static, self.origin, self.moving_faces, self._num_static, viewpoint, placed, hiding, points)
 
     def _nearest(
         self, ray: Any, count: int, static: bool = True, moving: bool = True, bundled: bool = False

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import knot_weights
-from rfgen_sionna.scene.looks import times_at_once
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.occluders import times_at_once
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion

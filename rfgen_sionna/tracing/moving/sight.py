@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.looks import Looks, before, times_at_once
 from rfgen_sionna.scene.mesh import bounds, lengths, middles, widest
+from rfgen_sionna.scene.occluders import Occluders, before, times_at_once
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.probes import PROBES
@@ -154,7 +154,7 @@ class Sight:
             [outline.towards(each) for outline, each in zip(self._outlines, there, strict=True)] for there in offsets
         ]
         hiding = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
-        looks = rays.looks(self._viewpoint, vertices, hiding)
+        looks = rays.occluders(self._viewpoint, vertices, hiding)
         passing = self._past(looks, offsets, turned)
         facing = [each.chosen for each in looked]
         starts = np.cumsum([0, *(len(each) for each in facing)])
@@ -206,7 +206,7 @@ class Sight:
             first += len(towards)
         return np.concatenate(found)
 
-    def looks(self, rays: RayScene, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Looks:
+    def looks(self, rays: RayScene, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Occluders:
         """What may hide some facets at several times, at which the moving surfaces have their `vertices` (vertex, 3)
         [m] and the facets their `corners` (time, facet, 3, 3) [m]: of what comes before them, the faces that a ray may
         come to first then. `rays` is the ray scene at any time."""
@@ -219,9 +219,11 @@ class Sight:
         for points, there in zip(placed, offsets, strict=True):
             around = np.array([_surrounds(each) for each in there])
             hiding.append(found[~outward | around[owner] | look_at_the_viewpoint(points, ends)])
-        return rays.looks(self._viewpoint, vertices, hiding, corners)
+        return rays.occluders(self._viewpoint, vertices, hiding, corners)
 
-    def glance(self, looks: Looks, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray) -> Seen:
+    def glance(
+        self, looks: Occluders, facets: Facets, places: IntArray, outline: FloatArray, level: FloatArray
+    ) -> Seen:
         """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
         `outline` (facet,) [rad] falls on each, and `level` (surface,) is that of all facets. `facets` are those of one
         time after the other, and so is what is seen; of what is `missed`, relative to that, the largest counts."""
@@ -248,7 +250,7 @@ class Sight:
 
     def _sampled(
         self,
-        looks: Looks,
+        looks: Occluders,
         corners: FloatArray,
         number: NDArray[np.int64],
         places: IntArray,
@@ -284,7 +286,7 @@ class Sight:
         return self._passed[t]
 
     def _past(
-        self, looks: Looks, offsets: Sequence[Sequence[FloatArray]], turned: Sequence[Sequence[NDArray[np.bool_]]]
+        self, looks: Occluders, offsets: Sequence[Sequence[FloatArray]], turned: Sequence[Sequence[NDArray[np.bool_]]]
     ) -> list[Passing]:
         """These rays at every time, at which vertices are at `offsets` [m] from the viewpoint and faces `turned` to
         it."""

@@ -30,7 +30,7 @@ halved for the other edge; and the share of the way there from which what hides 
 
 
 class Hiding(Protocol):
-    """What hides facets: a :class:`~rfgen_sionna.scene.rays.RayScene`, or :class:`~rfgen_sionna.scene.looks.Looks`."""
+    """A :class:`~rfgen_sionna.scene.rays.RayScene`, or :class:`~rfgen_sionna.scene.occluders.Occluders`."""
 
     def targets(
         self, viewpoint: FloatArray, corners: FloatArray, facets: Any, moving: bool = False, bundled: bool = False

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import MeshActor, RigidMesh
-from rfgen_sionna.scene.seams import sewn
+from rfgen_sionna.scene.mesh_seams import sewn
 from tests.physics.stressing import one_element, traced
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.1)

@@ -1,4 +1,4 @@
-"""Looks at several times together find what one look at a time does."""
+"""Occluders of several times together hide the same points as those of one time each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rfgen_sionna.scene.looks import before
+from rfgen_sionna.scene.occluders import before
 from rfgen_sionna.scene.rays import RayScene
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
@@ -26,10 +26,10 @@ def placed(t: float) -> list[np.ndarray]:
     return [trimesh.transform_points(each.vertices, to) for each, to in ((BALL, turn), (ROD, rod))]
 
 
-def looks_at(rays, vertices, corners):
+def occluders_of(rays, vertices, corners):
     """Behind all faces that come before the facets."""
     found = before(rays.moving_faces, [np.concatenate(each) - VIEWPOINT for each in vertices], corners - VIEWPOINT)
-    return rays.looks(VIEWPOINT, vertices, [found] * len(vertices), corners)
+    return rays.occluders(VIEWPOINT, vertices, [found] * len(vertices), corners)
 
 
 @pytest.mark.usefixtures("kernels")
@@ -45,9 +45,9 @@ def test_what_is_seen_at_several_times_is_what_each_time_shows(post: bool, movin
     corners = np.stack([placed(t)[0][FACES[0][face]] for t in times])
     of, places = rng.integers(0, len(face), 1500), rng.dirichlet(np.ones(3), 1500)
 
-    looks = looks_at(rays, [placed(t) for t in times], corners)
-    number = looks.numbered(first + face.astype(np.int32), len(times))
-    together = looks.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number, moving)
+    occluders = occluders_of(rays, [placed(t) for t in times], corners)
+    number = occluders.numbered(first + face.astype(np.int32), len(times))
+    together = occluders.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number, moving)
     every = (len(face) * np.arange(len(times))[:, None] + of).ravel()
     found = together.seen(every, np.tile(places, (len(times), 1))).reshape(len(times), -1)
 
@@ -68,12 +68,12 @@ def test_what_rays_hit_first_is_what_each_time_shows(post: bool):
     rays = RayScene(static, list(zip(placed(0.0), FACES, strict=True)), origin=VIEWPOINT)
     times = np.linspace(0.0, 0.5, 9)
     every = [np.arange(len(FACES[0]) + len(FACES[1]))] * len(times)
-    looks = rays.looks(VIEWPOINT, [placed(t) for t in times], every)
+    occluders = rays.occluders(VIEWPOINT, [placed(t) for t in times], every)
     rng = np.random.default_rng(1)
     cone = np.array([3.0, 0, 0]) + rng.normal(size=(3000, 3)) * 0.4
     directions = np.concatenate([cone, rng.normal(size=(2000, 3)), np.eye(3), -np.eye(3), np.eye(3) + 1e-12])
     count = len(directions)
-    found = looks.first_facet(np.tile(directions, (len(times), 1)), np.repeat(np.arange(len(times)), count))
+    found = occluders.first_facet(np.tile(directions, (len(times), 1)), np.repeat(np.arange(len(times)), count))
     for k, t in enumerate(times):
         rays.update(placed(t))
         alone = rays.first_facet(VIEWPOINT, directions)
@@ -85,9 +85,9 @@ def test_what_rays_hit_first_is_what_each_time_shows(post: bool):
 def test_looks_are_from_one_place():
     rays = RayScene([], list(zip(placed(0.0), FACES, strict=True)), origin=VIEWPOINT)
     corners = placed(0.0)[0][FACES[0][:5]][None]
-    looks = looks_at(rays, [placed(0.0)], corners)
+    occluders = occluders_of(rays, [placed(0.0)], corners)
     with pytest.raises(ValueError, match="viewpoint"):
-        looks.targets(VIEWPOINT + 0.1, corners[0], looks.numbered(np.arange(5, dtype=np.int32), 1))
+        occluders.targets(VIEWPOINT + 0.1, corners[0], occluders.numbered(np.arange(5, dtype=np.int32), 1))
 
 
 def test_the_same_kernel_serves_all_looks():
@@ -97,9 +97,9 @@ def test_the_same_kernel_serves_all_looks():
     def look(count: int, some: slice) -> None:
         times = np.linspace(0.0, 0.3, count)
         corners = np.stack([placed(t)[0][FACES[0][some]] for t in times])
-        looks = looks_at(rays, [placed(t) for t in times], corners)
-        number = looks.numbered(np.arange(len(FACES[0]), dtype=np.int32)[some], count)
-        looks.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number).seen(
+        occluders = occluders_of(rays, [placed(t) for t in times], corners)
+        number = occluders.numbered(np.arange(len(FACES[0]), dtype=np.int32)[some], count)
+        occluders.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number).seen(
             np.arange(len(number)), np.full((len(number), 3), 1 / 3)
         )
 

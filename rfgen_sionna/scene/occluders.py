@@ -1,7 +1,7 @@
-"""Moving objects as they stand at several times, looked at together from one place.
+"""Occluders of several times at once, as seen from one place.
 
-To build the tree of a ray scene and to launch a kernel takes milliseconds, however few the rays. So what may hide
-anything is built once for all times, one beside the other, and rays of all times are traced together.
+A ray scene takes milliseconds to build and a kernel to launch, however few the rays. The occluders of all times are
+built into one scene, side by side, and the rays of all times are traced together.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _TOLD = 8
 """Times that tell where faces get to, at most."""
 
 
-class Looks:
+class Occluders:
     """Occluders of points at several times: all static objects, and the moving faces that may occlude.
 
     Args:
@@ -100,10 +100,10 @@ class Looks:
         their numbers by :meth:`numbered`.
 
         Raises:
-            ValueError: another viewpoint than these looks are from.
+            ValueError: another viewpoint than that of the occluders.
         """
         if not np.array_equal(viewpoint, self._viewpoint):
-            raise ValueError(f"viewpoint: {viewpoint} given, these looks are from {self._viewpoint}")
+            raise ValueError(f"viewpoint: {viewpoint} given, the occluders are seen from {self._viewpoint}")
         first = self._first_hits(bundled)
 
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
