@@ -128,7 +128,7 @@ class ActorInfo:
 
     @classmethod
     def of(cls, actor: Any) -> ActorInfo:
-        """From an :class:`rfgen_sionna.scene.Actor` (or anything with its attributes)."""
+        """From an :class:`rfgen_sionna.scene.MeshActor` (or anything with its attributes)."""
         return cls(
             name=actor.name,
             material=actor.properties.name,

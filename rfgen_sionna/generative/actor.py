@@ -36,7 +36,7 @@ DEFAULT_DURATION = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Actor(MeshActor):
-    """A :class:`rfgen_sionna.scene.Actor` that can be made from words, motions and clips."""
+    """A :class:`rfgen_sionna.scene.MeshActor` that can be made from words, motions and clips."""
 
     motion: Motion | None = None
     """What it performs, where it has a skeleton."""

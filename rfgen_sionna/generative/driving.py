@@ -15,7 +15,7 @@ _FINE = 400
 
 @dataclass(frozen=True)
 class Drive:
-    """A trajectory for :class:`rfgen_sionna.scene.Actor`: smooth through points, from standstill to standstill.
+    """A trajectory for :class:`rfgen_sionna.scene.MeshActor`: smooth through points, from standstill to standstill.
 
     Called with a time [s] it returns the position [m] and the orientation (yaw, pitch, roll) [rad] along the path.
     Curve and speed are C², so the phase of what it reflects has no kinks.

@@ -37,7 +37,7 @@ the rim of its body, the very corner may be taken for seen."""
 
 
 class Look(Protocol):
-    """Tells what is seen of facets: :class:`rfgen_sionna.scene.point_visibility.Targets` does, by rays."""
+    """Tells what is seen of facets: :class:`rfgen_sionna.scene.point_visibility.PointVisibility` does, by rays."""
 
     def seen(self, of: NDArray[np.intp], places: FloatArray, /) -> NDArray[np.bool_]:
         """(ray,) whether the points at barycentric `places` (ray, 3) on facets `of` (ray,) are seen."""
