@@ -1,4 +1,4 @@
-"""Samples of frame after frame: one thread traces and another sums, or several processes do both."""
+"""The frame loop: one thread traces while another sums, or several processes do both."""
 
 from __future__ import annotations
 
@@ -75,14 +75,21 @@ def frame_samples(
     begun: Callable[[], None],
     workers: int,
 ) -> Iterator[tuple[NDArray[np.complex128], TracedFrame]]:
-    """(chirp, tx, rx, sample) of each of the frames that begin at `times` [s] before the receiver, and what was traced
-    for it, but for its parts.
+    """Samples (chirp, tx, rx, sample) of each frame before the receiver, and the traced frame without its paths.
 
-    With one of `workers`, tracing goes on in the caller's thread while samples are made in another; between two frames
-    nothing goes on. With more, so many processes trace and sum `RUN` frames each at a time, and go on with the facets
-    of the first frame; samples are the same to the bit whatever their number. Each object's sum is right to a share of
-    `rtol` of itself (:mod:`rfgen_sionna.signal.synthesis_accuracy`); `gains` and `device` are those of
-    :func:`rfgen_sionna.signal.synthesize`; `begun` is called when the static scene is traced, where there is one.
+    One worker traces in the caller's thread while another thread sums. Several workers are processes; each traces and
+    sums `RUN` frames at a time, from the facets of the first frame. Their samples are the same to the bit whatever
+    their number. The sum of each object is accurate to a share of `rtol` of itself
+    (:mod:`rfgen_sionna.signal.synthesis_accuracy`).
+
+    Parameters
+    ----------
+    times
+        (frame,) starts of the frames [s].
+    gains, device
+        As `tx_gains` and `device` of :func:`rfgen_sionna.signal.synthesize`.
+    begun
+        Called once the static scene is traced, where there is one.
     """
 
     @one_blas_thread()
@@ -93,8 +100,8 @@ def frame_samples(
             total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
         return total
 
-    def told(stretch: TracedFrame) -> TracedFrame:
-        return stretch._replace(static=(), parts=tuple)
+    def emptied(frame: TracedFrame) -> TracedFrame:
+        return frame._replace(static=(), parts=tuple)
 
     first = trace(float(times[0]))
     still: NDArray[np.complex128] | float = 0.0
@@ -105,13 +112,13 @@ def frame_samples(
     if workers > 1:
 
         def of_frame(number: int) -> tuple[NDArray[np.complex128], TracedFrame]:
-            stretch = trace(float(times[number]))
-            return samples(stretch.parts, stretch.begin, stretch.still), told(stretch)
+            frame = trace(float(times[number]))
+            return samples(frame.parts, frame.begin, frame.still), emptied(frame)
 
-        yield samples(first.parts, first.begin, first.still) + still, told(first)
+        yield samples(first.parts, first.begin, first.still) + still, emptied(first)
         runs = [range(start, min(start + RUN, len(times))) for start in range(1, len(times), RUN)]
-        for made, stretch in in_processes(of_frame, runs, workers):
-            yield made + still, stretch
+        for made, frame in in_processes(of_frame, runs, workers):
+            yield made + still, frame
         return
     rest, frames = map(trace, times[1:].tolist()), 0
     now: TracedFrame | None = first
@@ -123,7 +130,7 @@ def frame_samples(
                 following = next(rest, None)
             except Exception as error:  # once this frame, which is whole, is handed over
                 failure = error
-            yield summed.result() + still, told(now)
+            yield summed.result() + still, emptied(now)
             if failure is not None:
                 raise failure
             now, frames = following, frames + 1
@@ -132,7 +139,7 @@ def frame_samples(
 
 
 def _tidy() -> None:
-    """Give free memory back to the system: glibc keeps what lies between blocks in use, and arrays whose size changes
-    from frame to frame leave tens of megabytes of it in a thousand frames. Other C libraries are left alone."""
+    """Give free memory back to the system. glibc keeps the gaps between blocks in use, which grow as the sizes of
+    arrays change from frame to frame. Other C libraries are left alone."""
     with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)

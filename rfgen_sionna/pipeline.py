@@ -84,12 +84,12 @@ def generate(
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
-    """Radar data of what a prompt describes.
+    """Radar data of a prompt.
 
     Parameters
     ----------
     prompt, negative
-        What is wanted and what is not: target, action, orientation, distance, body, surroundings.
+        Wanted and unwanted features: target, action, orientation, distance, body, surroundings.
     environment
         Surroundings in words ("a living room"), or a scene by its own name ("living_room", "Munich"); "free space" is
         none. None takes the surroundings that the prompt names. A source and a colon may stand before the words
@@ -102,14 +102,14 @@ def generate(
     surroundings
         Deprecated: the source, which `environment` names now.
     negative_environment
-        What an imagined place is without ("sofa, TV"); what `environment` asks for is refused here.
+        Objects that an imagined place lacks ("sofa, TV"). An object that `environment` names is refused.
     refine
-        Whether path diffusion completes what is traced and imagined, or its strength, 0 … 1; None does where
-        surroundings are imagined and the radar stands. False leaves it unloaded.
+        Whether path diffusion corrects the traced and imagined returns, or its strength, 0 … 1. None does so for
+        imagined surroundings and a radar that stands. False does not load it.
     environment_model, environment_lora
-        What imagines them: an environment model or a Stable Diffusion base, and an RF LoRA of it (files, folders, hub
-        names; see :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`); None is the model that
-        ships with the package, without a LoRA.
+        Environment model or Stable Diffusion base, and RF LoRA of it (files, folders, hub names; see
+        :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`); None is the model that ships
+        with the package, without a LoRA.
     radar
         Name or TOML file of a radar, or a placed Radar.
     preset
@@ -125,40 +125,40 @@ def generate(
     noise
         Whether thermal noise is added; False takes it out of `receiver`, and without one leaves the samples ideal.
     receiver
-        The receiver's impairments: a Receiver, a table of its parts or a TOML file with that
+        Impairments of the receiver: a Receiver, a table of its parts or a TOML file with such a table
         (:func:`~rfgen_sionna.signal.read_receiver`); None is thermal noise and the radar's ADC. The file keeps it.
     rtol
-        Relative error that the tracer may make: 0.01 are 0.1 dB or 0.6 degrees of each one's return, well below what
-        radars are calibrated to. The error is as smooth in time as the motion: it adds no Doppler.
+        Tolerated relative error of each return: 0.01 is 0.1 dB or 0.6 degrees. The error is as smooth in time as the
+        motion: it adds no Doppler.
     distance
         Distance of the person from the radar [m] over the floor where the prompt names none.
     radar_position, look_at
-        Where a radar of a name or file stands and at what it looks [m]. Without either it is `RADAR_POSITION`, looking
-        at `RADAR_TARGET`, which suits our rooms; with a position alone it looks along +x. The person stands where it
-        looks, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
+        Position of a radar of a name or file, and target of its boresight [m]. The defaults are `RADAR_POSITION` and
+        `RADAR_TARGET`, which suit our rooms; with a position alone it looks along +x. The person stands on the
+        boresight, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
     pir_resolution, fov_deg
         Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file, by default (128, 128) and 60.
-        Imagined surroundings are by default 64 x 64 pixels and 90 degrees: beyond the field of view is nothing.
+        Imagined surroundings have 64 x 64 pixels and 90 degrees by default, and nothing beyond the field of view.
     projection
         Of those images: "perspective", or "equirectangular", azimuth and elevation evenly.
     max_bounces, transmission
-        Most surfaces on a path, and whether walls and glass are seen through, as in
+        Largest number of surfaces on a path, and whether walls and glass transmit, as in
         :class:`~rfgen_sionna.simulation.Simulator`.
     motion
-        Where the motion comes from: "kinematic" (rules of movement), "diffusion" (the learned model) or "auto", the
-        learned model where its packages are installed.
+        Source of the motion: "kinematic" (rules of movement), "diffusion" (the learned model) or "auto", the learned
+        model where its packages are installed.
     collisions
-        What to do where the person goes more than 5 cm into a wall or a piece of furniture: "error" refuses the run,
-        "warn" says so and goes on, "ignore" doesn't look.
+        Policy for a person who is more than 5 cm deep in a wall or a piece of furniture: "error" refuses the run,
+        "warn" warns, "ignore" does not check.
     device
-        What sums the paths: "cpu", "cuda", or "auto", CUDA where there is one.
+        Device that sums the paths: "cpu", "cuda", or "auto", CUDA where there is one.
     workers
-        Processes that trace and sum frames, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
+        Number of processes that trace and sum frames, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
     progress
         Called with the frames done and in all.
     report
-        Called once, before the first frame, with what the prompt was read as and with everything that was decided,
-        each with its origin: prompt, argument, default or seed. The file keeps it (`Run.report`); None logs it.
+        Called once, before the first frame, with the interpretation of the prompt and every decision with its origin:
+        prompt, argument, default or seed. The file keeps this text (`Run.report`); None logs it.
 
     Returns
     -------

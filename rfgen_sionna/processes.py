@@ -1,8 +1,7 @@
 """Numbered work that is split among forked processes.
 
-Python runs one thread at a time, so that threads of its own hardly make tracing quicker. A forked process has all that
-there was when it was forked, scenes, users' functions and compiled kernels among it, and nothing of it is copied before
-somebody writes to it.
+Python runs one thread at a time, so threads hardly speed up tracing. A forked process shares scenes, users' functions
+and compiled kernels with its parent until one of them writes to that memory.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from rfgen_sionna.scene.mitsuba_backend import may_use_cuda, without_threads
 
 T = TypeVar("T")
 AHEAD = 1
-"""Runs that may be begun or over beyond those that are worked on: what they made is kept until it is its turn."""
+"""Number of runs beyond those in work whose results may be kept until it is their turn."""
 
 _PATIENCE = 5.0
 """Time that a process gets to end once its results are not wanted any more [s]."""
@@ -53,7 +52,7 @@ class _Message(Enum):
 
 
 def check_workers(workers: Any, device: str = "cpu") -> int:
-    """The number of processes, if there may be so many where paths are summed on a `device`.
+    """Checked number of processes for sums on `device`.
 
     Raises
     ------
@@ -82,14 +81,13 @@ def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -
     """Results of `job` for the numbers of all `runs`, in order; `workers` processes work at a time, on a run each.
 
     A process is forked when its run begins, as soon as no other thread traces or sums paths, and works on one core. It
-    ends with this one, or when nobody asks for more. What it logs and warns of is logged and warned of here, when it is
-    its turn.
+    ends with this process, or when its results are not wanted any more. Its log messages and warnings appear here, in
+    the order of the results.
 
     Raises
     ------
     Exception
-        What the job raised, once all that was made before is handed over; as a RuntimeError that tells of it if it
-        can't be pickled.
+        The error of the job, after all earlier results; a RuntimeError with its text if it cannot be pickled.
     RuntimeError
         If a process ended before its work did.
     """
@@ -122,7 +120,7 @@ def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -
 
 
 class _Worker:
-    """A process that works on some numbers, forked while others are."""
+    """A forked process that works on some numbers."""
 
     def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Worker]) -> None:
         context = get_context("fork")
@@ -138,7 +136,7 @@ class _Worker:
         theirs.close()
 
     def listen(self) -> None:
-        """Take what the process tells next."""
+        """Take the next message of the process."""
         try:
             said, what = self.connection.recv()
         except (EOFError, OSError):  # the latter in the middle of what it told
@@ -151,7 +149,7 @@ class _Worker:
         self.over = said in (_Message.FAILED, _Message.OVER)
 
     def end(self) -> None:
-        """Let the process go, wherever it is."""
+        """End the process."""
         self.connection.close()  # which ends it
         self._process.join(_PATIENCE)
         if self._process.exitcode is None:
@@ -161,7 +159,7 @@ class _Worker:
 
 
 def _work(job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]) -> None:
-    """The child: works on some numbers, and tells of it."""
+    """Main function of the child process."""
     signal.set_wakeup_fd(-1)  # the parent's event loop is not to hear of this one's signals
     for each, handler in ((SIGINT, SIG_IGN), (SIGTERM, SIG_DFL), (SIGHUP, SIG_DFL)):  # at ^C the parent ends it
         signal.signal(each, handler)
@@ -189,7 +187,7 @@ def _end_with(parent: Connection) -> None:
 
 
 def _tell(parent: Connection, said: _Message, what: Any) -> None:
-    """Tell the parent, or end where there is none."""
+    """Send a message to the parent, or end without one."""
     message = ForkingPickler.dumps((said, what))
     try:
         parent.send_bytes(message)
@@ -198,7 +196,7 @@ def _tell(parent: Connection, said: _Message, what: Any) -> None:
 
 
 def _speak_through(results: Connection) -> None:
-    """Send what is logged and warned of, and show it nowhere here."""
+    """Send log messages and warnings to the parent instead of showing them."""
     known = [each for each in logging.Logger.manager.loggerDict.values() if isinstance(each, logging.Logger)]
     for logger in (logging.getLogger(), *known):
         logger.handlers.clear()
@@ -227,7 +225,7 @@ class _Sender(logging.handlers.QueueHandler):
 
 
 def _portable(error: Exception) -> Exception:
-    """The error, or one that says the same where it can't be sent."""
+    """The error, or one with the same text where it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

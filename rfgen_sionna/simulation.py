@@ -87,29 +87,28 @@ class Simulator:
     radar
         The radar, placed in the scene.
     actors
-        What moves; names must differ.
+        Moving objects; names must differ.
     rtol
-        Relative error that the return of each actor, and that of the static scene, may have: a smaller value takes more
-        time.
+        Tolerated relative error of the return of each actor and of the static scene. Smaller values take more time.
     collisions
-        What to do where an actor goes more than 5 cm into a wall, a piece of furniture or another actor: "error"
-        refuses the run, "warn" says so and goes on, such as for somebody on a chair, "ignore" doesn't look.
+        Policy for an actor that is more than 5 cm deep in a wall, a piece of furniture or another actor: "error"
+        refuses the run, "warn" warns (a person on a chair), "ignore" does not check.
     seed
-        Seed of the phases of what rough surfaces (`scattering_coefficient` above 0) return diffusely.
+        Seed of the phases of diffuse returns, from rough surfaces (`scattering_coefficient` above 0).
     max_bounces
-        Most surfaces on a path: 1 has direct returns alone; 2 adds images of actors in flat walls, floors and furniture
-        on the way there or back, and specular double bounces between bent surfaces; 3 adds images both ways. None takes
-        3. Returns below `rtol` are left out.
+        Largest number of surfaces on a path. 1: direct returns. 2: adds ghosts of actors by one reflection at a plane
+        surface, before or after the actor, and specular double bounces between curved surfaces. 3: adds ghosts with a
+        reflection both before and after the actor, or two on one side. None is 3. Returns below `rtol` are left out.
     environment
-        Image of surroundings, such as a diffusion model's, in place of a `scene`: diffuse paths, which hide the actors
-        and are hidden by them (:mod:`rfgen_sionna.pir.fusion`).
+        Image of surroundings, such as a diffusion model's, instead of a `scene`. It becomes diffuse paths, which
+        occlude the actors and are occluded by them (:mod:`rfgen_sionna.pir.fusion`).
     refiner
-        Repairs images of actors and `environment` together; paths take energies from its images, never phases or
-        delays.
+        Model that corrects images of actors and `environment` together, such as path diffusion. Paths take energies
+        from its images, never phases or delays.
     transmission
-        Whether surfaces of a material with a thickness (walls, glass, clothing) are seen through, up to four in a row,
-        with the loss and the delay of a slab, on every leg to actors; metal and bodies stay opaque. False lets them
-        hide everything behind, which is several times as quick in a furnished room.
+        Whether slabs, surfaces of a material with a thickness (walls, glass, clothing), transmit: with the loss and
+        the delay of a slab, up to four in a row, on every leg to actors. Metal and bodies stay opaque. False makes all
+        surfaces opaque and is several times faster in a furnished room.
 
     Raises
     ------
@@ -189,8 +188,8 @@ class Simulator:
     def paths(self, t: float = 0.0) -> RadarPaths:
         """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot.
 
-        Gains are without the antennas' patterns, and the tolerance is of what these make of them: where the radar's
-        antennas hardly look, facets are as coarse as samples allow.
+        Gains are those of isotropic elements. The tolerance is relative to gains with the antenna patterns: facets are
+        coarser in directions of low antenna gain.
         """
         self._check_places(_time("t", t), t)
         self._warn_silent()
@@ -208,9 +207,10 @@ class Simulator:
         bounces: int = 1,
         projection: str = "perspective",
     ) -> Pir:
-        """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` (1 … 3) surfaces: see
-        :func:`~rfgen_sionna.pir.render_pir`. Surroundings from an image are rasterised together with the actors' paths,
-        for which their own resolution and field of view suit best.
+        """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` (1 … 3) surfaces.
+
+        :func:`~rfgen_sionna.pir.render_pir` renders it. Surroundings from an image are rasterised together with the
+        actors' paths, best at the resolution and the field of view of that image.
         """
         shape = check_projection(projection)
         rows, columns, angles = check_view(resolution, fov_deg, shape)
@@ -252,20 +252,19 @@ class Simulator:
         start
             Start of the first frame [s] on the actors' clock.
         noise
-            Whether the receiver is noisy. False takes the thermal noise out of `receiver`; without a `receiver` the
-            samples are those of an ideal one, neither noisy nor quantised.
+            Whether thermal noise is added. False removes it from `receiver`; without a `receiver` the samples are
+            ideal, neither noisy nor quantised.
         seed
-            Seed of all that the receiver draws; the same seed gives the same samples to the bit.
+            Seed of all draws of the receiver; the same seed gives the same samples to the bit.
         receiver
-            The receiver's impairments; None is `Receiver()`: thermal noise and the radar's ADC. An automatic full scale
-            is set from the first frame and kept.
+            Impairments of the receiver; None is `Receiver()`: thermal noise and the radar's ADC. The first frame sets
+            an automatic full scale.
         device
-            What sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA where there is one. Both are
-            within the tolerance, and each gives the same bits again.
+            Device that sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA where there is one. Both
+            are within the tolerance, and each is reproducible to the bit.
         workers
-            Processes that trace and sum frames, four frames at a time, each on one core (Linux, without CUDA). From two
-            on the samples are the same to the bit whatever their number; those of one have other facets, within the
-            same tolerance.
+            Number of processes that trace and sum frames, each on one core (Linux, without CUDA). With two or more, the
+            samples are the same to the bit whatever their number; with one, facets differ within the tolerance.
         progress
             Called after each frame.
 
@@ -327,10 +326,10 @@ class Simulator:
         full_scale, gains = None, receiver.tx_gains(self.radar, seed)
         trace = frame_tracer(self.tracer, self._fusion, times)
         made = frame_samples(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers)
-        for index, (samples, stretch) in enumerate(made):
+        for index, (samples, traced) in enumerate(made):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
-            full_scale, shown = capture.full_scale, stretch.shown
-            yield Frame(index, stretch.begin, capture.samples, stretch.report, full_scale, capture.clipped, shown)
+            full_scale, shown = capture.full_scale, traced.shown
+            yield Frame(index, traced.begin, capture.samples, traced.report, full_scale, capture.clipped, shown)
 
     def is_occluded(self, actor: MeshActor, start: float, stop: float) -> bool:
         """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar at every
