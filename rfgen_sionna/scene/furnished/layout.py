@@ -167,10 +167,10 @@ class Plan:
             return u, self.y[1] - off
         return (self.x[1] - off, u) if wall == "far" else (self.x[0] + off, u)
 
-    def anywhere(self, thing: Piece, yaw: float | None = None, tries: int = TRIES) -> bool:
-        """Place a piece where it fits; turned at random where no `yaw` [degrees] is given."""
-        for _ in range(tries):
-            turn = float(self.rng.uniform(0, 360)) if yaw is None else yaw
+    def anywhere(self, thing: Piece) -> bool:
+        """Place a piece where it fits, turned at random."""
+        for _ in range(TRIES):
+            turn = float(self.rng.uniform(0, 360))
             if self.put(thing, self.rng.uniform(*self.x), self.rng.uniform(*self.y), turn):
                 return True
         return False

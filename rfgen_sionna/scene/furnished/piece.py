@@ -29,9 +29,8 @@ class Piece:
     """Greatest height [m]."""
 
 
-def piece(kind: str, parts: Iterable[Part], footprint: tuple[float, float] | None = None, margin: float = 0.0) -> Piece:
-    """A piece from any number of parts, centred on its footprint; (width, depth) [m] where it is not that of the parts,
-    and a `margin` [m] around it that others keep clear of."""
+def piece(kind: str, parts: Iterable[Part], footprint: tuple[float, float] | None = None) -> Piece:
+    """A piece from any number of parts, centred on its footprint (width, depth) [m]; None takes that of the parts."""
     merged = merge(parts)
     points = np.concatenate([part.points for part in merged])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -42,8 +41,8 @@ def piece(kind: str, parts: Iterable[Part], footprint: tuple[float, float] | Non
     return Piece(
         kind,
         tuple(merged),
-        footprint[0] + 2 * margin,
-        footprint[1] + 2 * margin,
+        footprint[0],
+        footprint[1],
         float(low[2]),
         float(high[2]),
     )

@@ -39,7 +39,6 @@ def enclose(
     floor: str = "floorboards",
     ceiling: str | None = "ceiling",
     skirting: str | None = "wood",
-    without: Sequence[Wall] = (),
 ) -> None:
     """Build floor, ceiling and walls around a plan, with their doors and windows, and keep the doors clear.
 
@@ -50,8 +49,6 @@ def enclose(
     if ceiling is not None:
         plan.shell.append(("ceiling", quad([(x0, y1, h), (x1, y1, h), (x1, y0, h), (x0, y0, h)]).of(ceiling)))
     for wall in ("far", "near", "left", "right"):
-        if wall in without:
-            continue
         finish = walls if isinstance(walls, str) else walls[wall]
         low, high = (x0, x1) if wall in ("left", "right") else (y0, y1)
         here = [opening for opening in openings if opening.wall == wall]

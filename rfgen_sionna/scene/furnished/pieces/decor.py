@@ -51,8 +51,8 @@ def plant(rng: np.random.Generator) -> Piece:
     return piece("plant", parts, (wide, wide))
 
 
-def rug(rng: np.random.Generator, width: float | None = None, depth: float | None = None) -> Piece:
-    width, depth = width or rng.uniform(1.6, 2.4), depth or rng.uniform(1.1, 1.7)
+def rug(rng: np.random.Generator) -> Piece:
+    width, depth = rng.uniform(1.6, 2.4), rng.uniform(1.1, 1.7)
     return piece("rug", [block(width, depth, 0.01, z=0.001).of("rug")])
 
 

@@ -126,7 +126,7 @@ def cupboard(rng: np.random.Generator, kind: str = "cupboard") -> Piece:
     return piece(kind, parts)
 
 
-def open_shelf(rng: np.random.Generator, kind: str = "shelf", width: float | None = None) -> Piece:
+def open_shelf(rng: np.random.Generator, width: float | None = None) -> Piece:
     """Uprights and boards with boxes, tins and canisters on them."""
     width = rng.uniform(1.0, 1.8) if width is None else width
     depth, height = rng.uniform(0.4, 0.5), rng.uniform(1.7, 2.1)
@@ -137,7 +137,7 @@ def open_shelf(rng: np.random.Generator, kind: str = "shelf", width: float | Non
         while x < width / 2 - 0.25 and z < height - 0.2:
             parts += [part.at(x, 0, z + 0.025) for part in stored(rng)]
             x += rng.uniform(0.28, 0.55)
-    return piece(kind, parts)
+    return piece("shelf", parts)
 
 
 def stored(rng: np.random.Generator) -> list[Part]:

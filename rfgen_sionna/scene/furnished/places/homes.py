@@ -55,9 +55,9 @@ SEAT_GAP = 0.06
 """Between a table and the chairs at it [m]."""
 
 
-def place_group(plan: Plan, things: list[tuple[Piece, float, float, float]], tries: int = 20) -> bool:
+def place_group(plan: Plan, things: list[tuple[Piece, float, float, float]]) -> bool:
     """A group somewhere, parallel to the walls."""
-    for _ in range(tries):
+    for _ in range(20):
         x, y = plan.rng.uniform(*plan.x), plan.rng.uniform(*plan.y)
         if plan.group(things, float(x), float(y), float(plan.rng.choice([0.0, 90.0]))):
             return True

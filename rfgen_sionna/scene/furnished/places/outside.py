@@ -14,11 +14,11 @@ BEYOND = 45.0
 """Extent of the ground [m]."""
 
 
-def flat(
-    plan: Plan, finish: str, x: tuple[float, float], y: tuple[float, float], name: str = "ground", z: float = 0.0
-) -> None:
+def flat(plan: Plan, finish: str, x: tuple[float, float], y: tuple[float, float], name: str = "ground") -> None:
     """A level stretch of ground."""
-    plan.shell.append((name, quad([(x[0], y[0], z), (x[1], y[0], z), (x[1], y[1], z), (x[0], y[1], z)]).of(finish)))
+    plan.shell.append(
+        (name, quad([(x[0], y[0], 0.0), (x[1], y[0], 0.0), (x[1], y[1], 0.0), (x[0], y[1], 0.0)]).of(finish))
+    )
 
 
 def street(rng: np.random.Generator) -> Plan:

@@ -27,11 +27,11 @@ def work_place(rng: np.random.Generator, screens: int | None = None) -> list[tup
     ]
 
 
-def group_at_wall(plan: Plan, things: list[tuple[Piece, float, float, float]], tries: int = 14) -> bool:
+def group_at_wall(plan: Plan, things: list[tuple[Piece, float, float, float]]) -> bool:
     """A group whose first piece has its back to a wall."""
     first = things[0][0]
     walls = plan.rng.permutation(np.array(["left", "right", "far", "near"])).tolist()
-    for i in range(tries):
+    for i in range(14):
         wall = walls[i % 4]
         x, y = plan.wall_spot(first, wall, float(plan.rng.random()))
         if plan.group(things, x, y, FACING[wall]):
