@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tarfile
@@ -58,6 +59,15 @@ def test_a_wheel_holds_the_package_with_its_radars_and_scenes(wheel: Path) -> No
     assert "rfgen_sionna/_data/scenes/living_room/scene.xml" in held
     assert "rfgen_sionna/py.typed" in held
     assert not [name for name in held if not name.startswith("rfgen_sionna/")]
+
+
+def test_a_wheel_holds_no_training_code(wheel: Path) -> None:
+    assert tracked("training")
+    held = contents(wheel)
+    assert not [name for name in held if name.startswith(("training/", "tests/", "rfgen_sionna/training/"))]
+    with zipfile.ZipFile(wheel) as archive:
+        code = [archive.read(name).decode() for name in held if name.endswith(".py")]
+    assert not [text for text in code if re.search(r"^\s*(?:from|import) training\b", text, re.MULTILINE)]
 
 
 def test_a_wheel_carries_the_licence(wheel: Path) -> None:

@@ -30,10 +30,10 @@ class EnvironmentDiffusion:
     Parameters
     ----------
     model
-        An environment model: file or folder of `training.environment.train`, a local folder or hub name of a Stable Diffusion
-        base (then `lora` names an RF LoRA for it); None is the one that ships with the package.
+        An environment model: file or folder of `training.environment.train`, a local folder or hub name of a Stable
+        Diffusion base (then `lora` names an RF LoRA for it); None is the one that ships with the package.
     lora
-        RF LoRA on top: a file of … `environment.lora`, a released one, or a folder or hub name that holds one.
+        RF LoRA on top: a file of `training.environment.lora`, a released one, or a folder or hub name that holds one.
     device
         "cpu", "cuda", …; None takes CUDA where there is one.
     steps, guidance, sampler

@@ -128,7 +128,7 @@ class EnvironmentModel:
             ModelFileError: it has no ControlNet.
         """
         if self.control is None:
-            raise ModelFileError("control: this model has no ControlNet; train one with training.environment.controlnet")
+            raise ModelFileError("control: the model has no ControlNet; train one with training.environment.controlnet")
         from diffusers import StableDiffusionControlNetPipeline
 
         return _quiet(StableDiffusionControlNetPipeline(**self.parts(view), controlnet=self.control))
