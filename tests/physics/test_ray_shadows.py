@@ -1,4 +1,4 @@
-"""Shadows of the ray mode as each pair of elements sees them: against quadrature of what Tx and Rx both see, and
+"""Shadows of shot rays as each pair of elements sees them: against quadrature of what Tx and Rx both see, and
 against the facets, which have them from another integral."""
 
 from dataclasses import replace
@@ -173,7 +173,7 @@ def test_where_no_shadow_falls_nothing_is_stated_for_shadows():
 
 def test_beside_a_cloth_there_is_no_strip_of_full_light():
     """What hides half of a plate lets nearly all through, there and back: as if it were opaque, pairs were 32 % off.
-    Of a leg that goes through and one that goes past it ray mode knows where the phase centre has both."""
+    Of a leg that goes through and one that goes past it rays know where the phase centre has both."""
     scene, cloth = scene_with(cloth=([[1, -1, -1], [1, 0, -1], [1, 0, 1], [1, -1, 1]], "clothing", 1e-4)), 1e-4
     radar = ARRAYS["pair"]()
     paths = shoot(Simulator(scene, radar, [plate()], transmission=True).tracer, max_bounces=1).paths

@@ -72,7 +72,7 @@ _NEGLIGIBLE = 1e-3
 
 @dataclass(frozen=True)
 class RayReport:
-    """What the ray mode took."""
+    """Cost and estimated error of shooting and bouncing rays."""
 
     rays: int
     """Rays sent, those that look back at the radar included."""
@@ -90,7 +90,7 @@ class RayReport:
 
 @dataclass(frozen=True)
 class RayTrace:
-    """What the ray mode found at an instant."""
+    """Paths of an instant by shooting and bouncing rays."""
 
     paths: RadarPaths
     """One path for each footprint and way round; a single knot."""
