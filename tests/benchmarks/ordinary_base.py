@@ -26,7 +26,7 @@ from scipy.ndimage import gaussian_filter
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, read_model, write_model
 from rfgen_sionna.generative.environment.text import ViewFacts
-from training.console import progress_bar
+from training.commands import progress_bar
 from training.environment.fits import fit_autoencoder
 from training.environment.image_training import diffuse, even_loss
 from training.learning import Run, precision

@@ -17,7 +17,7 @@ from rich.console import Console
 from rfgen_sionna.generative.environment.model import read_control, read_model, write_control
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.torch_device import pick_device
-from training.console import plainly, progress_bar
+from training.commands import plainly, progress_bar
 from training.environment.control_training import ControlRecipe, train_control
 from training.environment.judge_training import train_doubt
 from training.environment.path_evaluation import calibrated

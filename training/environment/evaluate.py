@@ -20,7 +20,7 @@ from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.judge import Judge, untrained
 from rfgen_sionna.generative.environment.refine import PathDiffusion
 from rfgen_sionna.generative.environment.sampling import Sampler
-from training.console import plainly, progress_bar
+from training.commands import plainly, progress_bar
 from training.environment.contact_sheets import completed_sheet, sheet
 from training.environment.image_evaluation import examine
 from training.environment.judge_training import train_judge

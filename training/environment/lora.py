@@ -16,7 +16,7 @@ from rich.console import Console
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME
 from rfgen_sionna.generative.environment.torch_device import pick_device
-from training.console import plainly, progress_bar
+from training.commands import plainly, progress_bar
 from training.environment.lora_bases import Base, open_base
 from training.environment.lora_training import LoraRecipe, choose_rate
 from training.environment.pir_data import PirData

@@ -20,7 +20,7 @@ from rfgen_sionna.generative.environment.model import read_model
 from rfgen_sionna.generative.environment.text import PlaceEncoder
 from rfgen_sionna.generative.environment.torch_device import pick_device
 from rfgen_sionna.pir.codec import PirCodec
-from training.console import plainly, progress_bar
+from training.commands import plainly, progress_bar
 from training.environment.fits import fit_autoencoder
 from training.environment.image_training import ImageRecipe, train
 from training.environment.pir_data import PirData

@@ -16,11 +16,11 @@ import typer
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.sampling import Sampler
 from rfgen_sionna.generative.diffusion.source import REFINED, DiffusionSource
-from training.console import progress_bar
+from training.commands import progress_bar
 from training.motion import motion_evaluation as evaluation
 from training.motion.figures import table
+from training.motion.kinematic_clips import read_clips, synthesise
 from training.motion.pictures import strips
-from training.motion.synthesis import read_clips, synthesise
 from training.motion.train import Mocap, Out, prepare
 
 

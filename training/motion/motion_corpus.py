@@ -29,8 +29,8 @@ from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.records import Motion
+from training.motion.kinematic_clips import Clip, read_clips
 from training.motion.mocap import Capture
-from training.motion.synthesis import Clip, read_clips
 
 _CLEAR = {"kinematic": 0.35, "mocap": 0.6}
 """Autocorrelation from which a clip counts as rhythmic."""
@@ -85,7 +85,7 @@ def build(
     """The training set.
 
     Args:
-        files: of :func:`training.motion.synthesis.synthesise`.
+        files: of :func:`training.motion.kinematic_clips.synthesise`.
         captures: of the mocap pack.
         composed: clips made of one clip's legs and another's arms.
         seed: of their choice.

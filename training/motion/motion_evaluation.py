@@ -21,12 +21,12 @@ from training.learning import Progress
 from training.motion import motion_metrics as metrics
 from training.motion.body_exam import on_bodies, repeats
 from training.motion.exam_prompts import AMBIGUOUS, OUTSIDE, PARAPHRASES
+from training.motion.kinematic_clips import Clip
 from training.motion.motion_captions import caption
 from training.motion.motion_corpus import MotionCorpus
 from training.motion.motion_metrics import rhythm_score
 from training.motion.originality import against_captured, originality
 from training.motion.recogniser import Recogniser, train_recogniser
-from training.motion.synthesis import Clip
 
 DURATION = 6.0
 FRAMES = int(DURATION * FRAME_RATE) + 1

@@ -15,12 +15,12 @@ from rich.console import Console
 from rich.progress import Progress
 
 from rfgen_sionna.generative.diffusion.text import TextEncoder
-from training.console import progress_bar
+from training.commands import progress_bar
+from training.motion.kinematic_clips import synthesise
 from training.motion.mocap import Capture, read_pack
 from training.motion.motion_corpus import MotionCorpus, build
 from training.motion.motion_text import Captions, train_text
 from training.motion.motion_training import MotionRecipe, train
-from training.motion.synthesis import synthesise
 
 COMPOSED_SHARE = 0.15
 """Composed clips over synthesised ones."""

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from rfgen_sionna.generative.environment.model import EnvironmentModel
 from rfgen_sionna.generative.environment.shooting import Ranges
 from rfgen_sionna.generative.environment.torch_device import DeviceMemoryError
-from training.console import plainly
+from training.commands import plainly
 from training.environment import (
     control_training,
     controlnet,

@@ -20,11 +20,11 @@ from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY
 from training.motion.batches import LENGTHS, Feeder, hide
 from training.motion.joint_loss import geometric_loss
 from training.motion.joint_loss import joint_positions as torch_positions
+from training.motion.kinematic_clips import read_clips, synthesise
 from training.motion.mocap import read_pack
 from training.motion.motion_corpus import MotionCorpus, fit_hands, held_out
 from training.motion.motion_text import Captions, train_text
 from training.motion.motion_training import MotionRecipe, train
-from training.motion.synthesis import read_clips, synthesise
 
 _TO_PACK = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
@@ -232,7 +232,7 @@ def test_the_sentence_encoder_learns() -> None:
 
 
 def test_clips_are_written_once_and_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from training.motion import synthesis
+    from training.motion import kinematic_clips as synthesis
 
     monkeypatch.setattr(synthesis, "CLAUSES", {"push": ()})
     monkeypatch.setattr(synthesis, "_BLOCK", 2)
