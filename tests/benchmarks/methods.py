@@ -118,7 +118,7 @@ class Beams:
 
 @dataclass
 class Tubes:
-    """Shooting and bouncing rays: tubes of rays in all directions, adaptive ones to a tolerance or uniform ones of a level."""
+    """Shooting and bouncing rays in all directions, adaptive ones to a tolerance or uniform ones of a level."""
 
     subject: Subject
     rtol: float = 1e-2
