@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import rfgen_sionna as rfgen
-from rfgen_sionna.generative.environment.shooting import Ranges, Stage, choose_shot
+from rfgen_sionna.generative.environment.viewpoints import PlaceRenderer, ViewpointRanges, choose_viewpoint
 from rfgen_sionna.scene import MaterialRangeWarning
 from rfgen_sionna.scene.furnished import PLACES
 
@@ -27,23 +27,23 @@ arguments = parser.parse_args()
 warnings.simplefilter("ignore", MaterialRangeWarning)  # asphalt is measured up to 40 GHz
 places = PLACES[:2] if arguments.quick else PLACES
 pixels, stands = (48, 2) if arguments.quick else (128, 24)
-ranges = Ranges(height=(1.2, 1.7), pitch_deg=(3, 12), fov_deg=(70, 78))
+ranges = ViewpointRanges(height=(1.2, 1.7), pitch_deg=(3, 12), fov_deg=(70, 78))
 radar = rfgen.Radar.load("awr1843")
 
 
-def photograph(stage, shot, pixels):
+def photograph(renderer, viewpoint, pixels):
     """(row, column, 3) colours in daylight: what a camera beside the radar would see."""
-    directions = shot.view((pixels, pixels)).directions.reshape(-1, 3)
-    hits = stage.rays.first_hit(shot.position, directions)
+    directions = viewpoint.view((pixels, pixels)).directions.reshape(-1, 3)
+    hits = renderer.rays.first_hit(viewpoint.position, directions)
     hit = hits.object >= 0
-    corners = stage.rays.corners(hits.facet[hit])
+    corners = renderer.rays.corners(hits.facet[hit])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     facing = np.einsum("ri,ri->r", normal, directions[hit])
     normal *= -np.sign(facing)[:, None]
     light = 0.35 + 0.4 * np.clip(normal @ (-0.35, 0.45, 0.82), 0, 1) + 0.3 * np.abs(facing)
     image = np.tile((0.75, 0.85, 0.95), (len(directions), 1))
-    image[hit] = stage.scene.colours[hits.object[hit]] * light[:, None]
+    image[hit] = renderer.scene.colours[hits.object[hit]] * light[:, None]
     return np.clip(image, 0, 1).reshape(pixels, pixels, 3)
 
 
@@ -53,15 +53,15 @@ figure, axes = plt.subplots(3 * rows, columns, figsize=(2.6 * columns, 8.2 * row
 for number, place in enumerate(places):
     scene = rfgen.furnished(place, seed=arguments.seed)
     scene.tune(radar.center_frequency)
-    stage, rng = Stage(scene, radar), np.random.default_rng(arguments.seed)
-    shots = [choose_shot(stage, rng, ranges) for _ in range(stands)]
-    shot = max(shots, key=lambda each: len(stage.in_view(stage.first_hits(each, 48, 48)[0], share=0.01)))
-    pir = stage.render(shot, (pixels, pixels), bounces=2)
+    renderer, rng = PlaceRenderer(scene, radar), np.random.default_rng(arguments.seed)
+    shots = [choose_viewpoint(renderer, rng, ranges) for _ in range(stands)]
+    viewpoint = max(shots, key=lambda each: len(renderer.in_view(renderer.first_hits(each, 48, 48)[0], share=0.01)))
+    pir = renderer.render(viewpoint, (pixels, pixels), bounces=2)
     energy = 10 * np.log10(np.where(pir.energy > 0, pir.energy, np.nan))
     distance = np.log10(pir.time_of_arrival * 1.5e8)
     top, column = 3 * (number // columns), number % columns
     axes[top][column].set_title(place)
-    axes[top][column].imshow(photograph(stage, shot, 2 * pixels))
+    axes[top][column].imshow(photograph(renderer, viewpoint, 2 * pixels))
     for panel, image, colours in ((1, energy, "magma"), (2, distance, "viridis_r")):
         low, high = np.nanpercentile(image, (1, 99.5))
         axes[top + panel][column].imshow(image, vmin=low, vmax=high, cmap=colours)

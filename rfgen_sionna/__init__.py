@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene import material as material
     from rfgen_sionna.scene.furnished import furnished as furnished
     from rfgen_sionna.simulation import Simulator as Simulator
-    from rfgen_sionna.tracing.sionna.paths import from_sionna as from_sionna
-    from rfgen_sionna.tracing.sionna.target import add_actor as add_actor
+    from rfgen_sionna.tracing.sionna.sensing_target import add_actor as add_actor
+    from rfgen_sionna.tracing.sionna.sionna_paths import from_sionna as from_sionna
 
     __version__: str
 
@@ -37,8 +37,8 @@ _HOMES = {
     "Radar": "radar",
     "RadarPaths": "records",
     "Simulator": "simulation",
-    "add_actor": "tracing.sionna.target",
-    "from_sionna": "tracing.sionna.paths",
+    "add_actor": "tracing.sionna.sensing_target",
+    "from_sionna": "tracing.sionna.sionna_paths",
     "furnished": "scene.furnished",
     "generate": "pipeline",
     "load_scene": "scene",

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.parallel import one_blas_thread
-from rfgen_sionna.pir.fused import Fusion
-from rfgen_sionna.processes import in_processes
+from rfgen_sionna.pir.fused_tracer import FusedTracer
+from rfgen_sionna.processes import map_in_processes
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.synthesis_accuracy import needed_accuracy
+from rfgen_sionna.signal.synthesis_accuracy import required_eps
 from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -44,7 +44,9 @@ class TracedFrame(NamedTuple):
     """Number of static objects, the first ones, which share one tolerance."""
 
 
-def frame_tracer(tracer: Tracer, fusion: Fusion | None, times: NDArray[np.float64]) -> Callable[[float], TracedFrame]:
+def frame_tracer(
+    tracer: Tracer, fusion: FusedTracer | None, times: NDArray[np.float64]
+) -> Callable[[float], TracedFrame]:
     """Function that traces the frame that begins at one of the `times` [s]. Frames are traced one after another: each
     starts from the facets of the one before."""
     moving, length = tracer.follow(), tracer.radar.waveform.frame_length
@@ -96,7 +98,7 @@ def frame_samples(
     def samples(parts: Callable[[], Sequence[RadarPaths]], start: float, still: int) -> NDArray[np.complex128]:
         total = np.zeros(radar.frame_shape, dtype=np.complex128)
         for part in parts():
-            eps = needed_accuracy(radar, part, rtol, still)
+            eps = required_eps(radar, part, rtol, still)
             total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
         return total
 
@@ -117,7 +119,7 @@ def frame_samples(
 
         yield samples(first.parts, first.begin, first.still) + still, emptied(first)
         runs = [range(start, min(start + RUN, len(times))) for start in range(1, len(times), RUN)]
-        for made, frame in in_processes(of_frame, runs, workers):
+        for made, frame in map_in_processes(of_frame, runs, workers):
             yield made + still, frame
         return
     rest, frames = map(trace, times[1:].tolist()), 0

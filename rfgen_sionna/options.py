@@ -13,8 +13,8 @@ import numpy as np
 
 from rfgen_sionna.dataset import check_output
 from rfgen_sionna.generative.environment_prompt import split_source
+from rfgen_sionna.generative.environment_setup import IMAGE_FOV, IMAGE_PIXELS
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
-from rfgen_sionna.generative.setting import IMAGE_FOV, IMAGE_PIXELS
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
@@ -69,7 +69,7 @@ def check_options(
     check_workers(workers, chosen_device(device))
     target = Path("run.h5") if output is None else check_output(output, overwrite)
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
-    radar = _placed(radar, preset, radar_position, look_at)
+    radar = _placed_radar(radar, preset, radar_position, look_at)
     radar.to_dict()  # what no file can hold is refused now
     empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
     # By default images may be larger than imagined ones, which is known when the prompt is.
@@ -95,7 +95,7 @@ def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
     return known if noise else known.without_noise()
 
 
-def _placed(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
+def _placed_radar(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
     """The radar where the arguments want it."""
     if isinstance(radar, Radar):
         if preset is not None:

@@ -27,14 +27,14 @@ class ThreadLimit:
             self._give_back()
 
     @contextmanager
-    def by_nobody(self) -> Iterator[None]:
+    def unheld(self) -> Iterator[None]:
         """Within it nobody holds it: it is waited until the last one has gone, and who comes waits."""
         with self._free:
             self._free.wait_for(lambda: self._holders == 0)
             yield
 
-    def forget(self) -> None:
-        """Begin anew, in a process that was forked within :meth:`by_nobody`."""
+    def reset(self) -> None:
+        """Begin anew, in a process that was forked within :meth:`unheld`."""
         self._free, self._holders = Condition(), 0
 
     def _take(self) -> None:
@@ -75,12 +75,12 @@ def one_blas_thread() -> Iterator[None]:
         yield
 
 
-def nobody_at_work() -> AbstractContextManager[None]:
+def no_blas_users() -> AbstractContextManager[None]:
     """Within it no thread is in :func:`one_blas_thread`, such as to trace or to sum paths: a process may be forked, in
-    which what another thread holds would never be let go. The child calls :func:`alone` first."""
-    return _BLAS.by_nobody()
+    which what another thread holds would never be let go. The child calls :func:`reset_after_fork` first."""
+    return _BLAS.unheld()
 
 
-def alone() -> None:
+def reset_after_fork() -> None:
     """Let threads of a forked process work again."""
-    _BLAS.forget()
+    _BLAS.reset()

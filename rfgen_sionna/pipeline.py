@@ -24,18 +24,18 @@ from rfgen_sionna.generative.environment_prompt import (
     split_source,
     with_source,
 )
+from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
 from rfgen_sionna.generative.motion import MotionSource
-from rfgen_sionna.generative.placing import before_radar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
-from rfgen_sionna.generative.setting import Imagining, chosen_source, set_up
 from rfgen_sionna.options import check_options, check_size, chosen_view
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.checks.actors import Policy
-from rfgen_sionna.scene.checks.clearance import surface_of
+from rfgen_sionna.scene.checks.radar_distance import surface_of
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.signal import Receiver, receiver_record
 from rfgen_sionna.signal.synthesis import chosen_device
@@ -108,8 +108,8 @@ def generate(
         imagined surroundings and a radar that stands. False does not load it.
     environment_model, environment_lora
         Environment model or Stable Diffusion base, and RF LoRA of it (files, folders, hub names; see
-        :class:`~rfgen_sionna.generative.environment.diffusion.EnvironmentDiffusion`); None is the model that ships
-        with the package, without a LoRA.
+        :class:`~rfgen_sionna.generative.environment.environment_diffusion.EnvironmentDiffusion`); None is the model
+        that ships with the package, without a LoRA.
     radar
         Name or TOML file of a radar, or a placed Radar.
     preset
@@ -193,29 +193,36 @@ def generate(
         device=device,
         workers=workers,
     )
-    imagining = Imagining(
+    image_options = ImageOptions(
         negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
     )
     device = chosen_device(device)
     source = motion_source(motion)
     origin, place_words = split_source(environment)
     said, asked = _read(prompt, negative, place_words, seed, distance, origin, source)
-    kind = chosen_source(origin, asked, imagining)
+    kind = chosen_source(origin, asked, image_options)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
     resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
     target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
-    imagining.check(moves=radar.trajectory is not None)
+    image_options.check(moves=radar.trajectory is not None)
     place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
     if place > radar.max_range:
         raise ValueError(
             f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
             f"{radar.max_range:.2f} m: come closer, or take a preset with a lower slope or a higher sample rate"
         )
-    spot, _ = before_radar(radar, place, said.bearing_deg or 0.0)
+    spot, _ = place_before_radar(radar, place, said.bearing_deg or 0.0)
     check_size(duration, radar, resolution, target)
-    setting = set_up(
-        asked, kind, radar, seed=seed, imagining=imagining, fov_deg=fov, resolution=resolution, projection=projection
+    setting = set_up_environment(
+        asked,
+        kind,
+        radar,
+        seed=seed,
+        image_options=image_options,
+        fov_deg=fov,
+        resolution=resolution,
+        projection=projection,
     )
     scene = setting.scene
     Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces, transmission=transmission)

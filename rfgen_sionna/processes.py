@@ -30,14 +30,14 @@ from typing import Any, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rfgen_sionna.parallel import alone, nobody_at_work
+from rfgen_sionna.parallel import no_blas_users, reset_after_fork
 from rfgen_sionna.scene.mitsuba_backend import may_use_cuda, without_threads
 
 T = TypeVar("T")
-AHEAD = 1
+MAX_FINISHED = 1
 """Number of runs beyond those in work whose results may be kept until it is their turn."""
 
-_PATIENCE = 5.0
+_JOIN_TIMEOUT = 5.0
 """Time that a process gets to end once its results are not wanted any more [s]."""
 
 
@@ -77,7 +77,7 @@ def check_workers(workers: Any, device: str = "cpu") -> int:
     return int(workers)
 
 
-def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
+def map_in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
     """Results of `job` for the numbers of all `runs`, in order; `workers` processes work at a time, on a run each.
 
     A process is forked when its run begins, as soon as no other thread traces or sums paths, and works on one core. It
@@ -94,12 +94,12 @@ def in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -
     to_do, begun, warned = deque(runs), deque[_Worker](), dict[Any, Any]()
     try:
         while to_do or begun:
-            while to_do and sum(not each.over for each in begun) < workers and len(begun) < workers + AHEAD:
+            while to_do and sum(not each.over for each in begun) < workers and len(begun) < workers + MAX_FINISHED:
                 begun.append(_Worker(job, to_do.popleft(), begun))
             first, working = begun[0], {each.connection: each for each in begun if not each.over}
             # What others send is taken from them, but not waited for where something is at hand.
             for ready in wait(list(working), 0.0 if first.told else None) if working else ():
-                working[ready].listen()  # type: ignore[index]
+                working[ready].receive()  # type: ignore[index]
             if not first.told:
                 continue
             said, what = first.told.popleft()
@@ -128,14 +128,14 @@ class _Worker:
         self.told, self.over, self._numbers = deque[tuple[_Message, Any]](), False, numbers
         # Ends of pipes that it does not need would hide from other processes that this one has gone.
         inherited = [self.connection, *(each.connection for each in others)]
-        self._process = context.Process(target=_work, args=(job, numbers, theirs, inherited), daemon=True)
-        with nobody_at_work(), without_threads(), warnings.catch_warnings():
+        self._process = context.Process(target=_run_worker, args=(job, numbers, theirs, inherited), daemon=True)
+        with no_blas_users(), without_threads(), warnings.catch_warnings():
             # Python warns of threads that the child will lack: Dr.Jit's have ended, and BLAS makes its own anew.
             warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
             self._process.start()
         theirs.close()
 
-    def listen(self) -> None:
+    def receive(self) -> None:
         """Take the next message of the process."""
         try:
             said, what = self.connection.recv()
@@ -151,42 +151,44 @@ class _Worker:
     def end(self) -> None:
         """End the process."""
         self.connection.close()  # which ends it
-        self._process.join(_PATIENCE)
+        self._process.join(_JOIN_TIMEOUT)
         if self._process.exitcode is None:
             self._process.kill()
             self._process.join()
         self._process.close()
 
 
-def _work(job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]) -> None:
+def _run_worker(
+    job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]
+) -> None:
     """Main function of the child process."""
     signal.set_wakeup_fd(-1)  # the parent's event loop is not to hear of this one's signals
     for each, handler in ((SIGINT, SIG_IGN), (SIGTERM, SIG_DFL), (SIGHUP, SIG_DFL)):  # at ^C the parent ends it
         signal.signal(each, handler)
-    alone()
+    reset_after_fork()
     gc.freeze()  # what the parent has open, HDF5 files among it, is not this one's to close
     for connection in inherited:
         connection.close()
-    Thread(target=_end_with, args=(results,), daemon=True).start()
-    _speak_through(results)
+    Thread(target=_exit_with_parent, args=(results,), daemon=True).start()
+    _forward_logs(results)
     try:
         with threadpool_limits(1):
             for number in numbers:
-                _tell(results, _Message.MADE, job(number))
-        _tell(results, _Message.OVER, None)
+                _send(results, _Message.MADE, job(number))
+        _send(results, _Message.OVER, None)
     except Exception as error:
         error.add_note("".join(["In another process:\n", *traceback.format_exception(error)]))
-        _tell(results, _Message.FAILED, _portable(error))
+        _send(results, _Message.FAILED, _picklable(error))
 
 
-def _end_with(parent: Connection) -> None:
+def _exit_with_parent(parent: Connection) -> None:
     """Wait until the parent has closed its end, which it never writes to, or has gone."""
     with suppress(EOFError, OSError):
         parent.recv_bytes()
     os._exit(1)
 
 
-def _tell(parent: Connection, said: _Message, what: Any) -> None:
+def _send(parent: Connection, said: _Message, what: Any) -> None:
     """Send a message to the parent, or end without one."""
     message = ForkingPickler.dumps((said, what))
     try:
@@ -195,25 +197,25 @@ def _tell(parent: Connection, said: _Message, what: Any) -> None:
         os._exit(1)
 
 
-def _speak_through(results: Connection) -> None:
+def _forward_logs(results: Connection) -> None:
     """Send log messages and warnings to the parent instead of showing them."""
     known = [each for each in logging.Logger.manager.loggerDict.values() if isinstance(each, logging.Logger)]
     for logger in (logging.getLogger(), *known):
         logger.handlers.clear()
         logger.propagate = True
-    logging.getLogger().addHandler(_Sender(results))
+    logging.getLogger().addHandler(_LogForwarder(results))
 
     def show(message: Any, category: Any, filename: str, lineno: int, file: Any = None, line: Any = None) -> None:
         try:
             pickle.loads(pickle.dumps((message, category)))
         except Exception:
             message, category = f"{category.__name__}: {message}", UserWarning
-        _tell(results, _Message.WARNED, (message, category, filename, lineno))
+        _send(results, _Message.WARNED, (message, category, filename, lineno))
 
     warnings.showwarning = show
 
 
-class _Sender(logging.handlers.QueueHandler):
+class _LogForwarder(logging.handlers.QueueHandler):
     """Sends records to the parent."""
 
     def __init__(self, results: Connection) -> None:
@@ -221,10 +223,10 @@ class _Sender(logging.handlers.QueueHandler):
         self._results = results
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        _tell(self._results, _Message.LOGGED, record)
+        _send(self._results, _Message.LOGGED, record)
 
 
-def _portable(error: Exception) -> Exception:
+def _picklable(error: Exception) -> Exception:
     """The error, or one with the same text where it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))

@@ -136,7 +136,7 @@ def _weights(knots: bytes, t: bytes, derivative: int) -> FloatArray:
 _known_weights = lru_cache(maxsize=256)(_weights)
 
 
-def through_knots(weights: FloatArray, values: ComplexArray) -> ComplexArray:
+def interpolate_knots(weights: FloatArray, values: ComplexArray) -> ComplexArray:
     """(..., new) complex numbers at other times from `values` (..., old), by `weights` (new, old)."""
     # Real and imaginary parts side by side and one product of real matrices: several times quicker than a complex one.
     real = np.ascontiguousarray(values, np.complex128).view(np.float64).reshape(-1, 2 * values.shape[-1])

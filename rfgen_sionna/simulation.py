@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._deprecation import Renamed
 from rfgen_sionna.frame_loop import frame_samples, frame_tracer
 from rfgen_sionna.pir import render_pir
-from rfgen_sionna.pir.fused import Fusion, Refiner
-from rfgen_sionna.pir.fusion import image, together
+from rfgen_sionna.pir.fused_tracer import FusedTracer, Refiner
+from rfgen_sionna.pir.fusion import concatenate_paths, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_bounces, check_view
 from rfgen_sionna.pir.view import View
@@ -23,6 +23,7 @@ from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube, Pir, RadarPaths
+from rfgen_sionna.scene.checks.actor_overlap import check_actor_overlaps
 from rfgen_sionna.scene.checks.actors import (
     POLICIES,
     Policy,
@@ -33,9 +34,8 @@ from rfgen_sionna.scene.checks.actors import (
     warn_occluded,
     with_unique_names,
 )
-from rfgen_sionna.scene.checks.clearance import check_radar_clear, check_way_clear, nearest_surface
-from rfgen_sionna.scene.checks.enclosure import check_radar_placed
-from rfgen_sionna.scene.checks.encounters import check_encounters
+from rfgen_sionna.scene.checks.radar_distance import check_radar_clear, check_way_clear, nearest_surface
+from rfgen_sionna.scene.checks.radar_placement import check_radar_placed
 from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import load_scene
@@ -44,10 +44,10 @@ from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.signal import Receiver, receive
-from rfgen_sionna.signal.checks import LATEST
 from rfgen_sionna.signal.synthesis import chosen_device
+from rfgen_sionna.signal.synthesis_checks import MAX_TIME
 from rfgen_sionna.tracing.max_bounces import check_max_bounces
-from rfgen_sionna.tracing.relative import seen_from
+from rfgen_sionna.tracing.relative import relative_objects
 from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -154,7 +154,7 @@ class Simulator:
         self.collisions: Policy = collisions
         self.seed = _checked_seed(seed)
         self._silence_told = False
-        self._fusion: Fusion | None = None
+        self._fusion: FusedTracer | None = None
         self.scene.tune(radar.center_frequency)
         self.scene.warn_unfollowed()
         for actor in self.actors:
@@ -172,7 +172,7 @@ class Simulator:
         if environment is None and refiner is not None:
             raise ValueError("refiner: there is no environment; an image of the surroundings is needed to be refined")
         if environment is not None:
-            self._fusion = Fusion(self.tracer, environment, self.seed, refiner)
+            self._fusion = FusedTracer(self.tracer, environment, self.seed, refiner)
 
     @cached_property
     def tracer(self) -> Tracer:
@@ -194,7 +194,7 @@ class Simulator:
         self._check_places(_time("t", t), t)
         self._warn_silent()
         if self._fusion is not None:
-            return together(self._fusion.instant(float(t)))
+            return concatenate_paths(self._fusion.instant(float(t)))
         return self.tracer.instant(float(t))
 
     def pir(
@@ -356,9 +356,9 @@ class Simulator:
         """Check the places of radar and actors from `start` to `stop` [s]: clearance, range window, collisions."""
         check_way_clear(self.radar, self.scene, self.actors, start, stop)
         moves = self.radar.trajectory is not None
-        check_places(self.radar, seen_from(self.radar, None, self.actors) if moves else self.actors, start, stop)
+        check_places(self.radar, relative_objects(self.radar, None, self.actors) if moves else self.actors, start, stop)
         check_collisions(self.scene, self._surroundings, self.actors, start, stop, self.collisions, stacklevel=3)
-        check_encounters(self.actors, start, stop, self.collisions, 3, self.radar.pose(start)[0])
+        check_actor_overlaps(self.actors, start, stop, self.collisions, 3, self.radar.pose(start)[0])
 
     def _warn_silent(self) -> None:
         """Warn once of a scene without any return."""
@@ -394,6 +394,6 @@ def _switch(name: str, value: Any) -> bool:
 
 
 def _time(name: str, value: Any) -> float:
-    if not (is_number(value) and abs(value) <= LATEST):
-        raise ValueError(f"{name} is {value!r}: a finite time of -{LATEST:g} … {LATEST:g} s is needed")
+    if not (is_number(value) and abs(value) <= MAX_TIME):
+        raise ValueError(f"{name} is {value!r}: a finite time of -{MAX_TIME:g} … {MAX_TIME:g} s is needed")
     return float(value)

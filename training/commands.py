@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from rfgen_sionna.scene.errors import BackendError
+from rfgen_sionna.scene.scene_errors import BackendError
 
 
 def plainly(command: Callable[..., None]) -> Callable[..., None]:

@@ -17,7 +17,7 @@ from rich.table import Table
 
 from rfgen_sionna.cli.benchmark import EPILOG as BENCH_EPILOG
 from rfgen_sionna.cli.benchmark import bench
-from rfgen_sionna.cli.console import draw, warn, wrote
+from rfgen_sionna.cli.console import draw, report_written, warn
 from rfgen_sionna.cli.console import err as _err
 from rfgen_sionna.cli.console import out as _out
 from rfgen_sionna.cli.generate import EPILOG, generate
@@ -118,7 +118,7 @@ def export(
         cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
         report = write_capture(cube, output, format, overwrite=overwrite, **options)
     for path in report.paths:
-        wrote(path)
+        report_written(path)
     level = "" if report.full_scale_dbm is None else f", full scale {report.full_scale_dbm:.1f} dBm"
     _out.print(f"{report.frames} frames, {report.scale:g} √W per LSB{level}, {report.clipped} values clipped")
 
@@ -156,7 +156,7 @@ def _end(number: int, _: object) -> NoReturn:
 
 def main() -> None:
     """Entry point: what the user can mend is one line and exit code 2, anything else is a bug and a traceback."""
-    from rfgen_sionna.scene.errors import BackendError
+    from rfgen_sionna.scene.scene_errors import BackendError
 
     warnings.showwarning = warn  # type: ignore[assignment]
     logging.getLogger("rfgen_sionna").addHandler(_LogLines(logging.WARNING))

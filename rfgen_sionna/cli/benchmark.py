@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from rfgen_sionna.cli.console import out as _out
-from rfgen_sionna.cli.console import warn, wrote
+from rfgen_sionna.cli.console import report_written, warn
 
 SCENES = "sphere, plate, dihedral, trihedral, person, living_room, car, hand"
 _TEXT = """[bold]Parts[/bold]
@@ -61,7 +61,7 @@ def bench(
             lambda text: status.update(escape(text)), part or (), lambda line: _out.print(escape(line)),
         )  # fmt: skip
     for name in ("bench.json", "bench.md"):
-        wrote(out / name)
+        report_written(out / name)
     for name, reason in result["failed"].items():
         warn(f"{name} failed: {reason}", UserWarning)
     held = [claim["holds"] for claim in result["claims"]]

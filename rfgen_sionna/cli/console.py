@@ -28,18 +28,18 @@ def _draw_both(
     file: Path, overwrite: bool, keep: bool, sheet: Callable[..., Path], animation: Callable[..., Path]
 ) -> None:
     target = _picture(file, ".png")
-    if not (keep and _left(target, overwrite)):
+    if not (keep and _keeps_existing(target, overwrite)):
         with out.status("drawing"):
             drawn = sheet(file, target, overwrite=overwrite)
-        wrote(drawn)
+        report_written(drawn)
     target = _picture(file, ".gif")
-    if not (keep and _left(target, overwrite)):
+    if not (keep and _keeps_existing(target, overwrite)):
         with progress("film") as step:
             film = animation(file, target, overwrite=overwrite, progress=step)
-        wrote(film)
+        report_written(film)
 
 
-def _left(target: Path, overwrite: bool) -> bool:
+def _keeps_existing(target: Path, overwrite: bool) -> bool:
     """Whether a picture exists and is not to be replaced; says so."""
     if overwrite or not target.exists():
         return False
@@ -61,7 +61,7 @@ def check_pictures(file: Path, overwrite: bool) -> None:
         check_output(_picture(file, suffix), overwrite)
 
 
-def wrote(path: Path | None) -> None:
+def report_written(path: Path | None) -> None:
     """Say what was written."""
     out.print(f"[green]wrote[/green] {escape(str(path))}", soft_wrap=True)
 

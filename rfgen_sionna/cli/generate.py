@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from rfgen_sionna.cli.console import check_pictures, draw, out, progress, warn, wrote
+from rfgen_sionna.cli.console import check_pictures, draw, out, progress, report_written, warn
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -198,14 +198,14 @@ def generate(
             motion=motion,
             **options | {"output": target},
             progress=step,
-            report=_decided,
+            report=_print_decisions,
         ).close()
-    wrote(target)
+    report_written(target)
     if pictures:
         draw(target, overwrite)
 
 
-def _decided(report: str) -> None:
+def _print_decisions(report: str) -> None:
     """Print what the report adds to the words, which are shown already; a warning names those without effect."""
     from rfgen_sionna.generative.prompts import DECIDED
 

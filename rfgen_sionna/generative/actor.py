@@ -17,10 +17,10 @@ from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource, Skeleton
-from rfgen_sionna.generative.motion.foreign import MOTION_SUFFIXES, load_any_motion
+from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.loaders import ClipError
-from rfgen_sionna.generative.placing import before_radar, check_way, way_back
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene.mesh_actor import MeshActor
@@ -118,7 +118,7 @@ class Actor(MeshActor):
         distance = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
         place, yaw = (0.0, 0.0), 0.0
         if position is None or orientation is None:
-            place, yaw = before_radar(radar, distance, said.bearing_deg or 0.0)
+            place, yaw = place_before_radar(radar, distance, said.bearing_deg or 0.0)
         yaw += np.radians(said.orientation_deg or 0.0)
         # the action is checked before the body is built, which may take a minute on a first start
         _check(said, duration, source)
@@ -138,12 +138,12 @@ class Actor(MeshActor):
         performed = _performed(said, duration, seed, rig.skeleton, source)
         way: list[Decision] = []
         if said.action == "walk":
-            path, seen = way_back(performed)
+            path, seen = walk_back(performed)
             way.append(path)
             if not seen:
                 _LOG.warning("duration: %g s show no way back of the walk back and forth; take longer", duration)
         elif said.action == "walk_straight" and position is None and orientation is None:
-            way.append(check_way(performed, place, yaw, radar))
+            way.append(check_walk_path(performed, place, yaw, radar))
         arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(
             animate(rig, performed),
@@ -193,7 +193,7 @@ class Actor(MeshActor):
             ClipError: the file cannot be used.
             ValueError: `frame_rate` is missing for meshes or given for a motion.
         """
-        place, yaw = before_radar(radar, DEFAULT_DISTANCE)
+        place, yaw = place_before_radar(radar, DEFAULT_DISTANCE)
         sequence: MeshSequence
         rig: Rig | None = None
         phenotype: Phenotype | None = None

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna.generative.decisions import NEGATIVE, PROMPT, drawn
-from rfgen_sionna.generative.reading import Reader, compile_pattern, number
+from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
 from rfgen_sionna.generative.vocabulary import (
     AGE_PATTERN,
     HEIGHT_PATTERNS,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names, take_compounds
 from rfgen_sionna.generative.negation import negation_in
-from rfgen_sionna.generative.reading import Reader, compile_pattern
+from rfgen_sionna.generative.text_reader import Reader, compile_pattern
 from rfgen_sionna.generative.vocabulary import (
     COMMON_SCENE_WORDS,
     FILLERS,

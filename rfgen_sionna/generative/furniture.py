@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from rfgen_sionna.generative.reading import Reader, inflected
+from rfgen_sionna.generative.text_reader import Reader, inflected
 from rfgen_sionna.generative.vocabulary import ROOM
 
 OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -119,7 +119,7 @@ class Name:
     """What some kinds are called."""
 
     pattern: str
-    """Of its singular and plural (:func:`~rfgen_sionna.generative.reading.compile_pattern`)."""
+    """Of its singular and plural (:func:`~rfgen_sionna.generative.text_reader.compile_pattern`)."""
     kinds: tuple[str, ...]
     compound: bool
     """Whether it is several words, which may have the name of a place among them: "office chair"."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rfgen_sionna.generative.reading import Reader, compile_pattern
+from rfgen_sionna.generative.text_reader import Reader, compile_pattern
 from rfgen_sionna.generative.vocabulary import ROOM
 
 _NEGATION = (
@@ -27,7 +27,7 @@ def negation_in(text: str) -> str | None:
     """The first word of a text that negates something, in lower case; None where none does.
 
     Args:
-        text: a sentence, keywords, or what :func:`~rfgen_sionna.generative.reading.normalise` has made of them.
+        text: a sentence, keywords, or what :func:`~rfgen_sionna.generative.text_reader.normalise` has made of them.
     """
     reader = Reader(text)
     reader.take(_NO_NEGATION)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from rfgen_sionna.generative.body_prompt import SIMPLE_NOUNS, BodyWords, PromptError
 from rfgen_sionna.generative.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.motion.actions import ACTIONS
-from rfgen_sionna.generative.reading import Reader, compile_pattern, number
+from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
 from rfgen_sionna.generative.vocabulary import (
     ACTION_PATTERNS,
     BARE_LENGTH,

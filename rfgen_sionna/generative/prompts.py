@@ -20,8 +20,8 @@ from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.kinematic import preferred_hand
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.reading import split_negative
-from rfgen_sionna.generative.scene_prompt import DECIDED, DEFAULT_DISTANCE, ScenePrompt, Spoken
+from rfgen_sionna.generative.scene_prompt import DECIDED, DEFAULT_DISTANCE, ScenePrompt, SourceReading
+from rfgen_sionna.generative.text_reader import split_negative
 
 T = TypeVar("T")
 
@@ -40,7 +40,7 @@ class UnreadActionError(PromptError):
         """What is wrong, without what is allowed."""
 
 
-def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: Spoken | None = None) -> ScenePrompt:
+def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: SourceReading | None = None) -> ScenePrompt:
     """Read what a prompt and a negative prompt ask for.
 
     Args:
@@ -148,7 +148,7 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: Spok
     )
 
 
-def _credited(said: Phrases, spoken: Spoken) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+def _credited(said: Phrases, spoken: SourceReading) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
     """What is understood and what is not, where a motion source has read the words of the action."""
     performed = {spoken.action, spoken.arms}
     others = {words for words, named in said.actions if not named & {*performed, "standing"}}

@@ -19,7 +19,7 @@ _UNITS = {"gender": "", "age": " years", "height": " m", "weight": " kg", "muscl
 
 
 @dataclass(frozen=True)
-class Spoken:
+class SourceReading:
     """What a motion source makes of a prompt in which the grammar finds no one action."""
 
     action: str

@@ -16,11 +16,11 @@ from rfgen_sionna.generative.decisions import PROMPT, drawn
 from rfgen_sionna.generative.environment_prompt import split_keyword
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource, SentenceSource
 from rfgen_sionna.generative.motion.actions import with_hand
-from rfgen_sionna.generative.motion.source import Reading
+from rfgen_sionna.generative.motion.motion_source import PromptReading
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts import UnreadActionError, parse_prompt
-from rfgen_sionna.generative.reading import AFTERWARDS, normalise, split_negative
-from rfgen_sionna.generative.scene_prompt import ScenePrompt, Spoken
+from rfgen_sionna.generative.scene_prompt import ScenePrompt, SourceReading
+from rfgen_sionna.generative.text_reader import AFTERWARDS, normalise, split_negative
 
 NEAREST = "the nearest that is known"
 """Origin of an action that the words do not name."""
@@ -30,7 +30,7 @@ _PLAUSIBLE = 0.5
 """Probability from which the nearest action may be a captured one, of which the source knows few wordings."""
 _KEPT = ("action ", "target ", "left hand", "right hand", "both hands", "walks that way")
 """How meanings of phrases begin that a motion source should hear of."""
-_MORE = "motion 'diffusion' also knows captured actions, and arms that do something while somebody walks or jumps"
+_TIGHTER = "motion 'diffusion' also knows captured actions, and arms that do something while somebody walks or jumps"
 
 
 def motion_source(name: str) -> MotionSource:
@@ -45,14 +45,14 @@ def motion_source(name: str) -> MotionSource:
         FileNotFoundError: its weights are.
     """
     if name == "auto":
-        from rfgen_sionna.generative.setting import missing_packages
+        from rfgen_sionna.generative.environment_setup import missing_packages
 
         name = "kinematic" if missing_packages() else "diffusion"
     if name == "kinematic":
         return KinematicSource()
     if name == "diffusion":
         try:
-            from rfgen_sionna.generative.diffusion.source import DiffusionSource
+            from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
         except ImportError as error:
             raise ImportError(
                 f"motion 'diffusion' needs {error.name}: pip install 'rfgen-sionna[diffusion]'"
@@ -83,7 +83,7 @@ def read_prompt(
     except UnreadActionError as error:
         source = motion_source(source) if isinstance(source, str) else source
         if not isinstance(source, SentenceSource):
-            raise PromptError(f"{error}; {_MORE}") from None
+            raise PromptError(f"{error}; {_TIGHTER}") from None
         words = _Words(prompt, negative)
         spoken = (words.heard(source, seed) or words.nearest(source, error)) if words.may_be_a_person(source) else None
         if spoken is None:
@@ -110,7 +110,7 @@ class _Words:
         self.forbidden = frozenset().union(*(named for _, named in self.denied.actions))
         self.sentence = _of_the_motion(wanted, self.said)
 
-    def heard(self, source: SentenceSource, seed: int, instead_of: str = "") -> Spoken | None:
+    def heard(self, source: SentenceSource, seed: int, instead_of: str = "") -> SourceReading | None:
         """What the source reads beyond the grammar; None where it does not know the words.
 
         Args:
@@ -133,15 +133,19 @@ class _Words:
         if (instead_of or several) and read.share < _SURE:
             return None
         if read.action in ACTIONS:  # in words that the grammar does not know
-            return None if read.action in self.forbidden else Spoken(read.action, PROMPT, read=self._known_to(read))
+            return (
+                None if read.action in self.forbidden else SourceReading(read.action, PROMPT, read=self._known_to(read))
+            )
         avoid, avoided, heard = self._unwanted(source)
         if avoided == read.action:
             raise PromptError(
                 f"action: the negative prompt {self.negative!r} forbids {read.action}, which {self.prompt!r} asks for"
             )
-        return Spoken(read.action, PROMPT, sentence=self.sentence, avoid=avoid, read=self._known_to(read) | heard)
+        return SourceReading(
+            read.action, PROMPT, sentence=self.sentence, avoid=avoid, read=self._known_to(read) | heard
+        )
 
-    def nearest(self, source: SentenceSource, error: UnreadActionError) -> Spoken | None:
+    def nearest(self, source: SentenceSource, error: UnreadActionError) -> SourceReading | None:
         """The nearest action, with a warning; None where the negative prompt forbids all."""
         read = source.read(self.sentence)
         captured = read.action not in ACTIONS and read.share >= _PLAUSIBLE and not self.said.actions
@@ -151,8 +155,8 @@ class _Words:
             return None
         note = f"{error.what}; taken for the nearest action that is known, {action!r}, and no other one"
         if not captured:
-            return Spoken(action, NEAREST, notes=(note,))
-        return Spoken(action, NEAREST, sentence=self.sentence, read=self._known_to(read), notes=(note,))
+            return SourceReading(action, NEAREST, notes=(note,))
+        return SourceReading(action, NEAREST, sentence=self.sentence, read=self._known_to(read), notes=(note,))
 
     def may_be_a_person(self, source: SentenceSource) -> bool:
         """Whether any words may be those of an action, and nothing but a person is named: no dog becomes one."""
@@ -160,7 +164,7 @@ class _Words:
             return False
         return bool(self.said.targets) or set(self.said.unused) == self._known_to(source.read(self.sentence))
 
-    def _apart(self, source: SentenceSource, read: Reading, instead_of: str, seed: int) -> Spoken | None:
+    def _apart(self, source: SentenceSource, read: PromptReading, instead_of: str, seed: int) -> SourceReading | None:
         """Legs that walk, run or jump under arms that do something else."""
         if AFTERWARDS.search(self.prompt.lower()):
             return None
@@ -194,7 +198,7 @@ class _Words:
             hands = {hand for _, hand in self.said.hands} & set(ACTIONS[arms].hands)
             if len(hands) == 1:
                 sentence += with_hand(hands.pop())
-        return Spoken(
+        return SourceReading(
             action,
             PROMPT,
             arms=arms,
@@ -204,7 +208,7 @@ class _Words:
             read=self._known_to(read) | heard,
         )
 
-    def _known_to(self, read: Reading) -> frozenset[str]:
+    def _known_to(self, read: PromptReading) -> frozenset[str]:
         """The phrases that the grammar has not read and the source has."""
         return frozenset(p for p in self.said.unused if not set(p.split()) & set(read.unknown))
 

@@ -20,9 +20,9 @@ Image = NDArray[np.float32]
 
 _TOLERANCE = 1e-3
 """How far beyond −1 … 1 rounding may take a value."""
-_THERE = -2.0 / 3.0
+_PRESENT = -2.0 / 3.0
 """Value of the third channel above which something returns: half way between "nothing" and the fastest approach."""
-_STILL = 1e-3
+_STATIC_SPEED = 1e-3
 """Root of the share of the highest speed below which a surface stands still: the channel's 1/3 is no number of half or
 single precision, and a wall must not move because its image was stored."""
 
@@ -109,13 +109,13 @@ class PirCodec:
     def decode_arrays(self, image: ArrayLike, *, clip: bool = False) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Energy, time of arrival [s] and velocity [m/s], each (…, row, column), of images (…, 3, row, column)."""
         x = check_image(image, clip=clip)
-        there = x[..., 2, :, :] > _THERE
+        there = x[..., 2, :, :] > _PRESENT
         low, high = self.energy_db
         energy = np.where(there, 10 ** ((low + 0.5 * (x[..., 0, :, :] + 1) * (high - low)) / 10), 0.0)
         distance = self.distance(x[..., 1, :, :])
         arrival = np.where(there, 2 * distance / SPEED_OF_LIGHT, np.nan)
         fraction = np.clip((x[..., 2, :, :] - 1 / 3) * 1.5, -1.0, 1.0)
-        moves = there & (np.abs(fraction) > _STILL)
+        moves = there & (np.abs(fraction) > _STATIC_SPEED)
         velocity = np.where(moves, np.sign(fraction) * fraction**2 * self.max_speed, 0.0)
         return energy, arrival, velocity
 
@@ -155,7 +155,7 @@ class AuthorsCodec:
             If the projection isn't perspective.
         """
         there = (pir.energy > 0) & np.isfinite(pir.time_of_arrival)
-        depth = np.where(there, 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival, self.nearest) / _slant(pir)
+        depth = np.where(there, 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival, self.nearest) / _ray_over_depth(pir)
         depth = np.where(there, depth, self.nearest)
         if not clip:
             _refuse("energy", np.where(there, pir.energy, 0.0), 0.0, self.full_scale, "")
@@ -177,7 +177,7 @@ class AuthorsCodec:
             raise ImageRangeError(f"image has shape {x.shape}: (3, row, column) is needed")
         energy = self.full_scale * x[1] ** 2
         view = replace(like, energy=energy, time_of_arrival=energy, velocity=np.zeros_like(energy))
-        distance = (self.nearest + self.span * x[0]) * _slant(view)
+        distance = (self.nearest + self.span * x[0]) * _ray_over_depth(view)
         return replace(view, time_of_arrival=np.where(energy > 0, 2 * distance / SPEED_OF_LIGHT, np.nan))
 
 
@@ -206,7 +206,7 @@ def check_image(image: ArrayLike, *, clip: bool = False) -> FloatArray:
     return np.clip(x, -1.0, 1.0)
 
 
-def _slant(pir: Pir) -> FloatArray:
+def _ray_over_depth(pir: Pir) -> FloatArray:
     """(row, column) length of a ray over its depth along the line of sight, at the pixels' middles."""
     view = View.of(pir)
     if view.projection != "perspective":

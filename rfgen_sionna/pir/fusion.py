@@ -19,29 +19,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.pir.rasterise import rasterise
-from rfgen_sionna.pir.surroundings import Surroundings, check_image
+from rfgen_sionna.pir.image_surroundings import ImageSurroundings, check_image
+from rfgen_sionna.pir.rasterisation import rasterise
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir, RadarPaths
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
-MOST_GAIN_DB = 15.0
+MAX_GAIN_DB = 15.0
 """By how much a refined image raises or lowers traced energy at most, where nothing else is asked for."""
 
-Places = Callable[[float], FloatArray]
+PositionsAt = Callable[[float], FloatArray]
 """Time [s] to the (path, 3) points that paths belong to [m]."""
 
 
 @dataclass(frozen=True)
-class _Key:
+class _RefinedKey:
     """What one refined image changes."""
 
     time: float
     gain: FloatArray
     """(pixel,) natural logarithm of the factor of amplitudes."""
-    added: Surroundings
+    added: ImageSurroundings
     """Pixels that had no path."""
 
 
@@ -51,7 +51,7 @@ class Refinement:
     Parameters
     ----------
     mixed
-        The images of the paths as they are, :func:`~rfgen_sionna.pir.rasterise.rasterise`, of one view.
+        The images of the paths as they are, :func:`~rfgen_sionna.pir.rasterisation.rasterise`, of one view.
     refined
         The images that paths are to make; those of the same instants. Their times of arrival and velocities count only
         where `mixed` has no energy.
@@ -74,7 +74,7 @@ class Refinement:
         refined: Sequence[Pir],
         radar: Radar,
         seed: int,
-        most_gain_db: float = MOST_GAIN_DB,
+        most_gain_db: float = MAX_GAIN_DB,
     ) -> None:
         if not mixed or len(mixed) != len(refined):
             raise ValueError(f"refined: {len(refined)} images for {len(mixed)} mixed ones; one for each is needed")
@@ -86,19 +86,21 @@ class Refinement:
             raise ValueError(f"mixed: instants are {times}; they must ascend")
         limit = most_gain_db / 20.0 * math.log(10.0)
         self._keys = []
-        for number, (before, after) in enumerate(zip(mixed, refined, strict=True)):
+        for number, (occlude_traced, after) in enumerate(zip(mixed, refined, strict=True)):
             check_image(f"refined[{number}]", after)
-            if View.of(before) != self.view or View.of(after) != self.view:
+            if View.of(occlude_traced) != self.view or View.of(after) != self.view:
                 raise ValueError(f"refined[{number}]: its view or that of mixed[{number}] is not that of mixed[0]")
-            there = before.energy > 0
+            there = occlude_traced.energy > 0
             ratio = np.ones(there.shape)
             # No factor is 0: what is faded out may have to come back.
-            np.divide(np.maximum(after.energy, np.finfo(np.float64).tiny), before.energy, out=ratio, where=there)
+            np.divide(
+                np.maximum(after.energy, np.finfo(np.float64).tiny), occlude_traced.energy, out=ratio, where=there
+            )
             gain = np.clip(0.5 * np.log(ratio), -limit, limit)
-            extra = replace(after, energy=np.where(there, 0.0, after.energy), time=before.time)
-            self._keys.append(_Key(before.time, gain.ravel(), Surroundings(extra, radar, seed + 1)))
+            extra = replace(after, energy=np.where(there, 0.0, after.energy), time=occlude_traced.time)
+            self._keys.append(_RefinedKey(occlude_traced.time, gain.ravel(), ImageSurroundings(extra, radar, seed + 1)))
 
-    def __call__(self, paths: RadarPaths, places: Places) -> RadarPaths:
+    def __call__(self, paths: RadarPaths, places: PositionsAt) -> RadarPaths:
         """`paths` with the gains that the images give to their places."""
         weights = self._weights(paths.times)
         used = np.flatnonzero(weights.any(axis=1))
@@ -121,7 +123,7 @@ class Refinement:
             if weights[k].any() and len(key.added.pixel)
         ]
 
-    def _at(self, key: _Key, points: FloatArray) -> FloatArray:
+    def _at(self, key: _RefinedKey, points: FloatArray) -> FloatArray:
         """(path,) logarithmic gains at `points` (path, 3) [m]; 0 outside of the view."""
         pixel = self.view.pixels(points - np.asarray(self.view.position))
         return np.where(pixel >= 0, key.gain[np.maximum(pixel, 0)], 0.0)
@@ -140,21 +142,23 @@ class Refinement:
         return weights
 
 
-def mix(paths: RadarPaths, surroundings: Surroundings, times: FloatArray, shown: FloatArray) -> list[RadarPaths]:
+def mix_paths(
+    paths: RadarPaths, surroundings: ImageSurroundings, times: FloatArray, visible_share: FloatArray
+) -> list[RadarPaths]:
     """Traced paths, and the surroundings' at knots `times` (time,) [s], as either lets the other be seen.
 
-    `shown` (path, time) is the share of the surroundings' pixels that no actor hides.
+    `visible_share` (path, time) is the share of the surroundings' pixels that no actor hides.
     """
     if len(surroundings.pixel) == 0:
         return [paths]
-    return [before(paths, surroundings), surroundings.paths(times, shown)]
+    return [occlude_traced(paths, surroundings), surroundings.paths(times, visible_share)]
 
 
-def before(paths: RadarPaths, surroundings: Surroundings) -> RadarPaths:
+def occlude_traced(paths: RadarPaths, surroundings: ImageSurroundings) -> RadarPaths:
     """What the surroundings leave of traced paths."""
     if len(surroundings.pixel) == 0:
         return paths
-    weight = surroundings.in_front(paths)
+    weight = surroundings.unoccluded_share(paths)
     return replace(
         paths,
         a=paths.a * weight,
@@ -164,10 +168,10 @@ def before(paths: RadarPaths, surroundings: Surroundings) -> RadarPaths:
 
 def image(parts: Sequence[RadarPaths], view: View, t: float) -> Pir:
     """The image of several sets of paths, each with knots of its own, at `t` [s]."""
-    return rasterise(together([part.at(np.array([t])) for part in parts]), view, t)
+    return rasterise(concatenate_paths([part.at(np.array([t])) for part in parts]), view, t)
 
 
-def together(parts: Sequence[RadarPaths]) -> RadarPaths:
+def concatenate_paths(parts: Sequence[RadarPaths]) -> RadarPaths:
     """Sets of paths with the same knots as one; objects and parts are numbered through all of them."""
     objects = tuple(dict.fromkeys(name for each in parts for name in each.object_names))
     pieces = tuple(dict.fromkeys(name for each in parts for name in each.part_names))

@@ -13,9 +13,9 @@ from rfgen_sionna._types import FloatArray
 
 Projection = Literal["perspective", "equirectangular"]
 PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
-_MOST: dict[Projection, tuple[float, float]] = {"perspective": (180.0, 180.0), "equirectangular": (360.0, 180.0)}
+_MAX_FOV: dict[Projection, tuple[float, float]] = {"perspective": (180.0, 180.0), "equirectangular": (360.0, 180.0)}
 """Fields of view, horizontal and vertical [degrees]: a perspective view shows less than that."""
-_AHEAD = 1e-9
+_MIN_FORWARD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ImagePlane:
         """Places (left, up) of directions (..., 3) of any length; NaN where they can't be on the image."""
         x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
         if self.projection == "perspective":
-            ahead = np.where(x > _AHEAD, x, np.nan)
+            ahead = np.where(x > _MIN_FORWARD, x, np.nan)
             return y / ahead / self.half[0], z / ahead / self.half[1]
         return np.arctan2(y, x) / self.half[0], np.arctan2(z, np.hypot(x, y)) / self.half[1]
 
@@ -100,7 +100,7 @@ def check_fov(
     Raises:
         ValueError: it is beyond what the projection shows.
     """
-    wide, high = _MOST[projection]
+    wide, high = _MAX_FOV[projection]
     try:
         angles = np.asarray(fov_deg)
     except ValueError:  # of ragged lists

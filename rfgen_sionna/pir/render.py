@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
-from rfgen_sionna.pir.patches import Shades, Stage, shade, trace_footprints
+from rfgen_sionna.pir.mirrored_returns import trace_mirrored
+from rfgen_sionna.pir.pixel_patches import DiffuseReturns, SceneSnapshot, trace_diffuse, trace_patches
 from rfgen_sionna.pir.projection import check_fov, check_projection
 from rfgen_sionna.pir.raster import Indices, Raster
-from rfgen_sionna.pir.reflections import reflections
 from rfgen_sionna.radar import ElementPattern, Radar, Slot
 from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.radar.profile import is_number
@@ -23,7 +23,7 @@ from rfgen_sionna.tracing.tracer import Tracer
 
 PATCH_WAVELENGTHS = 1.5
 """Edge of the patch that one ray stands for, at `PATCH_RANGE`: smaller than the facets and the bends of a body."""
-SHADES = 3
+DIFFUSE_RAYS = 3
 """Beams along each edge of a pixel for what rough surfaces return diffusely."""
 INDIRECT = 1e-2
 """Tolerance of returns by several surfaces or through slabs, relative to the direct ones."""
@@ -80,7 +80,7 @@ def render_pir(
         Most surfaces on a path, 1 … 3. From 2 on the image has coherent returns by several surfaces, which are facet
         paths (:meth:`rfgen_sionna.tracing.tracer.Tracer.instant`) within the radar's range window, each in the pixel
         that it comes from, and diffuse returns of rough surfaces that smooth ones reflect
-        (:mod:`rfgen_sionna.pir.reflections`). Where the tracer has `transmission`, returns through slabs are in.
+        (:mod:`rfgen_sionna.pir.mirrored_returns`). Where the tracer has `transmission`, returns through slabs are in.
     indirect
         False leaves these facet paths out, which take long in a furnished room.
     projection
@@ -100,29 +100,31 @@ def render_pir(
     position = tracer.radar.position if position is None else position
     orientation = tracer.radar.orientation if orientation is None else orientation
     view = Raster(rows, columns, fov, rotation_matrix(orientation), shape)
-    stage = Stage.of(tracer, t, np.asarray(position, dtype=np.float64))
+    snapshot = SceneSnapshot.of(tracer, t, np.asarray(position, dtype=np.float64))
     field = rotation_matrix(orientation) @ np.asarray(POLARIZATIONS["V"])
-    counts, beams = np.ones(view.size, dtype=np.bool_), Returns.none()
-    if any(material.scattering_coefficient for material in stage.materials):
-        directions, solid_angles, pixel = view.beams(SHADES)
-        shades = shade(stage, directions, solid_angles)
-        counts = _coherence_counts(shades, pixel[shades.ray], view, tracer.radar.wavelength)
-        beams = Returns(pixel[shades.ray], shades.energy, shades.distance, shades.velocity)
+    counts, beams = np.ones(view.size, dtype=np.bool_), PixelReturns.none()
+    if any(material.scattering_coefficient for material in snapshot.materials):
+        directions, solid_angles, pixel = view.beams(DIFFUSE_RAYS)
+        diffuse_returns = trace_diffuse(snapshot, directions, solid_angles)
+        counts = _coherence_counts(diffuse_returns, pixel[diffuse_returns.ray], view, tracer.radar.wavelength)
+        beams = PixelReturns(
+            pixel[diffuse_returns.ray], diffuse_returns.energy, diffuse_returns.distance, diffuse_returns.velocity
+        )
         if bounces > 1:
-            more = reflections(stage, shades, directions, solid_angles, columns * SHADES)
-            beams = beams.and_those(Returns(view.pixels(more.arrival), more.energy, more.distance, more.velocity))
+            more = trace_mirrored(snapshot, diffuse_returns, directions, solid_angles, columns * DIFFUSE_RAYS)
+            beams = beams.extended(PixelReturns(view.pixels(more.arrival), more.energy, more.distance, more.velocity))
     traced = np.flatnonzero(view.around(counts))
     split = view.split(patch_wavelengths * tracer.radar.wavelength, len(traced))
-    found = trace_footprints(stage, field, *view.patches(traced, split))
+    found = trace_patches(snapshot, field, *view.patches(traced, split))
     patch, place = np.divmod(found.ray, split * split)
-    patches = Returns(traced[patch], np.abs(found.a) ** 2, found.distance, found.velocity)
+    patches = PixelReturns(traced[patch], np.abs(found.a) ** 2, found.distance, found.velocity)
     row, column = view.places(patches.pixel, place, split)
     total = _blend(found.a, row, column, patches.pixel, view) * counts
     placed = patches.weighted(np.abs(total) ** 2)
     if indirect and (bounces > 1 or tracer.transmission):
         gains, others = _indirect(tracer, t, bounces, view, position, orientation)
         # Each weighs what it returns by itself: single returns of a wall off its mirror direction cancel.
-        placed += Returns.none().and_those(others).weighted(np.abs(gains) ** 2)
+        placed += PixelReturns.none().extended(others).weighted(np.abs(gains) ** 2)
         total += gains
     coherent = np.abs(total) ** 2
     diffuse = beams.total(beams.energy, view.size)
@@ -145,7 +147,7 @@ def render_pir(
 
 def _indirect(
     tracer: Tracer, t: float, bounces: int, view: Raster, position: Vector, orientation: Vector
-) -> tuple[ComplexArray, Returns]:
+) -> tuple[ComplexArray, PixelReturns]:
     """(pixel,) gains of coherent returns by several surfaces or through slabs, and these returns."""
     radar = _one_element(tracer.radar, position, orientation)
     given = tracer.scene, radar, tracer.actors, INDIRECT
@@ -156,7 +158,7 @@ def _indirect(
     gains = np.bincount(pixel[there], a.real[there], view.size) + 1j * np.bincount(
         pixel[there], a.imag[there], view.size
     )
-    return gains, Returns(pixel, np.abs(a) ** 2, paths.range[:, 0], paths.velocity[:, 0])
+    return gains, PixelReturns(pixel, np.abs(a) ** 2, paths.range[:, 0], paths.velocity[:, 0])
 
 
 def _one_element(radar: Radar, position: Vector, orientation: Vector) -> Radar:
@@ -179,7 +181,7 @@ def _one_element(radar: Radar, position: Vector, orientation: Vector) -> Radar:
     )
 
 
-class Returns(NamedTuple):
+class PixelReturns(NamedTuple):
     """Energies that pixels receive."""
 
     pixel: Indices
@@ -192,13 +194,13 @@ class Returns(NamedTuple):
     """(return,) [m/s]"""
 
     @staticmethod
-    def none() -> Returns:
-        return Returns(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+    def none() -> PixelReturns:
+        return PixelReturns(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
 
-    def and_those(self, more: Returns) -> Returns:
+    def extended(self, more: PixelReturns) -> PixelReturns:
         """These and others, but for those outside of the image (pixel -1)."""
         inside = more.pixel >= 0
-        return Returns(
+        return PixelReturns(
             np.concatenate([self.pixel, more.pixel[inside]]),
             np.concatenate([self.energy, more.energy[inside]]),
             np.concatenate([self.distance, more.distance[inside]]),
@@ -220,16 +222,18 @@ class Returns(NamedTuple):
         return np.stack([self.total(weight * each, len(total)) for each in (1.0, self.distance, self.velocity)])
 
 
-def _coherence_counts(shades: Shades, pixel: Indices, view: Raster, wavelength: float) -> NDArray[np.bool_]:
+def _coherence_counts(
+    diffuse_returns: DiffuseReturns, pixel: Indices, view: Raster, wavelength: float
+) -> NDArray[np.bool_]:
     """(pixel,) whether the coherent return may be more than a small share of the diffuse one.
 
     Over a flat surface the linear weights of a pixel that is w wide leave (lambda / (2 pi w tan(theta)))^4 of what it
     returns at normal incidence, and that is pi w^2 (1 - S^2) / (lambda S)^2 of the diffuse energy. Where the surface
     ends within the pixel, or has a bend, up to (1 - S^2) / (4 pi S^2 tan^2(theta)) of it comes from that edge.
     """
-    rough = np.maximum(shades.roughness, 1e-12)
-    tangent2 = np.maximum(1.0 - shades.cos**2, 0.0) / np.maximum(shades.cos, 1e-9) ** 2
-    width = view.pixel * shades.distance
+    rough = np.maximum(diffuse_returns.roughness, 1e-12)
+    tangent2 = np.maximum(1.0 - diffuse_returns.cos**2, 0.0) / np.maximum(diffuse_returns.cos, 1e-9) ** 2
+    width = view.pixel * diffuse_returns.distance
     lobe = np.minimum(1.0, (wavelength / (2 * np.pi * width)) ** 2 / np.maximum(tangent2, 1e-12))
     flat = np.pi * (width / wavelength) ** 2 * (1 - rough) / rough * lobe**2
     counts = np.zeros(view.size, dtype=np.bool_)
@@ -237,14 +241,14 @@ def _coherence_counts(shades: Shades, pixel: Indices, view: Raster, wavelength: 
     edge = (1 - rough) / (4 * np.pi * rough * np.maximum(tangent2, 1e-12)) > NEGLIGIBLE_EDGE
     number = np.bincount(pixel, minlength=view.size)
     mean = np.stack(
-        [np.bincount(pixel, weights=shades.normal[:, axis], minlength=view.size) for axis in range(3)], axis=1
+        [np.bincount(pixel, weights=diffuse_returns.normal[:, axis], minlength=view.size) for axis in range(3)], axis=1
     )
     bent = np.linalg.norm(mean, axis=1) < 0.995 * number
     first = np.full(view.size, -1)
-    first[pixel] = shades.object
+    first[pixel] = diffuse_returns.object
     several = np.zeros(view.size, dtype=np.bool_)
-    several[pixel[shades.object != first[pixel]]] = True
-    torn = bent | several | ((number > 0) & (number < SHADES**2))
+    several[pixel[diffuse_returns.object != first[pixel]]] = True
+    torn = bent | several | ((number > 0) & (number < DIFFUSE_RAYS**2))
     counts[pixel[edge & torn[pixel]]] = True
     return counts
 

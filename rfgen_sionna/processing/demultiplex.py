@@ -13,9 +13,9 @@ from rfgen_sionna.processing.profile_selection import (
     ComplexChannels,
     decoder,
     entry_times,
-    in_bands,
-    kept_bands,
-    separated,
+    occupied_bins,
+    separate_bands,
+    uses_doppler_bands,
 )
 from rfgen_sionna.processing.spectrum import check_cube
 
@@ -55,7 +55,7 @@ def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[ComplexChanne
     """
     array = check_cube(cube, radar)
     wave = radar.waveform
-    if not wave.slots or wave.separated or in_bands(radar):
+    if not wave.slots or wave.separated or uses_doppler_bands(radar):
         raise ValueError(f"preset '{radar.preset}' is multiplexed as '{wave.multiplexing}': it has no beams to select")
     if isinstance(slot, bool) or not isinstance(slot, int | np.integer) or not 0 <= slot < len(wave.slots):
         raise ValueError(f"slot is {slot!r}: a whole number in 0 … {len(wave.slots) - 1} is needed")
@@ -114,9 +114,9 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
         return array, radar
     chirps = array.shape[-4]
     matrix = decoder(radar)
-    spectrum = fft.fftshift(fft.fft(separated(array, radar), axis=-4), axes=-4)
+    spectrum = fft.fftshift(fft.fft(separate_bands(array, radar), axis=-4), axes=-4)
     frequency = fft.fftshift(fft.fftfreq(chirps, wave.loop_period))
-    kept = kept_bands(radar, chirps)
+    kept = occupied_bins(radar, chirps)
     spectrum, frequency = spectrum[..., kept, :, :, :], frequency[kept]
     times = entry_times(radar)
     turn = np.exp(-2j * np.pi * frequency[:, None] * (times - times.mean()))

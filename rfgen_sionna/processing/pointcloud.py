@@ -12,8 +12,14 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import Directions, find_directions, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
-from rfgen_sionna.processing.focus import focused
-from rfgen_sionna.processing.profile_selection import ComplexChannels, empty_bands, in_bands, kept_bands, separated
+from rfgen_sionna.processing.peak_focusing import focus_peak
+from rfgen_sionna.processing.profile_selection import (
+    ComplexChannels,
+    empty_bands,
+    occupied_bins,
+    separate_bands,
+    uses_doppler_bands,
+)
 from rfgen_sionna.processing.spectrum import (
     RangeDoppler,
     Window,
@@ -134,7 +140,7 @@ def point_cloud(
         static=static,
         all_bands=True,
     )
-    own = kept_bands(radar, padding * chirps)
+    own = occupied_bins(radar, padding * chirps)
     maps = RangeDoppler(whole.spectrum[own], whole.range, whole.velocity[own])
     power = maps.power
     guard, train = _window(power.shape, padding, guard, train)
@@ -159,9 +165,9 @@ def point_cloud(
     seen = place[:, 0] * (maps.range[1] - maps.range[0])
     velocity = maps.velocity[0] + place[:, 1] * (maps.velocity[1] - maps.velocity[0])
     if not static:
-        velocity = _beside_the_notch(velocity, padding * (maps.velocity[1] - maps.velocity[0]), window, chirps)
+        velocity = _correct_notch_bias(velocity, padding * (maps.velocity[1] - maps.velocity[0]), window, chirps)
     found = _directions(whole, cells, own.start or 0, radar, seen, velocity, ambiguities)
-    found, seen, peak = _focused(array, radar, found, seen, peak, window, static, ambiguities)
+    found, seen, peak = _refocus(array, radar, found, seen, peak, window, static, ambiguities)
     direction = unit_vectors(found.azimuth, found.elevation)
     distance = _distance(seen - coupling(radar, found.velocity), direction, radar)
     device = direction * distance[:, None]
@@ -178,7 +184,7 @@ def point_cloud(
     )
 
 
-def _beside_the_notch(velocity: FloatArray, cell: float, window: Window, chirps: int) -> FloatArray:
+def _correct_notch_bias(velocity: FloatArray, cell: float, window: Window, chirps: int) -> FloatArray:
     """Velocities of targets whose peaks are at `velocity` [m/s], with the mean over the chirps taken out.
 
     That mean holds a part of a slow target, too, and its spectrum at rest is taken from the near flank of the target's
@@ -208,7 +214,7 @@ def _directions(
     """Directions of the peaks and the fold of their speeds; `first` is where the maps' bins begin in the `whole`."""
     distance = np.maximum(seen, 1e-3)
     rows, columns = cells[:, 0], cells[:, 1] + first
-    if not in_bands(radar):
+    if not uses_doppler_bands(radar):
         channels = whole.spectrum[columns, :, :, rows]
         return find_directions(channels, radar, velocity, distance=distance, ambiguities=ambiguities)
     bins, bands = len(whole.velocity), radar.waveform.doppler_bands
@@ -229,7 +235,7 @@ def _directions(
     return best
 
 
-def _focused(
+def _refocus(
     array: ComplexChannels,
     radar: Radar,
     found: Directions,
@@ -244,7 +250,7 @@ def _focused(
     fast = np.flatnonzero(np.abs(found.velocity) > limit - cell)
     if not len(fast):
         return found, seen, peak
-    samples = separated(array, radar)
+    samples = separate_bands(array, radar)
     samples = samples if static else remove_static(samples)
     chirps, count = samples.shape[0], samples.shape[-1]
     real = samples.real.dtype
@@ -258,7 +264,7 @@ def _focused(
         away = abs(speed) if told else 2 * limit
         smear = 0.5 * away * radar.waveform.frame_length + 2 * radar.range_resolution
         velocities = np.array([speed, speed + fold] if fold else [speed])
-        point = focused(tapered, radar, float(seen[index]), velocities, smear, 2 * count)
+        point = focus_peak(tapered, radar, float(seen[index]), velocities, smear, 2 * count)
         seen[index], peak[index] = point.range, point.power
         again = find_directions(point.channels[None], radar, [point.velocity], distance=np.maximum([point.range], 1e-3))
         for name, values in parts.items():

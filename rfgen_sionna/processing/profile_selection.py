@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 ComplexChannels = NDArray[np.complexfloating[Any, Any]]
 
 
-def in_bands(radar: Radar) -> bool:
+def uses_doppler_bands(radar: Radar) -> bool:
     """Whether the Tx elements share a slot in Doppler bands of their own (DDM)."""
     return radar.waveform.multiplexing == "ddm"
 
@@ -34,16 +34,16 @@ def axis_lengths(radar: Radar) -> tuple[int, ...]:
             "chirps of one, processing.select_profile(cube, radar, 0)"
         )
     entries = len(radar.axis_names)
-    return (entries, radar.waveform.num_tx) if in_bands(radar) else (entries,)
+    return (entries, radar.waveform.num_tx) if uses_doppler_bands(radar) else (entries,)
 
 
-def separated(cube: ComplexChannels, radar: Radar) -> ComplexChannels:
+def separate_bands(cube: ComplexChannels, radar: Radar) -> ComplexChannels:
     """(..., chirp, tx, rx, sample) with an entry for each Tx element, at the middle of its Doppler band.
 
     That is for frames in Doppler bands; others stay as they are. Outside of its band, which
     :func:`~rfgen_sionna.processing.spectrum.range_doppler` keeps alone, each entry holds the other elements' echoes.
     """
-    if not in_bands(radar) or cube.shape[-3] == radar.waveform.num_tx > 1:
+    if not uses_doppler_bands(radar) or cube.shape[-3] == radar.waveform.num_tx > 1:
         return cube
     weights = radar.waveform.axis_weights[:, 0]  # what is radiated; the samples hold its conjugate
     loops = cube.shape[-4]
@@ -54,7 +54,7 @@ def separated(cube: ComplexChannels, radar: Radar) -> ComplexChannels:
 
 def entry_times(radar: Radar) -> FloatArray:
     """(entry,) start of the ramps that entries of (separated) cubes are sampled in, within the loop [s]."""
-    if in_bands(radar):
+    if uses_doppler_bands(radar):
         return np.zeros(radar.waveform.num_tx)
     return np.asarray(radar.waveform.chirp_times[0])
 
@@ -68,7 +68,7 @@ def decoder(radar: Radar) -> ComplexArray | None:
         If the elements radiate as one beam.
     """
     wave = radar.waveform
-    if not wave.slots or wave.separated or in_bands(radar):
+    if not wave.slots or wave.separated or uses_doppler_bands(radar):
         return None
     if wave.multiplexing == "beam":
         raise ValueError(
@@ -81,12 +81,12 @@ def decoder(radar: Radar) -> ComplexArray | None:
 
 def empty_bands(radar: Radar) -> int:
     """Number of empty Doppler bands (DDM); 0 elsewhere."""
-    return round(radar.waveform.doppler_bands) - radar.waveform.num_tx if in_bands(radar) else 0
+    return round(radar.waveform.doppler_bands) - radar.waveform.num_tx if uses_doppler_bands(radar) else 0
 
 
-def kept_bands(radar: Radar, bins: int) -> slice:
+def occupied_bins(radar: Radar, bins: int) -> slice:
     """The Doppler bins that a Tx element has to itself, of `bins` bins in ascending order."""
-    if not in_bands(radar):
+    if not uses_doppler_bands(radar):
         return slice(None)
     count = max(1, int(bins / radar.waveform.doppler_bands + 1e-9))
     first = bins // 2 - count // 2

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.profile_selection import in_bands, kept_bands, separated
+from rfgen_sionna.processing.profile_selection import occupied_bins, separate_bands, uses_doppler_bands
 from rfgen_sionna.processing.spectrum import (
     Window,
     check_cube,
@@ -89,7 +89,7 @@ def range_time(
     starts = frame_starts(len(array), radar, frame_times)
     rows = []
     for frame in array:
-        if in_bands(radar):  # an element's echoes are those within its band
+        if uses_doppler_bands(radar):  # an element's echoes are those within its band
             maps = range_doppler(frame, radar, range_window=window, static=static)
             # Parseval: the bins of one windowed tone add up to its power times this.
             spread = len(frame) * np.sum(np.square(taper("hann", len(frame))))
@@ -166,8 +166,8 @@ def micro_doppler(
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
     frames, loops, wave = len(array), array.shape[1], radar.waveform
-    array = separated(array, radar)
-    groups = _stretches(starts, loops * wave.loop_period, 0.5 * wave.loop_period)
+    array = separate_bands(array, radar)
+    groups = _contiguous_frames(starts, loops * wave.loop_period, 0.5 * wave.loop_period)
     longest = min(len(group) for group in groups) * loops
     segment = max(2, loops // 2) if segment is None else segment
     hop = max(1, segment // 8) if hop is None else hop
@@ -183,7 +183,7 @@ def micro_doppler(
     transform = ShortTimeFFT(
         taper(window, segment), hop=hop, fs=1 / wave.loop_period, mfft=bins, fft_mode="centered", phase_shift=None
     )
-    kept = kept_bands(radar, len(transform.f))
+    kept = occupied_bins(radar, len(transform.f))
     offset = float(wave.chirp_times[0].mean() + wave.sample_times.mean())
     columns, times = [], []
     for group in groups:
@@ -206,7 +206,7 @@ def micro_doppler(
     )
 
 
-def _stretches(starts: FloatArray, length: float, slack: float) -> list[list[int]]:
+def _contiguous_frames(starts: FloatArray, length: float, slack: float) -> list[list[int]]:
     """Frames that follow each other without a pause, grouped."""
     groups = [[0]]
     for index in range(1, len(starts)):

@@ -28,7 +28,7 @@ from scipy import fft
 from scipy.signal import CZT, get_window
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.profile_selection import axis_lengths, kept_bands, separated
+from rfgen_sionna.processing.profile_selection import axis_lengths, occupied_bins, separate_bands
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -97,7 +97,7 @@ def velocity_axis(radar: Radar, bins: int | None = None) -> FloatArray:
     `bins` is the length of the transform; of frames in Doppler bands one band is left.
     """
     bins = radar.waveform.num_loops if bins is None else bins
-    return _doppler_axis(radar, bins)[kept_bands(radar, bins)]
+    return _doppler_axis(radar, bins)[occupied_bins(radar, bins)]
 
 
 def _doppler_axis(radar: Radar, bins: int) -> FloatArray:
@@ -218,7 +218,7 @@ def range_doppler(
         Of Tx elements in Doppler bands keep the whole Doppler axis: outside of its own band, around rest, an element's
         spectrum holds the others' echoes, and those of targets that are too fast for the band.
     """
-    array = separated(check_cube(cube, radar), radar)
+    array = separate_bands(check_cube(cube, radar), radar)
     if not static:
         array = remove_static(array)
     chirps, samples = array.shape[-4], array.shape[-1]
@@ -227,7 +227,7 @@ def range_doppler(
     real = array.real.dtype
     slow = taper(velocity_window, chirps).astype(real)[:, None, None, None]
     fast = taper(range_window, samples).astype(real)
-    kept = slice(None) if all_bands else kept_bands(radar, velocity_bins)
+    kept = slice(None) if all_bands else occupied_bins(radar, velocity_bins)
     velocity = _doppler_axis(radar, velocity_bins)[kept]
     tapered = array * (slow * fast)
     if correct_migration:

@@ -114,8 +114,8 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
     for ending, known in (("tx", inside.transmitters), ("rx", inside.receivers)):
         if f"{name}_{ending}" in known:
             raise ValueError(f"name is {name!r}: the scene has a device '{name}_{ending}' already; choose another name")
-    tx_fits = isinstance(inside.tx_array, RadarArray) and inside.tx_array.serves(radar, "tx")
-    rx_fits = isinstance(inside.rx_array, RadarArray) and inside.rx_array.serves(radar, "rx")
+    tx_fits = isinstance(inside.tx_array, RadarArray) and inside.tx_array.matches_end(radar, "tx")
+    rx_fits = isinstance(inside.rx_array, RadarArray) and inside.rx_array.matches_end(radar, "rx")
     for end, fits, known in (("tx", tx_fits, inside.transmitters), ("rx", rx_fits, inside.receivers)):
         if known and not fits:
             raise ValueError(

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.errors import CoarseMeshWarning
-from rfgen_sionna.scene.flats import planes
 from rfgen_sionna.scene.mesh import RigidMesh, face_normals, lengths
 from rfgen_sionna.scene.mesh_actor import MeshActor
+from rfgen_sionna.scene.plane_parts import find_plane_parts
+from rfgen_sionna.scene.scene_errors import CoarseMeshWarning
 
 SMOOTH = np.radians(30.0)
 """Neighbouring faces that turn by more [rad] are taken for an edge of the thing itself, as of a box."""
@@ -21,7 +21,7 @@ the tracer rounds them, err by up to 0.01 dB at 0.08 rad (1,280 facets), 0.08 dB
 
 
 @dataclass(frozen=True)
-class Faceting:
+class FacetingQuality:
     """Coarseness of a mesh as a sample of the smooth surface through its vertices."""
 
     turn: float
@@ -37,7 +37,7 @@ class Faceting:
         return int(np.ceil(needed / step) * step)
 
 
-def faceting(vertices: FloatArray, faces: IntArray) -> Faceting:
+def faceting(vertices: FloatArray, faces: IntArray) -> FacetingQuality:
     """Angles between neighbouring faces of the smooth parts of a mesh.
 
     Parameters
@@ -57,12 +57,12 @@ def faceting(vertices: FloatArray, faces: IntArray) -> Faceting:
     angle = np.arctan2(lengths(np.cross(one, two)), (one * two).sum(axis=1))
     little = angle < SMOOTH
     edge, other, angle = edge[little], other[little], angle[little]
-    found = planes(vertices, faces, edge, other, angle)
+    found = find_plane_parts(vertices, faces, edge, other, angle)
     turn = np.zeros(len(faces))
     np.maximum.at(turn, edge // 3, np.where(found.smooth & ~found.flat, angle, 0.0))
     rank = np.argsort(turn)
     share = np.cumsum(double_area[rank]) / double_area.sum()
-    return Faceting(float(turn[rank[np.searchsorted(share, 0.5)]]), len(faces))
+    return FacetingQuality(float(turn[rank[np.searchsorted(share, 0.5)]]), len(faces))
 
 
 def warn_coarse(actor: MeshActor, stacklevel: int) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.scene_errors import SceneError
 
 
 @dataclass(frozen=True)

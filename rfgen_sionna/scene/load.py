@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rfgen_sionna.resources import available, resolve
-from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.permittivity import Outside
 from rfgen_sionna.scene.scene import RadarScene
+from rfgen_sionna.scene.scene_errors import SceneError
 
 
 def load_scene(scene: Any = None, frequency: float | None = None, outside: Outside = "extrapolate") -> RadarScene:

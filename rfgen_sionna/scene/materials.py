@@ -20,10 +20,10 @@ from scipy.constants import epsilon_0
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.scene.errors import MaterialError, MaterialRangeWarning
 from rfgen_sionna.scene.material_table import ALIASES, TABLE
 from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity, covers
 from rfgen_sionna.scene.scattering import LAMBERTIAN, ScatteringPattern
+from rfgen_sionna.scene.scene_errors import MaterialError, MaterialRangeWarning
 
 
 def _prefix(owner: str) -> str:

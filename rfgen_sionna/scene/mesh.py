@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.errors import MeshError
-from rfgen_sionna.scene.mesh_seams import sewn
+from rfgen_sionna.scene.scene_errors import MeshError
+from rfgen_sionna.scene.vertex_welding import weld_vertices
 
-LARGEST = 1e10
+MAX_COORDINATE = 1e10
 """Coordinates, at most [m]: beyond it they are known to less than a few micrometres."""
 _THIRDS = np.tile(np.eye(3) / 3.0, (3, 1))
 
@@ -38,7 +38,7 @@ def unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[..., None])
 
 
-def widest(values: FloatArray) -> FloatArray:
+def max_component(values: FloatArray) -> FloatArray:
     """(...) largest of three values (..., 3); many times faster than `max(axis=-1)`."""
     return np.asarray(np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2]))
 
@@ -48,17 +48,17 @@ def bounds(points: FloatArray) -> FloatArray:
     return np.array([[axis.min() for axis in points.T], [axis.max() for axis in points.T]])
 
 
-def corners_of(vertices: FloatArray, faces: IntArray) -> FloatArray:
+def face_corners(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(face, corner, 3) positions of the faces' corners: `vertices[faces]`, several times faster."""
     return np.asarray(np.take(vertices, faces, axis=0))
 
 
-def columns(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> FloatArray:
+def corner_columns(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> FloatArray:
     """(axis, corner, face) positions of the faces' corners, axis by axis: long rows are quick to reckon with."""
     return np.asarray(np.take(np.ascontiguousarray(vertices.T), faces.T, axis=1))
 
 
-def middles(corners: FloatArray) -> FloatArray:
+def triangle_centroids(corners: FloatArray) -> FloatArray:
     """(..., 3) centroids of triangles (..., corner, 3); as a product several times faster than as a sum."""
     return np.asarray(corners.reshape(*corners.shape[:-2], 9) @ _THIRDS)
 
@@ -67,7 +67,8 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
     """Check that an array pair is a usable surface of triangles and return it as float64 and int32.
 
     Open surfaces such as a plate are allowed. Seams, along which vertices are given twice, are sewn
-    (:func:`rfgen_sionna.scene.mesh_seams.sewn`). Faces without area are dropped, with a warning that counts them, and
+    (:func:`rfgen_sionna.scene.vertex_welding.weld_vertices`). Faces without area are dropped, with a warning that
+    counts them, and
     vertices that no face uses without one. A closed surface whose faces all look inwards is turned inside out, with a
     warning too.
 
@@ -77,13 +78,14 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
         name: what the messages call the mesh.
 
     Raises:
-        MeshError: empty, not (…, 3) or not triangles, vertices that are NaN, infinite or beyond `LARGEST`, masked
+        MeshError: empty, not (…, 3) or not triangles, vertices that are NaN, infinite or beyond `MAX_COORDINATE`,
+        masked
             values, an index outside the vertices, an edge shared by more than two faces, or neighbouring faces of
             opposite orientation.
     """
     points = _vertex_array(vertices, name)
     triangles = _face_array(faces, len(points), name)
-    _check_places(points, triangles, name)
+    _check_used_vertices(points, triangles, name)
     area = 0.5 * np.linalg.norm(face_normals(points, triangles), axis=1)
     extent = float(np.ptp(points[triangles.ravel()], axis=0).max())
     # Below this a triangle's normal is rounding noise: coordinates are known to 1e-16 of their size.
@@ -95,7 +97,7 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
             raise MeshError(f"{name}: all {dropped} faces have zero area")
         warnings.warn(f"{name}: dropped {dropped} of {len(triangles)} faces, their area is zero", stacklevel=3)
         triangles = triangles[keep]
-    triangles = _check_edges(points, sewn(triangles, [points]), name)
+    triangles = _check_edges(points, weld_vertices(triangles, [points]), name)
     used, triangles = used_vertices(triangles)
     return points[used], triangles
 
@@ -109,13 +111,17 @@ def _vertex_array(vertices: ArrayLike, name: str) -> FloatArray:
     return points.astype(np.float64)
 
 
-def _check_places(points: FloatArray, triangles: IntArray, name: str) -> None:
+def _check_used_vertices(points: FloatArray, triangles: IntArray, name: str) -> None:
     """Vertices that faces use are somewhere; where others are does not matter."""
     used = np.arange(len(points))[used_vertices(triangles)[0]]
     places = points[used]
     for wrong, what, needed in (
         (~np.isfinite(places).all(axis=1), "NaN or infinite", ""),
-        ((np.abs(places) > LARGEST).any(axis=1), "too far off", f"; coordinates of at most {LARGEST:g} m are allowed"),
+        (
+            (np.abs(places) > MAX_COORDINATE).any(axis=1),
+            "too far off",
+            f"; coordinates of at most {MAX_COORDINATE:g} m are allowed",
+        ),
     ):
         bad = used[wrong]
         if len(bad):
@@ -184,7 +190,7 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
         edge = first[crowded].min()
         raise MeshError(
             f"{name}: not manifold, {len(crowded)} edges are shared by more than two faces; the first joins vertices "
-            f"{low[edge]} and {high[edge]}{_given_twice(triangles)}"
+            f"{low[edge]} and {high[edge]}{_duplicate_faces(triangles)}"
         )
     # In a consistently oriented surface the two faces of an edge run through it in opposite directions.
     balance = np.bincount(inverse, weights=np.where(forward, 1.0, -1.0), minlength=len(uses))
@@ -194,7 +200,7 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
         raise MeshError(
             f"{name}: neighbouring faces are oriented against each other at {len(twisted)} edges; the first joins "
             f"vertices {low[edge]} and {high[edge]}"
-            f"{_given_twice(triangles) or ' (trimesh.repair.fix_winding orients a mesh)'}"
+            f"{_duplicate_faces(triangles) or ' (trimesh.repair.fix_winding orients a mesh)'}"
         )
     if (uses == 2).all() and _signed_volume(points, triangles) < 0.0:
         warnings.warn(f"{name}: the faces look inwards, their orientation was reversed", stacklevel=4)
@@ -202,7 +208,7 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
     return triangles
 
 
-def _given_twice(triangles: IntArray) -> str:
+def _duplicate_faces(triangles: IntArray) -> str:
     """Sentence about faces with the same vertices as others; empty where there are none."""
     smallest = triangles.argmin(axis=1)[:, None]
     turned = np.take_along_axis(triangles, (smallest + np.arange(3)) % 3, axis=1)  # the same face, the same row

@@ -17,11 +17,11 @@ from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
-from rfgen_sionna.scene.mesh_seams import sewn
+from rfgen_sionna.scene.vertex_welding import weld_vertices
 
-FASTEST = 0.01 * SPEED_OF_LIGHT
+MAX_SPEED = 0.01 * SPEED_OF_LIGHT
 """Constant velocities, at most [m/s]: an echo comes from where a thing is, not from where it was."""
-_TELLING = (0.0, 0.236, 0.382, 0.618, 0.854, 1.0)
+_PROBE_TIMES = (0.0, 0.236, 0.382, 0.618, 0.854, 1.0)
 """Shares of a sequence's length at which seams are looked at whether they stay closed; no cycle keeps step with all."""
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -31,7 +31,7 @@ class MeshActor:
     """A mesh sequence of one material, placed and moving rigidly in the world on top of its own deformation.
 
     Raises:
-        ValueError: a vector that is not three finite numbers, a velocity beyond :data:`FASTEST`, an empty name, or a
+        ValueError: a vector that is not three finite numbers, a velocity beyond :data:`MAX_SPEED`, an empty name, or a
             trajectory together with a position or velocity.
         MaterialError: unknown material.
         TypeError: `sequence` is no mesh sequence.
@@ -64,10 +64,10 @@ class MeshActor:
         for field in ("position", "orientation", "velocity"):
             object.__setattr__(self, field, _vector(getattr(self, field), f"{self.name}: {field}"))
         speed = math.hypot(*self.velocity)
-        if speed > FASTEST:
+        if speed > MAX_SPEED:
             # All digits: a limit that is rounded may be above what it refuses.
             raise ValueError(
-                f"{self.name}: velocity {self.velocity} m/s given, {speed} m/s in all, at most {FASTEST} m/s is "
+                f"{self.name}: velocity {self.velocity} m/s given, {speed} m/s in all, at most {MAX_SPEED} m/s is "
                 "allowed, a hundredth of the speed of light"
             )
         if self.trajectory is not None:
@@ -134,12 +134,12 @@ class MeshActor:
     @cached_property
     def faces(self) -> IntArray:
         """(face, 3) vertex indices, counter-clockwise seen from outside; seams of the sequence's are sewn
-        (:func:`rfgen_sionna.scene.mesh_seams.sewn`)."""
+        (:func:`rfgen_sionna.scene.vertex_welding.weld_vertices`)."""
         faces, duration = self.sequence.faces, self.sequence.duration
         if isinstance(self.sequence, RigidMesh):
             return faces  # that is done
         length = duration if math.isfinite(duration) else 1.0
-        return sewn(faces, (self.sequence.vertices(share * length) for share in _TELLING))
+        return weld_vertices(faces, (self.sequence.vertices(share * length) for share in _PROBE_TIMES))
 
     @property
     def part_names(self) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 
-from rfgen_sionna.scene.errors import BackendError
+from rfgen_sionna.scene.scene_errors import BackendError
 
 PREFERRED_LLVM = 19
 """The version that is tested with the Dr.Jit release in use."""

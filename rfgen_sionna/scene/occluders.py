@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.point_visibility import NO_PRIMITIVE, PointVisibility
-from rfgen_sionna.scene.ray_layer import Layer, before_another_scene
-from rfgen_sionna.scene.transfer import joined, upload
+from rfgen_sionna.scene.ray_layer import MeshLayer, evaluate_hits
 
 StaticHits = Callable[[Any, int, bool], tuple[Any, Any]]
 """So many rays, and whether neighbours are side by side, to the face that each hits first, `NO_PRIMITIVE` for none, and
@@ -57,13 +57,13 @@ class Occluders:
         first: int,
         viewpoint: FloatArray,
         vertices: Sequence[FloatArray],
-        hiding: Sequence[NDArray[np.intp]],
+        candidates: Sequence[NDArray[np.intp]],
         points: FloatArray,
     ) -> None:
         self._static, self._origin, self._viewpoint = static, origin, viewpoint
         self._any_static = first > 0
         self._count = first + len(faces)
-        chosen = np.concatenate([np.zeros(0, np.intp), *hiding])
+        chosen = np.concatenate([np.zeros(0, np.intp), *candidates])
         ends = np.take(faces, chosen, axis=0)
         used = np.zeros(1 + int(ends.max(initial=0)), np.bool_)
         used[ends.ravel()] = True
@@ -78,9 +78,9 @@ class Occluders:
         self._step = np.zeros(3)
         self._step[axis] = unit * np.ceil(step / unit)
         placed += np.arange(len(vertices))[:, None, None] * self._step
-        time = np.repeat(np.arange(len(hiding)), [len(each) for each in hiding])
+        time = np.repeat(np.arange(len(candidates)), [len(each) for each in candidates])
         local = (np.cumsum(used) - 1)[ends] + len(kept) * time[:, None]
-        self._layer = Layer([(placed.reshape(-1, 3), local)], np.zeros(3), moving=True) if len(chosen) else None
+        self._layer = MeshLayer([(placed.reshape(-1, 3), local)], np.zeros(3), moving=True) if len(chosen) else None
         self._number = chosen + first + time * self._count
         self._extent = float(np.abs(self._box).max() + len(vertices) * self._step.max())
 
@@ -166,7 +166,7 @@ class Occluders:
             if layer is None:
                 return facet, distance
             if static is not None and self._any_static:
-                before_another_scene(facet, distance)
+                evaluate_hits(facet, distance)
             shifted = mi.Ray3f(mi.Point3f(*(mi.Float(look) * each for each in step)), ray.d)
             shifted.maxt = ray.maxt
             found = layer.scene.ray_intersect_preliminary(shifted, coherent=bundled)
@@ -211,7 +211,7 @@ def before(faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: F
         {
             "lanes": dr.arange(UInt32, len(faces)),
             "faces": upload(UInt32, faces),
-            "vertices": upload(Float, joined([vertices[each] for each in told])),
+            "vertices": upload(Float, concatenate_aligned([vertices[each] for each in told])),
             "points": dr.opaque(UInt32, len(vertices[0])),
             "times": dr.opaque(UInt32, len(told)),
             "groups": upload(Float, groups),
@@ -228,7 +228,7 @@ def _may_come_before(given: dict[str, Any]) -> None:
     Float, lane = types.Float64, given["lanes"]
     ends = [dr.gather(types.UInt32, given["faces"], 3 * lane + corner) for corner in range(3)]
 
-    def seen(time: Any, near: Any, *box: Any) -> tuple[Any, ...]:
+    def visible(time: Any, near: Any, *box: Any) -> tuple[Any, ...]:
         low, high = box[:3], box[3:]
         for vertex in ends:
             first = 3 * (time * given["points"] + vertex)
@@ -242,7 +242,7 @@ def _may_come_before(given: dict[str, Any]) -> None:
 
     begun = [dr.full(Float, value, dr.width(lane)) for value in (dr.inf, 2, 2, 2, -2, -2, -2)]
     first = dr.zeros(types.UInt32, dr.width(lane))
-    _, near, *box = dr.while_loop((first, *begun), lambda time, *_: time < given["times"], seen)
+    _, near, *box = dr.while_loop((first, *begun), lambda time, *_: time < given["times"], visible)
     low, high = box[:3], box[3:]
     # An arc's sagitta is an eighth of its square, and twice that over a triangle. By half of that share of its way a
     # face comes nearer than its corners.
@@ -263,7 +263,7 @@ def _may_come_before(given: dict[str, Any]) -> None:
     dr.eval(given["found"])
 
 
-_BEFORE = Frozen(_may_come_before)
+_BEFORE = FrozenKernel(_may_come_before)
 
 
 def _boxes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

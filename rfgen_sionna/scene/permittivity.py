@@ -148,7 +148,7 @@ class Conductor:
 
 
 @dataclass(frozen=True)
-class Computed:
+class ComputedPermittivity:
     """A permittivity that someone else computes, such as a Sionna material of the user's own; defined everywhere."""
 
     function: Callable[[float], tuple[float, float]]

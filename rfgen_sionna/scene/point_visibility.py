@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.device_transfer import upload
 from rfgen_sionna.scene.ray_layer import loop_mode
-from rfgen_sionna.scene.transfer import upload
 
 SELF_GAP = 1e-5
 """Relative distance within which a hit counts as the target point itself. float32 resolves 1.2e-7 of the coordinates,
@@ -69,7 +69,7 @@ class PointVisibility:
         self._count = dr.opaque(mi.UInt32, len(corners))  # as a number it would be another kernel for each
         self._common = None if own_places else [gather(self._double, given, mi.UInt32(1 + i)) for i in range(3)]
 
-    def seen(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
+    def visible(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
         """(ray,) whether points are seen: :meth:`rfgen_sionna.scene.rays.RayScene.occluded`, several times faster for
         many.
 
@@ -84,7 +84,7 @@ class PointVisibility:
         return found
 
     def edges(
-        self, of: NDArray[np.intp], lit: FloatArray, dark: FloatArray, halvings: ArrayLike
+        self, of: NDArray[np.intp], unoccluded: FloatArray, occluded: FloatArray, halvings: ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
         """(ray, 3) barycentric coordinates of an edge of the shadow between a point that is seen and one that is not,
         and (ray,) how far it is to what casts it, over the way to it, 0 … 1.
@@ -97,17 +97,17 @@ class PointVisibility:
         import drjit as dr
         import mitsuba as mi
 
-        found, hider = np.empty((len(of), 3)), np.empty(len(of))
+        found, occluder = np.empty((len(of), 3)), np.empty(len(of))
         often = np.broadcast_to(np.asarray(halvings), (len(of),))
         for part in _chunks(len(of)):
-            piece, near = self._lanes(of[part], lit[part])
-            far = _vectors(self._double, dark[part], len(piece))
+            piece, near = self._lanes(of[part], unoccluded[part])
+            far = _vectors(self._double, occluded[part], len(piece))
             middle, share = self._halved(piece, near, far, upload(mi.UInt32, often[part]))
             dr.eval(*middle, share)
             for axis, values in enumerate(middle):
                 found[part, axis] = values.numpy()
-            hider[part] = share.numpy()
-        return found, hider
+            occluder[part] = share.numpy()
+        return found, occluder
 
     def _halved(self, piece: Any, near: list[Any], far: list[Any], count: Any) -> tuple[list[Any], Any]:
         """Shadow edge between `near`, which is visible, and `far`, after `count` bisections, and the relative distance
@@ -116,12 +116,12 @@ class PointVisibility:
         import mitsuba as mi
 
         def halve(*state: Any) -> tuple[Any, ...]:
-            lit, dark = state[1:4], state[4:]
-            middle = [0.5 * (a + b) for a, b in zip(lit, dark, strict=True)]
-            seen = self._visible(piece, middle)
-            lit = tuple(dr.select(seen, m, a) for m, a in zip(middle, lit, strict=True))
-            dark = tuple(dr.select(seen, b, m) for m, b in zip(middle, dark, strict=True))
-            return state[0] + 1, *lit, *dark
+            unoccluded, occluded = state[1:4], state[4:]
+            middle = [0.5 * (a + b) for a, b in zip(unoccluded, occluded, strict=True)]
+            visible = self._visible(piece, middle)
+            unoccluded = tuple(dr.select(visible, m, a) for m, a in zip(middle, unoccluded, strict=True))
+            occluded = tuple(dr.select(visible, b, m) for m, b in zip(middle, occluded, strict=True))
+            return state[0] + 1, *unoccluded, *occluded
 
         start = dr.zeros(mi.UInt32, len(piece)), *near, *far
         ends = dr.while_loop(start, lambda *state: state[0] < count, halve, mode=self._mode)[1:]

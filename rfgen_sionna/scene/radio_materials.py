@@ -11,10 +11,10 @@ from functools import cache
 from typing import Any
 from xml.etree import ElementTree
 
-from rfgen_sionna.scene.errors import MaterialError
 from rfgen_sionna.scene.materials import Material, material
-from rfgen_sionna.scene.permittivity import Computed, Outside
+from rfgen_sionna.scene.permittivity import ComputedPermittivity, Outside
 from rfgen_sionna.scene.scattering import ScatteringPattern
+from rfgen_sionna.scene.scene_errors import MaterialError
 
 PLUGIN = "rfgen-radio-material"
 """Mitsuba's name for our materials in scene descriptions."""
@@ -96,9 +96,9 @@ def from_sionna(radio_material: Any, outside: Outside = "extrapolate") -> Materi
         callback = radio_material.frequency_update_callback
         if callback is None:
             constants = _number(radio_material.relative_permittivity), _number(radio_material.conductivity)
-            model = Computed(lambda frequency: constants)
+            model = ComputedPermittivity(lambda frequency: constants)
         else:
-            model = Computed(lambda frequency: _pair(callback(mi.Float(frequency))))
+            model = ComputedPermittivity(lambda frequency: _pair(callback(mi.Float(frequency))))
         found = Material(radio_material.name, model, f"Sionna material {radio_material.name!r} of the scene")
     return replace(
         found,

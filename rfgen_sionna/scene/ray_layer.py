@@ -13,14 +13,14 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.parallel import ThreadLimit
-from rfgen_sionna.scene.errors import BackendError
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.scene_errors import BackendError
 
 MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
 """(vertex, 3) positions [m] and (face, 3) vertex indices."""
 
 
-class Layer:
+class MeshLayer:
     """One Mitsuba scene with a single mesh made of several objects."""
 
     def __init__(self, meshes: Sequence[MeshArrays], origin: FloatArray, moving: bool) -> None:
@@ -79,7 +79,7 @@ def _start() -> None:
     mi.load_dict({"type": "scene", "mesh": {"type": "rectangle"}})
 
 
-def one_scene_a_kernel() -> bool:
+def one_scene_per_kernel() -> bool:
     """Whether a kernel can ask but one scene: OptiX has one table of shaders for each, and rays through a second scene
     hit nothing, of which no more is heard than a line on the terminal."""
     import drjit as dr
@@ -88,17 +88,17 @@ def one_scene_a_kernel() -> bool:
     return bool(dr.backend_v(mi.Float) == dr.JitBackend.CUDA)
 
 
-def before_another_scene(*found: Any) -> None:
+def evaluate_hits(*found: Any) -> None:
     """Compute what rays have `found` in one scene, where the kernel that asks the next can't."""
     import drjit as dr
 
-    if one_scene_a_kernel():
+    if one_scene_per_kernel():
         dr.eval(*found)
 
 
 def loop_mode(scenes: int) -> Literal["evaluated", "symbolic"]:
     """Mode of a Dr.Jit loop whose steps trace so many scenes: symbolic (one kernel) where possible."""
-    return "evaluated" if scenes > 1 and one_scene_a_kernel() else "symbolic"
+    return "evaluated" if scenes > 1 and one_scene_per_kernel() else "symbolic"
 
 
 def _one_thread() -> Callable[[], None]:

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.device_transfer import upload
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.occluders import Occluders
 from rfgen_sionna.scene.point_visibility import CHUNK, NO_PRIMITIVE, SELF_GAP, PointVisibility
-from rfgen_sionna.scene.ray_layer import Layer, MeshArrays, before_another_scene
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.ray_layer import MeshArrays, MeshLayer, evaluate_hits
 
 BLIND_GAP = 1e-4
 """:data:`SELF_GAP` for targets whose facet is not known and whose own hit must not count."""
@@ -86,8 +86,8 @@ class RayScene:
             if origin is None
             else _check_points(np.asarray(origin, np.float64)[None], "origin")[0]
         )
-        self._static = Layer(static, self.origin, moving=False) if static else None
-        self._moving = Layer(moving, self.origin, moving=True) if moving else None
+        self._static = MeshLayer(static, self.origin, moving=False) if static else None
+        self._moving = MeshLayer(moving, self.origin, moving=True) if moving else None
         self._num_static = int(self.facet_offsets[len(static)])
         self._first = [dr.opaque(mi.UInt32, offset) for offset in (0, self._num_static)]
 
@@ -235,7 +235,7 @@ class RayScene:
         self,
         viewpoint: FloatArray,
         vertices: Sequence[Sequence[FloatArray]],
-        hiding: Sequence[NDArray[np.intp]],
+        candidates: Sequence[NDArray[np.intp]],
         corners: FloatArray | None = None,
     ) -> Occluders:
         """Occluders of facets as seen from a viewpoint at several times. `vertices` are those of the moving objects, as
@@ -253,7 +253,9 @@ class RayScene:
 
         placed = [np.concatenate([np.zeros((0, 3)), *each]) for each in vertices]
         points = np.zeros((0, 3)) if corners is None else corners.reshape(-1, 3)
-        return Occluders(static, self.origin, self.moving_faces, self._num_static, viewpoint, placed, hiding, points)
+        return Occluders(
+            static, self.origin, self.moving_faces, self._num_static, viewpoint, placed, candidates, points
+        )
 
     def _nearest(
         self, ray: Any, count: int, static: bool = True, moving: bool = True, bundled: bool = False
@@ -268,7 +270,7 @@ class RayScene:
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
         for number, (layer, first) in enumerate(self._asked(static, moving)):
             if number:
-                before_another_scene(facet, distance, *weights)
+                evaluate_hits(facet, distance, *weights)
             found = layer.scene.ray_intersect_preliminary(ray, coherent=bundled)
             nearer = found.is_valid() & (found.t < distance)
             facet = dr.select(nearer, found.prim_index + first, facet)
@@ -276,7 +278,7 @@ class RayScene:
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
         return facet, distance, weights
 
-    def _asked(self, static: bool, moving: bool) -> list[tuple[Layer, Any]]:
+    def _asked(self, static: bool, moving: bool) -> list[tuple[MeshLayer, Any]]:
         """Scenes that are there, of those wanted, and the number of the first facet of each."""
         layers = zip((self._static, self._moving), self._first, (static, moving), strict=True)
         return [(layer, first) for layer, first, wanted in layers if layer is not None and wanted]

@@ -14,7 +14,7 @@ from scipy.special import binom
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.scene.errors import MaterialError
+from rfgen_sionna.scene.scene_errors import MaterialError
 
 Kind = Literal["lambertian", "directive", "backscattering"]
 

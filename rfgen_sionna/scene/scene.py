@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.errors import MaterialError, SceneError
 from rfgen_sionna.scene.interior import Interior, read_interior
 from rfgen_sionna.scene.materials import Material, warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, used_vertices
 from rfgen_sionna.scene.permittivity import Outside
+from rfgen_sionna.scene.scene_errors import MaterialError, SceneError
 
 
 @dataclass(frozen=True, eq=False)

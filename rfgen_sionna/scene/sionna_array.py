@@ -17,7 +17,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.pose import POLARIZATIONS
 
 mi: Any = mitsuba  # its type stubs don't know what a variant brings
-End = Literal["tx", "rx"]
+ArrayEnd = Literal["tx", "rx"]
 _STEP = 0.5
 """Grid step of the element pattern on the way to Dr.Jit [degrees]."""
 
@@ -37,7 +37,7 @@ class ElementAntenna(sionna.rt.AntennaPattern):
     square root of the gain.
     """
 
-    def __init__(self, radar: Radar, end: End) -> None:
+    def __init__(self, radar: Radar, end: ArrayEnd) -> None:
         _, _, directions = grid_directions(_STEP)
         table = radar.pattern.amplitude(directions)
         rows, columns = table.shape
@@ -73,7 +73,7 @@ class ElementAntenna(sionna.rt.AntennaPattern):
 class RadarArray(sionna.rt.AntennaArray):
     """The elements of one end of a radar. They stay where they are in metres when the scene's frequency changes."""
 
-    def __init__(self, radar: Radar, end: End) -> None:
+    def __init__(self, radar: Radar, end: ArrayEnd) -> None:
         self.element_positions: FloatArray = radar.tx_positions if end == "tx" else radar.rx_positions
         """(element, 3) [m], device frame."""
         self.polarization: str = radar.tx_polarization if end == "tx" else radar.rx_polarization
@@ -85,7 +85,7 @@ class RadarArray(sionna.rt.AntennaArray):
         """Element positions [m], device frame, whatever the wavelength; one pattern each, so nothing to expand."""
         return mi.Point3f(self.element_positions.T)
 
-    def serves(self, radar: Radar, end: End) -> bool:
+    def matches_end(self, radar: Radar, end: ArrayEnd) -> bool:
         """Whether the array is that of this radar's end too."""
         other = radar.tx_positions if end == "tx" else radar.rx_positions
         field = radar.tx_polarization if end == "tx" else radar.rx_polarization

@@ -20,10 +20,10 @@ from rfgen_sionna.show.panels import (
     draw_range_doppler,
     draw_range_time,
 )
-from rfgen_sionna.show.run_view import check_frame, opened, reach, view_frame, view_run
-from rfgen_sionna.show.space import Coarse, PlotLimits, draw_space
-from rfgen_sionna.show.style import FAINT, INK
-from rfgen_sionna.show.words import radar_line
+from rfgen_sionna.show.run_summary import radar_line
+from rfgen_sionna.show.run_view import check_frame, display_range, opened, view_frame, view_run
+from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
+from rfgen_sionna.show.style import INK, MUTED
 
 
 def sheet(
@@ -75,9 +75,9 @@ def sheet(
 
 def _draw(run: Run, frame: int | None) -> Figure:
     whole = view_run(run)
-    frame = whole.liveliest if frame is None else frame
+    frame = whole.most_active_frame if frame is None else frame
     view = view_frame(run, frame)
-    far = reach(run, frame)
+    far = display_range(run, frame)
     page = Figure(figsize=(16, 10.5), facecolor="white")
     engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02, rect=(0, 0, 1, 0.945))
     page.set_layout_engine(engine)
@@ -93,22 +93,22 @@ def _draw(run: Run, frame: int | None) -> Figure:
     draw_range_doppler(page, page.add_subplot(maps[0, 0]), view, far)
     draw_azimuth(page, page.add_subplot(maps[0, 1]), view, far)
     space = cast(Axes3D, page.add_subplot(top[:, 1], projection="3d"))
-    draw_space(
+    draw_scene(
         page,
         space,
         run,
         frame,
         view.cloud,
         stage=PlotLimits.of(run),
-        meshes={name: Coarse.of(actor, 12000) for name, actor in run.actors.items()},
-        speed=colour_speed(view.cloud.velocity),
+        meshes={name: DecimatedMesh.of(actor, 12000) for name, actor in run.actors.items()},
+        speed=velocity_limit(view.cloud.velocity),
     )
     times = rows[2].subgridspec(1, 2)
     draw_range_time(page, page.add_subplot(times[0, 0]), run, whole, far)
     draw_doppler_time(page, page.add_subplot(times[0, 1]), run, whole)
     page.text(0.008, 0.985, headline(run), fontsize=15, fontweight="bold", color=INK, va="top")
     moment = f"frame {frame} of 0–{len(run) - 1}, {run.frame_times[frame]:.2f} s"
-    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=FAINT, ha="right", va="top")
+    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=MUTED, ha="right", va="top")
     return page
 
 
@@ -118,6 +118,6 @@ def headline(run: Run) -> str:
     return f"“{text}” — {run.environment}" if run.environment else f"“{text}”"
 
 
-def colour_speed(velocity: np.ndarray) -> float:
+def velocity_limit(velocity: np.ndarray) -> float:
     """Limit of the velocity colours [m/s]."""
     return max(0.5, float(np.ceil(2 * np.abs(velocity).max(initial=0.0)) / 2))

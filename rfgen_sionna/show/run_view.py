@@ -42,7 +42,7 @@ def check_frame(run: Run, frame: int) -> int:
     return int(frame) % len(run)
 
 
-def shown(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any, Any]], Radar]:
+def displayed_samples(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any, Any]], Radar]:
     """The samples (..., chirp, tx, rx, sample) that pictures are made of, and their radar.
 
     Of several profiles that is the first; of several beams the first. A constant frequency has no picture.
@@ -73,20 +73,20 @@ class RunView:
     doppler_time: DopplerTime
     per_frame: bool
     """Whether the Doppler-time picture has one column a frame (frames with pauses between them)."""
-    liveliest: int
+    most_active_frame: int
     """Frame with the fastest motion: the largest mean speed, weighted with the power above the noise."""
 
 
 def view_run(run: Run) -> RunView:
     """Spectrograms, one frame in memory at a time."""
-    radar, times = shown(run, run.adc[:1])[1], run.frame_times
+    radar, times = displayed_samples(run, run.adc[:1])[1], run.frame_times
     gaps = np.diff(times)
     # With pauses a short-time transform has no windows to fill them: one spectrum a frame then says it all.
     per_frame = len(times) > 1 and bool(np.any(gaps > 1.05 * radar.waveform.frame_length))
     if per_frame:
         ranges, dopplers = [], []
         for index, start in enumerate(times):
-            cube, _ = shown(run, run.adc[index : index + 1])
+            cube, _ = displayed_samples(run, run.adc[index : index + 1])
             ranges.append(range_time(cube, radar, frame_times=[start]))
             dopplers.append(doppler_time(cube, radar, frame_times=[start]))
         distance = RangeTime(
@@ -99,13 +99,13 @@ def view_run(run: Run) -> RunView:
             dopplers[0].duration,
         )
     else:
-        cube, _ = shown(run, run.adc[:])
+        cube, _ = displayed_samples(run, run.adc[:])
         distance = range_time(cube, radar, frame_times=times)
         doppler = micro_doppler(cube, radar, frame_times=times)
-    return RunView(distance, doppler, per_frame, _liveliest(doppler, times))
+    return RunView(distance, doppler, per_frame, _most_active_frame(doppler, times))
 
 
-def _liveliest(seen: DopplerTime, times: FloatArray) -> int:
+def _most_active_frame(seen: DopplerTime, times: FloatArray) -> int:
     power = np.maximum(seen.power - 3 * np.median(seen.power, axis=1, keepdims=True), 0.0)
     # Columns without motion have no mean speed; the run's peak keeps their noise out.
     weight = power.sum(axis=1) + 1e-3 * power.sum(axis=1).max() + np.finfo(float).tiny
@@ -133,7 +133,7 @@ class FrameView:
 
 def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
     """Range-Doppler and range-azimuth maps and the point cloud of one frame; `static` keeps what does not move."""
-    samples, radar = shown(run, run.adc[frame])
+    samples, radar = displayed_samples(run, run.adc[frame])
     # As long as the map allows: frames may be short.
     train = (min(12, (samples.shape[-1] - 1) // 4), 0)
     guard = (train[0] // 3, 0)
@@ -157,7 +157,7 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
     )
 
 
-def reach(run: Run, frame: int) -> float:
+def display_range(run: Run, frame: int) -> float:
     """Largest range in the pictures [m]: to the farthest return of the PIR, else past the actors, else the radar's."""
     limit = run.radar.max_range
     if run.has_pir:

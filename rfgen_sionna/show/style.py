@@ -11,7 +11,7 @@ from matplotlib.image import AxesImage
 from rfgen_sionna._types import FloatArray
 
 INK = "#1d2733"
-FAINT = "#6b7785"
+MUTED = "#6b7785"
 ACCENT = "#19c3d6"
 """Ground truth drawn over a spectrum."""
 
@@ -25,7 +25,7 @@ def titled(axes: Axes, title: str, note: str = "") -> None:
     """A bold title on the left and a faint remark on the right of it."""
     axes.set_title(title, loc="left", fontsize=10.5, fontweight="bold", color=INK, pad=6)
     if note:
-        axes.set_title(note, loc="right", fontsize=8, color=FAINT, pad=6)
+        axes.set_title(note, loc="right", fontsize=8, color=MUTED, pad=6)
 
 
 def plain(axes: Axes, x: str, y: str) -> None:
@@ -35,7 +35,7 @@ def plain(axes: Axes, x: str, y: str) -> None:
     axes.tick_params(labelsize=8, colors=INK, width=0.6, length=3)
     for spine in axes.spines.values():
         spine.set_linewidth(0.6)
-        spine.set_color(FAINT)
+        spine.set_color(MUTED)
 
 
 def scale(figure: Figure, drawn: AxesImage | Collection, axes: Axes, label: str) -> None:

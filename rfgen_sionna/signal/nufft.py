@@ -2,7 +2,8 @@
 
 Every lane of the kernel is a chirp or two of one element pair. It goes through the paths, evaluates each one's phase
 and beat frequency at the chirp's own time from B-splines, and spreads it with the taps of
-:mod:`rfgen_sionna.signal.nufft_taps` on a grid of its own; a transform of the grids follows. What changes over the ADC
+:mod:`rfgen_sionna.signal.nufft_kernel` on a grid of its own; a transform of the grids follows. What changes over the
+ADC
 window, the small quadratic phase and the gain, goes into the taps: it takes no further transform. Where the tolerance
 allows for it all of that is done in single precision.
 """
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from rfgen_sionna._types import ComplexArray, FloatArray
-from rfgen_sionna.signal.nufft_taps import Taps, Term, deconvolution, taps
+from rfgen_sionna.signal.nufft_kernel import InterpolationKernel, Term, deconvolution, interpolation_kernel
 
 PHASE, BEAT, QUADRATIC, GAINS = 0, 1, 2, 3
 """Fields of a table: cycles at the window's middle, cycles per sample, cycles of the quadratic phase, then real and
@@ -126,7 +127,7 @@ def _grids(
     step, stride = dr.opaque(index, shares), dr.opaque(index, fields // 4)
     orders = sorted({order for order, _ in terms})
     powers = {order: sorted(n for m, n in terms if m == order) for order in orders}
-    of = {term: taps(width, term) for term in terms}
+    of = {term: interpolation_kernel(width, term) for term in terms}
     turn = types.Float if eps >= _SINGLE else real
 
     def one_path(p: Any) -> tuple[Any]:
@@ -189,7 +190,9 @@ def _mean(values: Sequence[Any], weights: Sequence[Any], dr: Any) -> Any:
     return total
 
 
-def _expanded(powers: Sequence[tuple[int, Taps]], tap: int, v: Any, angle: Any, dr: Any) -> tuple[Any, Any]:
+def _expanded(
+    powers: Sequence[tuple[int, InterpolationKernel]], tap: int, v: Any, angle: Any, dr: Any
+) -> tuple[Any, Any]:
     """Real and imaginary part of sum_n (j angle)^n / n! times the tap's polynomials; None where there is none."""
     parts: list[Any] = [None, None]
     factor: Any = 1.0

@@ -6,8 +6,8 @@ Dechirping a path of delay tau(t) gives (FACTS of the trade: TI, Infineon and RF
 
 with t counted from the start of the ramp. `A` is conjugated because the mixer multiplies the transmitted signal with
 the conjugate of the received one. The phase is a constant, a beat frequency and a small quadratic term
-(:mod:`rfgen_sionna.signal.phase`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu may
-be negative, or 0: then only Doppler is left.
+(:mod:`rfgen_sionna.signal.path_phases`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu
+may be negative, or 0: then only Doppler is left.
 
 Gains that change with time (visibility, the element pattern, a facet's own return) are those of each chirp's middle and
 change linearly over its ADC window, where that matters to the tolerance.
@@ -28,7 +28,6 @@ from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.scene.mitsuba_backend import ensure_llvm, has_cuda
-from rfgen_sionna.signal.checks import check_synthesis
 from rfgen_sionna.signal.nufft import (
     BEAT,
     GAINS,
@@ -38,17 +37,18 @@ from rfgen_sionna.signal.nufft import (
     nonuniform_fft,
     single_precision_suffices,
 )
-from rfgen_sionna.signal.nufft_taps import NEGLIGIBLE, needed_terms, width_for
-from rfgen_sionna.signal.phase import (
-    Course,
-    Window,
-    changing_gains,
+from rfgen_sionna.signal.nufft_kernel import NEGLIGIBLE, needed_terms, width_for
+from rfgen_sionna.signal.path_phases import (
+    AdcWindow,
+    PathSplines,
     conjugate_gains,
     element_gains,
+    gain_coefficients,
     gains_change,
-    most_power,
+    max_power,
     phase_terms,
 )
+from rfgen_sionna.signal.synthesis_checks import check_synthesis
 
 DEVICES = ("auto", "cpu", "cuda")
 _TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of several channels, 32 MB of one
@@ -123,13 +123,15 @@ def synthesize(
     for number in range(len(waveform.profiles)):
         part = radar.of_profile(number)
         tx, axis = list(waveform.profile_tx(number)), list(waveform.profile_axis(number))
-        own = paths if part is radar else _of_elements(paths, tx)
+        own = paths if part is radar else _tx_paths(paths, tx)
         # The mixer conjugates what is received.
         weights = np.conj(part.waveform.axis_weights) * gains[tx]
         still = not np.any(own.tau_rate) and bool(np.all(own.tau == own.tau[..., :1]))
         with one_blas_thread():
             echoes = (
-                _still(part, own, start, weights, eps) if still else _moving(part, own, start, weights, eps, device)
+                _synthesize_static(part, own, start, weights, eps)
+                if still
+                else _synthesize_moving(part, own, start, weights, eps, device)
             )
             for (entry, tx_index, rx), echo in echoes:
                 factor = weights[:, entry, tx_index, None]
@@ -153,7 +155,7 @@ def chosen_device(device: str) -> str:
     return "cuda" if cuda else "cpu"
 
 
-def _of_elements(paths: RadarPaths, tx: list[int]) -> RadarPaths:
+def _tx_paths(paths: RadarPaths, tx: list[int]) -> RadarPaths:
     dispersion = None if paths.dispersion is None else paths.dispersion[:, tx]
     return replace(paths, a=paths.a[tx], tau=paths.tau[tx], tau_rate=paths.tau_rate[tx], dispersion=dispersion)
 
@@ -168,13 +170,13 @@ def _channels(radar: Radar, weights: ComplexArray) -> list[Channel]:
     return [(entry, int(tx), rx) for entry in range(len(on)) for tx in np.flatnonzero(on[entry]) for rx in receivers]
 
 
-def _still(
+def _synthesize_static(
     radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float
 ) -> Iterator[tuple[Channel, ComplexArray]]:
     """(chirp, sample) of each channel where delays stay: one transform per knot, blended from chirp to chirp."""
     import finufft
 
-    window = Window.of(radar)
+    window = AdcWindow.of(radar)
     amplitude = element_gains(radar, paths)
     # Single precision moves a point by 2e-7 rad, the outermost mode by 3e-5 rad.
     number: Any = np.complex64 if eps >= 1e-4 else np.complex128
@@ -201,22 +203,24 @@ def _still(
         yield (entry, tx, rx), np.asarray(chirps, dtype=np.complex128)
 
 
-def _moving(
+def _synthesize_moving(
     radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float, device: str
 ) -> Iterator[tuple[Channel, ComplexArray]]:
     """(chirp, sample) of each channel, a few channels at a time."""
     if device == "cpu":
         ensure_llvm()
-    window = Window.of(radar)
+    window = AdcWindow.of(radar)
     times = start + radar.waveform.chirp_times + window.middle
-    course = Course.of(paths, float(times.min()), float(times.max()))
+    splines = PathSplines.of(paths, float(times.min()), float(times.max()))
     amplitude = element_gains(radar, paths)
     channels = _channels(radar, weights)
-    changing = gains_change(radar, paths, amplitude, course, window, channels[0][1:], NEGLIGIBLE * eps)
+    changing = gains_change(radar, paths, amplitude, splines, window, channels[0][1:], NEGLIGIBLE * eps)
     orders = (1 if paths.dispersion is None else 1 + len(paths.dispersion)) + changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
-    single = single_precision_suffices(*_largest(radar, paths, course, window, channels[0][1:]), window.count, eps)
-    numbers = fields * len(course.knots) * paths.num_paths
+    single = single_precision_suffices(
+        *_max_coefficients(radar, paths, splines, window, channels[0][1:]), window.count, eps
+    )
+    numbers = fields * len(splines.knots) * paths.num_paths
     cells = 4 * len(times) * window.count
     room = max(_GRID, min(_MOST_GRID, cells * len(channels) // _SHARE))
     step = max(1, min(_TABLE // numbers, room // cells))
@@ -226,24 +230,24 @@ def _moving(
         group = channels[first : first + step]
         total: ComplexArray = np.zeros(0, dtype=np.complex128)
         for low, high in itertools.pairwise(bounds):
-            chosen = paths if len(bounds) == 2 else _part(paths, slice(low, high))
+            chosen = paths if len(bounds) == 2 else _select_paths(paths, slice(low, high))
             echo = _spread_channels(
-                radar, chosen, amplitude[low:high], course, times, group, window, changing, single, eps, device
+                radar, chosen, amplitude[low:high], splines, times, group, window, changing, single, eps, device
             )
             total = echo if low == 0 else total + echo
         yield from zip(group, total, strict=True)
 
 
-def _largest(
-    radar: Radar, paths: RadarPaths, course: Course, window: Window, pair: tuple[int, int]
+def _max_coefficients(
+    radar: Radar, paths: RadarPaths, splines: PathSplines, window: AdcWindow, pair: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients of the phase [cycles], whole cycles off, and of the beat [cycles per sample] of one (tx, rx)."""
-    phase, beat, _ = course.terms(radar, paths, window, *pair)
-    phase = course.matrix @ phase
-    return phase - np.rint(phase[0]), course.matrix @ beat
+    phase, beat, _ = splines.terms(radar, paths, window, *pair)
+    phase = splines.matrix @ phase
+    return phase - np.rint(phase[0]), splines.matrix @ beat
 
 
-def _part(paths: RadarPaths, part: slice) -> RadarPaths:
+def _select_paths(paths: RadarPaths, part: slice) -> RadarPaths:
     """Some paths, without copies."""
     return replace(
         paths,
@@ -258,17 +262,17 @@ def _spread_channels(
     radar: Radar,
     paths: RadarPaths,
     amplitude: FloatArray,
-    course: Course,
+    splines: PathSplines,
     times: FloatArray,
     channels: Sequence[Channel],
-    window: Window,
+    window: AdcWindow,
     changing: bool,
     single: bool,
     eps: float,
     device: str,
 ) -> ComplexArray:
     """(channel, chirp, sample)"""
-    knots, orders = len(course.knots), 1 if paths.dispersion is None else 1 + len(paths.dispersion)
+    knots, orders = len(splines.knots), 1 if paths.dispersion is None else 1 + len(paths.dispersion)
     orders += changing
     fields = -(-(GAINS + 2 * orders) // 4) * 4
     table = np.zeros((len(channels), knots, paths.num_paths, fields), np.float32 if single else np.float64)
@@ -276,27 +280,27 @@ def _spread_channels(
     shared, sizes, angle = [], np.zeros(orders), 0.0
     for own, (_, tx, rx) in zip(table, channels, strict=True):
         gains = conjugate_gains(radar, paths, scale, window, tx, rx)
-        if changing and course.derivatives is not None:
-            gains = changing_gains(gains, course.derivatives[1], window)
-        most = [most_power(gain) for gain in gains]
+        if changing and splines.derivatives is not None:
+            gains = gain_coefficients(gains, splines.derivatives[1], window)
+        most = [max_power(gain) for gain in gains]
         loudness = most[0] / max(float(most[0].sum()), 1e-300)
         sizes = np.maximum(sizes, np.sqrt([each.sum() for each in most]))
-        phase, beat, quadratic = course.terms(radar, paths, window, tx, rx)
+        phase, beat, quadratic = splines.terms(radar, paths, window, tx, rx)
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
         quadratic = 0.5 * quadratic
         common = quadratic @ loudness
-        phase = course.matrix @ (phase + quadratic)
+        phase = splines.matrix @ (phase + quadratic)
         own[..., PHASE] = phase - np.rint(phase[0])  # whole cycles are the same for all coefficients of a path
-        own[..., BEAT] = course.matrix @ beat
+        own[..., BEAT] = splines.matrix @ beat
         quadratic = quadratic - common[:, None]
-        own[..., QUADRATIC] = course.matrix @ quadratic
-        shared.append(course.matrix @ common)
+        own[..., QUADRATIC] = splines.matrix @ quadratic
+        shared.append(splines.matrix @ common)
         angle = max(angle, 2 * np.pi * float(np.sqrt(np.square(np.abs(quadratic).max(axis=0)) @ loudness)))
         # One gain for all times, or a course.
-        turned = gains if gains.shape[2] == 1 else gains @ course.matrix.T.astype(gains.real.dtype)
+        turned = gains if gains.shape[2] == 1 else gains @ splines.matrix.T.astype(gains.real.dtype)
         own[..., GAINS : GAINS + 2 * len(gains) : 2] = turned.real.T
         own[..., GAINS + 1 : GAINS + 1 + 2 * len(gains) : 2] = turned.imag.T
-    at = [course.place(times[:, entry]) for entry, _, _ in channels]
+    at = [splines.place(times[:, entry]) for entry, _, _ in channels]
     rows = np.concatenate([first + knots * index for index, (first, _) in enumerate(at)])
     lanes = ChirpTable(table.reshape(-1, *table.shape[2:]), rows, np.concatenate([weights for _, weights in at]))
     terms = needed_terms(angle, sizes, eps)

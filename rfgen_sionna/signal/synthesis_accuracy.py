@@ -6,25 +6,25 @@ import numpy as np
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.signal.phase import element_gains
+from rfgen_sionna.signal.path_phases import element_gains
 
-SHARE = 0.3
+TOLERANCE_SHARE = 0.3
 """Share of the tolerance that summing paths up may use."""
-LEAST = 1e-7
+MIN_EPS = 1e-7
 """No sums are asked to be more accurate for what interference leaves of one of many objects."""
-_PLACES = (-1.0, 0.0, 1.0)
+_BAND_POSITIONS = (-1.0, 0.0, 1.0)
 
 
-def needed_accuracy(radar: Radar, paths: RadarPaths, rtol: float, still: int = 0) -> float:
-    """The `eps` of :func:`rfgen_sionna.signal.synthesize` with which each object's samples are right to `SHARE` of
-    `rtol`, relative to themselves.
+def required_eps(radar: Radar, paths: RadarPaths, rtol: float, still: int = 0) -> float:
+    """The `eps` of :func:`rfgen_sionna.signal.synthesize` with which each object's samples are right to
+    `TOLERANCE_SHARE` of `rtol`, relative to themselves.
 
     What a transform errs by goes with what paths return one by one, and the tolerance with what an object's return
     together: of a plate that lies aslant that may be a thousandth. It is told for one pair of elements at the middle
     of the time and three frequencies. So many of the first objects as are `still` share one tolerance, relative
     to what they return one by one.
     """
-    loose, tight = SHARE * rtol, min(LEAST, SHARE * rtol)
+    loose, tight = TOLERANCE_SHARE * rtol, min(MIN_EPS, TOLERANCE_SHARE * rtol)
     if not paths.num_paths:
         return loose
     gains, patterns = paths.a[0, 0], element_gains(radar, paths)
@@ -36,12 +36,12 @@ def needed_accuracy(radar: Radar, paths: RadarPaths, rtol: float, still: int = 0
         orders += [each[0, 0, :, each.shape[3] // 2] for each in paths.dispersion]
     count, lot = len(paths.object_names), np.where(paths.object_id < still, 0, paths.object_id)
     together = np.zeros(count)
-    for place in _PLACES:
+    for place in _BAND_POSITIONS:
         frequency = paths.frequency + place * paths.half_band
         waves = sum(each * place**order for order, each in enumerate(orders))
         waves = waves * weight * np.exp(-2j * np.pi * np.mod(frequency * tau, 1.0))
         real, imaginary = (np.bincount(lot, part, count) for part in (waves.real, waves.imag))
-        together += (real**2 + imaginary**2) / len(_PLACES)
+        together += (real**2 + imaginary**2) / len(_BAND_POSITIONS)
     single = np.abs(orders[0] * weight) ** 2
     alone = float(np.sqrt(single.sum()))
     if still:

@@ -11,7 +11,7 @@ package        what
 `gains`        facet gains of all element pairs over the band from few integrals, and what they err by
 `ghosts`       what plane mirrors show of what moves: walls, floor, ceiling
 `bounces`      what flat parts of anything show: corner reflectors, furniture
-`veils`        what is seen through slabs, directly and by further bounces
+`transmission_tracer`        what is seen through slabs, directly and by further bounces
 `curved`       what bent surfaces show of one another
 `moving`       all of it for what moves, over stretches of time
 `static`       all of it for what stays, once for each radar pose

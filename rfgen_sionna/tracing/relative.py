@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Seen:
+class RelativeObject:
     """An object as the moving radar sees it, in the world frame of t = 0."""
 
     name: str
@@ -38,7 +38,9 @@ class Seen:
     """Time [s] to (vertex, 3) positions [m]."""
 
 
-def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[MeshActor | Seen]) -> tuple[Seen, ...]:
+def relative_objects(
+    radar: Radar, scene: RadarScene | None, actors: Sequence[MeshActor | RelativeObject]
+) -> tuple[RelativeObject, ...]:
     """The static objects, then the actors, as the radar sees them while it follows its trajectory."""
 
     def carried(vertices: Callable[[float], FloatArray]) -> Callable[[float], FloatArray]:
@@ -48,7 +50,7 @@ def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[MeshActor
         return lambda _: points
 
     found = [
-        Seen(
+        RelativeObject(
             thing.name,
             thing.properties,
             thing.faces,
@@ -60,7 +62,7 @@ def seen_from(radar: Radar, scene: RadarScene | None, actors: Sequence[MeshActor
         for thing in (scene.objects if scene is not None else ())
     ]
     found += [
-        Seen(
+        RelativeObject(
             actor.name,
             actor.properties,
             actor.faces,

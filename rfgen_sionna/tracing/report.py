@@ -15,7 +15,7 @@ class TraceReport:
     """Facets integrated."""
     rays: int
     """Visibility rays sent, those of the static scene included."""
-    instants: int
+    sample_times: int
     """Instants at which visibility and gains were traced."""
     knots: int
     """Knots of the delays; facets that are looked at between instants have more."""
@@ -24,28 +24,31 @@ class TraceReport:
     surface's or to what all of it returns without interfering; whichever is larger. Of an actor that goes behind
     another in the frame it is relative to when it is seen best.
 
-    It is that of the integration (:mod:`rfgen_sionna.tracing.gains.accuracy`), of what is not known of shadows' edges
-    (:mod:`rfgen_sionna.tracing.shadows.sampling`) and of where pairs see them
-    (:mod:`rfgen_sionna.tracing.shadows.parallax`), those of actors on the room among them, of direct returns; the
+    It is that of the integration (:mod:`rfgen_sionna.tracing.gains.error_estimate`), of what is not known of shadows'
+    edges (:mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`) and of where pairs see them
+    (:mod:`rfgen_sionna.tracing.shadows.boundary_correction`), those of actors on the room among them, of direct
+    returns; the
     tolerance is kept by each of the first two. With further bounces what is left out of these is added, and what
     geometrical optics may be off by: for outlines of flat things that show others
-    (:mod:`rfgen_sionna.tracing.bounces.mirror_edges`; not of ghosts in walls), and where bent ones do
-    (:mod:`rfgen_sionna.tracing.curved.doubts`), of a walking person by two bounces 10 to 45 % of its direct return at
+    (:mod:`rfgen_sionna.tracing.reflectors.edge_diffraction`; not of ghosts in walls), and where bent ones do
+    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), of a walking person by two bounces 10 to 45 % of its
+    direct return at
     77 GHz, as most of its glints are near an edge or a shadow. No smaller tolerance mends that."""
     time_error: float
     """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
     gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
     squares.
 
-    Of an actor's direct return it is relative to that. For shadows (:mod:`rfgen_sionna.tracing.moving.glances`), where
+    Of an actor's direct return it is relative to that. For shadows
+    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`), where
     it fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
-    suffice. For gains (:mod:`rfgen_sionna.tracing.moving.instants`) it is reckoned with some faces of a mesh, and
+    suffice. For gains (:mod:`rfgen_sionna.tracing.moving.sample_times`) it is reckoned with some faces of a mesh, and
     above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. For knots
     (:mod:`rfgen_sionna.tracing.moving.knots`) it is reckoned with some vertices, those of mirror images among them, and
     above twice `PHASE_PER_RTOL` of the tolerance where things move too fast for any; over the stretch, of which its
     ends are the worst. Of the static scene it is relative to what its `error` is
-    (:mod:`rfgen_sionna.tracing.static.glances`). The larger of the two; what else mirrors and slabs show of actors is
-    not in it.
+    (:mod:`rfgen_sionna.tracing.static.static_refinement`). The larger of the two; what else mirrors and slabs show of
+    actors is not in it.
 
     It is an estimate: of 88 frames of people more was off in six, up to twice as much."""
 

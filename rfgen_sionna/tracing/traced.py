@@ -10,7 +10,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.tracing.report import TraceReport
-from rfgen_sionna.tracing.static.shadows import Shadow
+from rfgen_sionna.tracing.static.actor_shadows import Shadow
 
 
 @dataclass(frozen=True)
@@ -22,16 +22,16 @@ class Traced:
     find_shadows: Callable[[], tuple[Shadow, ...]]
     """Works `shadows` out."""
     moving: RadarPaths
-    """The actors, but for what is in `glanced`."""
-    glanced: RadarPaths | None
+    """The actors, but for what is in `refined`."""
+    refined: RadarPaths | None
     """Direct returns of actors' facets that shadows pass over between instants, at more knots
-    (:mod:`rfgen_sionna.tracing.moving.glances`); None where there are none."""
+    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`); None where there are none."""
     report: TraceReport
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, go by.
     It holds until the next stretch is traced."""
-    glanced_places: Callable[[float], FloatArray]
-    """The same of `glanced`."""
+    refined_places: Callable[[float], FloatArray]
+    """The same of `refined`."""
 
     @cached_property
     def shadows(self) -> tuple[Shadow, ...]:
@@ -46,4 +46,4 @@ class Traced:
     @property
     def actors(self) -> tuple[RadarPaths, ...]:
         """All paths by way of actors."""
-        return (self.moving,) if self.glanced is None else (self.moving, self.glanced)
+        return (self.moving,) if self.refined is None else (self.moving, self.refined)

@@ -16,31 +16,36 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.bounces.bounces import Bounces
-from rfgen_sionna.tracing.curved.round_bounces import RoundBounces
+from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror, find_mirrors
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_echoes
-from rfgen_sionna.tracing.moving.further import FurtherWays
-from rfgen_sionna.tracing.moving.instants import choose_instants
+from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
-from rfgen_sionna.tracing.moving.parts import MovingParts
-from rfgen_sionna.tracing.relative import Seen, seen_from, to_world
+from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
+from rfgen_sionna.tracing.moving.sample_times import choose_sample_times
+from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
+from rfgen_sionna.tracing.relative import RelativeObject, relative_objects, to_world
 from rfgen_sionna.tracing.report import TraceReport
-from rfgen_sionna.tracing.static.bounces import StaticBounces, trace_static_bounces
-from rfgen_sionna.tracing.static.dimmed import Dimmed
-from rfgen_sionna.tracing.static.glances import follow_hidden, missed_between
-from rfgen_sionna.tracing.static.round_bounces import StaticRoundBounces, trace_static_round_bounces
-from rfgen_sionna.tracing.static.shadows import Shadow
-from rfgen_sionna.tracing.static.trace import StaticTrace, trace_static
-from rfgen_sionna.tracing.static.veiled_bounces import trace_static_veiled_bounces
-from rfgen_sionna.tracing.static.veils import StaticVeils, beside_static_slabs, static_veils, trace_static_veils
+from rfgen_sionna.tracing.static.actor_shadows import Shadow
+from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
+from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
+from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
+from rfgen_sionna.tracing.static.static_slab_reflections import trace_static_slab_reflections
+from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
+from rfgen_sionna.tracing.static.static_transmission import (
+    StaticTransmission,
+    find_static_transmission,
+    static_slab_transmission,
+    trace_static_transmission,
+)
+from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
 from rfgen_sionna.tracing.traced import Traced
-from rfgen_sionna.tracing.veils.bounces import VeiledBounces
-from rfgen_sionna.tracing.veils.veils import Veils
+from rfgen_sionna.tracing.transmission.slab_reflections import SlabReflections
+from rfgen_sionna.tracing.transmission.transmission import Transmission
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene
@@ -64,8 +69,8 @@ class Tracer:
     and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab,
     and where it is rough diffusely as well. Further returns are coherent: images in walls and floors
     (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), reflections in flat parts of anything
-    (:mod:`rfgen_sionna.tracing.bounces.bounces`, :mod:`~rfgen_sionna.tracing.static.bounces`) and specular double
-    bounces between bent surfaces (:mod:`rfgen_sionna.tracing.curved.round_bounces`).
+    (:mod:`rfgen_sionna.tracing.reflectors.planar_reflections`, :mod:`~rfgen_sionna.tracing.static.static_reflections`)
+    and specular double bounces between bent surfaces (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
 
     Not traced are paths by two bent surfaces and a third one or a slab; paths of actors by two different walls one
     after the other, where the radar moves or behind slabs; and, where it stands, by two different walls if one of the
@@ -83,7 +88,7 @@ class Tracer:
     rtol
         Allowed error of each actor's coherent return, relative to itself, and of the static scene's, relative to its
         strongest surface or to what it returns without interfering; it is measured
-        (:mod:`rfgen_sionna.tracing.gains.accuracy`) and facets are made finer until it is met. Times
+        (:mod:`rfgen_sionna.tracing.gains.error_estimate`) and facets are made finer until it is met. Times
         `PHASE_PER_RTOL` and `GAIN_PER_RTOL` it is what splines in time may err by.
     seed
         Seed of the phases of what rough surfaces return diffusely.
@@ -93,25 +98,26 @@ class Tracer:
         from Fresnel coefficients, spreading and antenna pattern, are left out.
     transmission
         Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
-        actors, and between static surfaces, by way of flat parts (:mod:`rfgen_sionna.tracing.veils.bounces`,
-        :mod:`rfgen_sionna.tracing.static.veiled_bounces`).
+        actors, and between static surfaces, by way of flat parts
+        (:mod:`rfgen_sionna.tracing.transmission.slab_reflections`,
+        :mod:`rfgen_sionna.tracing.static.static_slab_reflections`).
     """
 
     def __init__(
         self,
         scene: RadarScene | None,
         radar: Radar,
-        actors: Sequence[MeshActor | Seen],
+        actors: Sequence[MeshActor | RelativeObject],
         rtol: float = 1e-3,
         seed: int = 0,
         max_bounces: int = 1,
         transmission: bool = False,
     ) -> None:
         self.radar = radar
-        self.actors: tuple[MeshActor | Seen, ...] = tuple(actors)
+        self.actors: tuple[MeshActor | RelativeObject, ...] = tuple(actors)
         if radar.trajectory is not None:
             # Seen from the radar all the world moves, in the frame of t = 0.
-            self.actors, scene = seen_from(radar, scene, actors), None
+            self.actors, scene = relative_objects(radar, scene, actors), None
         self.scene = scene
         self.rtol = rtol
         self.surfaces = collect_surfaces(scene, self.actors)
@@ -127,34 +133,42 @@ class Tracer:
     @cached_property
     def static(self) -> StaticTrace:
         """The static scene, traced at first use."""
-        veils = self._static_veils
-        beside = None if veils is None else beside_static_slabs(self.surfaces, veils, self._band)
+        transmission_tracer = self._static_veils
+        beside = (
+            None
+            if transmission_tracer is None
+            else static_slab_transmission(self.surfaces, transmission_tracer, self._band)
+        )
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
         return trace_static(*given, beside)
 
     @cached_property
-    def _static_veils(self) -> Veils | None:
+    def _static_veils(self) -> Transmission | None:
         """What finds what static slabs show of static surfaces; None where there is none."""
         if not self.transmission or not self.surfaces.static:
             return None
-        return static_veils(self.surfaces, self.radar, self.rtol)
+        return find_static_transmission(self.surfaces, self.radar, self.rtol)
 
     @cached_property
-    def beyond(self) -> tuple[StaticBounces | StaticRoundBounces | StaticVeils, ...]:
+    def beyond(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
         """What static surfaces show of one another, and what is seen through them, traced at first use."""
-        found: list[StaticBounces | StaticRoundBounces | StaticVeils | None] = []
+        found: list[StaticReflections | StaticCurvedReflections | StaticTransmission | None] = []
         if self._static_rays is not None:
             scene = self.surfaces, self._static_rays, self.radar
-            veils = self._static_veils
-            straight = None if veils is None else trace_static_veils(*scene[:2], veils, self.static)
+            transmission_tracer = self._static_veils
+            straight = (
+                None
+                if transmission_tracer is None
+                else trace_static_transmission(*scene[:2], transmission_tracer, self.static)
+            )
             found.append(straight)
             if self.max_bounces > 1:
-                found.append(trace_static_bounces(*scene, self._band, self.static, self.rtol, self.max_bounces))
-                found.append(trace_static_round_bounces(*scene, self.static, self.rtol))
+                found.append(trace_static_reflections(*scene, self._band, self.static, self.rtol, self.max_bounces))
+                found.append(trace_static_curved(*scene, self.static, self.rtol))
             if self.max_bounces > 1 and self.transmission:
                 through = None if straight is None else straight.paths
                 found.append(
-                    trace_static_veiled_bounces(*scene, self._band, self.static, through, self.rtol, self.max_bounces)
+                    trace_static_slab_reflections(*scene, self._band, self.static, through, self.rtol, self.max_bounces)
                 )
         return tuple(each for each in found if each is not None)
 
@@ -167,9 +181,9 @@ class Tracer:
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
         """Flat parts of the static scene, wide against the Fresnel zone, that the radar sees: ghosts appear in them."""
-        surfaces, seen = self.surfaces, self.static.lit
+        surfaces, visible = self.surfaces, self.static.unoccluded
         radar, points = self.radar, surfaces.static_vertices
-        return find_mirrors(surfaces.static, points, seen, self._viewpoint, radar.wavelength, radar.max_range)
+        return find_mirrors(surfaces.static, points, visible, self._viewpoint, radar.wavelength, radar.max_range)
 
     @cached_property
     def _static_rays(self) -> RayScene | None:
@@ -193,47 +207,47 @@ class Tracer:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
-    def follow(self, aimed: bool = True) -> MovingParts:
+    def follow(self, aimed: bool = True) -> MovingTracer:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
         the next. Results depend on what it went through before, so that every run begins with its own. Not `aimed`, it
         is for images, which have what the antennas hardly see as well."""
-        ghosts, bounces, rounds = None, list[Bounces](), None
+        ghosts, bounces, rounds = None, list[PlanarReflections](), None
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
                 ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
             walls = (lambda: self.mirrors) if self.surfaces.static else tuple
-            plain = Bounces(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
+            plain = PlanarReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
             bounces.append(plain)
             if any(surface.smooth is not None for surface in self.surfaces.moving):
-                rounds = RoundBounces(
-                    self.surfaces, self.radar, self.rtol, lambda: plain.owner, lambda: self.static.lit
+                rounds = CurvedReflections(
+                    self.surfaces, self.radar, self.rtol, lambda: plain.owner, lambda: self.static.unoccluded
                 )
         reach = self.radar.max_range
-        veils = None
+        transmission_tracer = None
         if self.transmission and self.surfaces.moving:
             every = (*self.surfaces.static, *self.surfaces.moving)
             names = self.surfaces.object_names, self.surfaces.part_names
-            found = Veils(every, self.surfaces.moving, names, self.radar, self.rtol)
-            veils = found if found.possible() else None
-            if self.max_bounces > 1 and found.possible(one_way=True):
-                bounces.append(VeiledBounces(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
+            found = Transmission(every, self.surfaces.moving, names, self.radar, self.rtol)
+            transmission_tracer = found if found.any_transmission() else None
+            if self.max_bounces > 1 and found.any_transmission(one_way=True):
+                bounces.append(SlabReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
         given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
-        further = FurtherWays(self.surfaces, self._band, ghosts, bounces, rounds, veils)
-        return MovingParts(*given, further, aimed)
+        indirect = IndirectPaths(self.surfaces, self._band, ghosts, bounces, rounds, transmission_tracer)
+        return MovingTracer(*given, indirect, aimed)
 
     def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
         """Knots from `start` to `stop` [s] between which splines follow what this radar sees of meshes at `positions`,
         (vertex, 3) of each at a time [s]."""
-        stretch = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
+        interval = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
         reach = 0.5 * float(lengths(self.radar.virtual_positions).max())
-        return choose_knots(positions, self._viewpoint, *stretch, self._band.importance, reach)
+        return choose_knots(positions, self._viewpoint, *interval, self._band.pattern_gain, reach)
 
     @one_blas_thread()
     def trace(
         self,
         start: float,
         stop: float,
-        moving: MovingParts | None = None,
+        moving: MovingTracer | None = None,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
         """Paths from `start` to `stop` [s], with as many knots as the motion asks for.
@@ -247,22 +261,22 @@ class Tracer:
             return self._traced(np.array([start]), np.array([start]), moving, 0.0, watch)
         highest, faces = self._band.highest, [actor.faces for actor in self.actors]
         gain = GAIN_PER_RTOL * self.rtol
-        followed = moving.consider(self._vertices, (start, stop))
-        knots, between = self.knots(followed, start, stop)
+        delay_points = moving.prepare(self._vertices, (start, stop))
+        knots, time_error = self.knots(delay_points, start, stop)
         closed = [surface.closed for surface in self.surfaces.moving]
         given = self._vertices, faces, closed, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
         # What actors hide of what stays, or of what is watched, is told by three times and more.
         pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
         for _ in range(_AGAIN):
             known = moving.cancelled
-            instants, turned = choose_instants(*given, beside=moving.beside, pair=pair, cancelled=known)
-            finest = knots if len(knots) > len(instants) else instants
-            traced = self._traced(finest, instants, moving, float(np.hypot(turned, between)), watch)
+            sample_times, turned = choose_sample_times(*given, beside=moving.beside, pair=pair, cancelled=known)
+            finest = knots if len(knots) > len(sample_times) else sample_times
+            traced = self._traced(finest, sample_times, moving, float(np.hypot(turned, time_error)), watch)
             # How much of the return cancels is known when it was traced.
             more = float((moving.cancelled / known).max())
-            if more * turned <= gain or more < _MORE or watch is not None or len(instants) == 1:
+            if more * turned <= gain or more < _MORE or watch is not None or len(sample_times) == 1:
                 break
-        if more <= 1.0 or len(instants) == 1:
+        if more <= 1.0 or len(sample_times) == 1:
             return traced
         report = replace(traced.report, time_error=max(traced.report.time_error, more * turned))
         return replace(traced, report=report)
@@ -274,7 +288,7 @@ class Tracer:
         self._positions.clear()
         moving = self.follow()
         if self.actors:
-            moving.consider(self._vertices, (t,))
+            moving.prepare(self._vertices, (t,))
         traced = self._traced(np.array([t]), np.array([t]), moving)
         static, actors = traced.static, traced.moving
         left = np.ones(static.num_paths, np.bool_)
@@ -310,30 +324,31 @@ class Tracer:
     def _traced(
         self,
         knots: FloatArray,
-        instants: FloatArray,
-        parts: MovingParts,
+        sample_times: FloatArray,
+        parts: MovingTracer,
         turned: float = 0.0,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
-        """Delays at `knots`, visibility and gains at `instants` [s], between which gains that turn are off by `turned`,
+        """Delays at `knots`, visibility and gains at `sample_times` [s], between which gains that turn are off by
+        `turned`,
         and what else splines miss there, relative to the return."""
         static = self.static
         beyond = self.beyond
-        shares: dict[float, Dimmed] = {}
+        shares: dict[float, StaticVisibility] = {}
         left: list[dict[float, FloatArray]] = [{} for _ in beyond]
         sent = [static.rays, *(each.rays for each in beyond)]
 
         @cache
         def hidden() -> NDArray[np.intp]:
             """Static facets that actors may hide at one of the instants."""
-            each = zip(*(self._vertices(t) for t in instants.tolist()), strict=True)
+            each = zip(*(self._vertices(t) for t in sample_times.tolist()), strict=True)
             return static.behind([np.concatenate(places) for places in each])
 
-        def look(t: float) -> RayScene:
+        def visibility(t: float) -> RayScene:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
             rays = self.rays_at(t)
             if t not in shares and self.actors:
-                shares[t], count = static.visible(rays, hidden(), parts.passing(t))
+                shares[t], count = static.visible(rays, hidden(), parts.silhouette_rays(t))
                 sent.append(count)
                 for each, by_time in zip(beyond, left, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))
@@ -342,37 +357,43 @@ class Tracer:
                     watch(t, rays)
             return rays
 
-        moving = parts.trace(knots, instants, self._vertices, look, self._rays, self.rays_at)
-        instants = moving.instants
-        for t in instants.tolist():
+        moving = parts.trace(knots, sample_times, self._vertices, visibility, self._rays, self.rays_at)
+        sample_times = moving.sample_times
+        for t in sample_times.tolist():
             if t not in shares and self.actors and (len(static.facets) or watch is not None):
-                look(t)
+                visibility(t)
 
-        dimmed = [shares.get(t, static.bright) for t in instants.tolist()]
-        hiding = follow_hidden(static, instants, dimmed, lambda t: self.rays_at(t, keep=False), self.rtol)
-        further = [np.stack([by_time[t] for t in instants.tolist()], axis=1) if by_time else None for by_time in left]
-        pairs = list(zip(beyond, further, strict=True))
-        unseen = [missed_between(static, each.paths, share) for each, share in pairs if share is not None]
+        static_visibility = [shares.get(t, static.without_actors) for t in sample_times.tolist()]
+        candidates = refine_occlusion(
+            static, sample_times, static_visibility, lambda t: self.rays_at(t, keep=False), self.rtol
+        )
+        indirect = [
+            np.stack([by_time[t] for t in sample_times.tolist()], axis=1) if by_time else None for by_time in left
+        ]
+        pairs = list(zip(beyond, indirect, strict=True))
+        unseen = [interpolation_error(static, each.paths, share) for each, share in pairs if share is not None]
 
         def shadows() -> tuple[Shadow, ...]:
-            found = list(hiding.shadows(static))
+            found = list(candidates.shadows(static))
             first = static.paths.num_paths
             for each, share in pairs:
                 if share is not None:
-                    found += [shadow.of(first) for shadow in each.shadows(instants, share)]
+                    found += [shadow.of(first) for shadow in each.shadows(sample_times, share)]
                 first += each.paths.num_paths
             return tuple(shadow for shadow in found if shadow.paths.num_paths)
 
-        edges = max([hiding.missed, *(each.missed for each in shares.values())])
+        edges = max([candidates.missed, *(each.missed for each in shares.values())])
         report = TraceReport(
-            facets=len(static.facets) + moving.facets + hiding.looked_at,
-            rays=sum(sent) + moving.rays + hiding.rays,
-            instants=len(instants),
+            facets=len(static.facets) + moving.facets + candidates.sampled_facets,
+            rays=sum(sent) + moving.rays + candidates.rays,
+            sample_times=len(sample_times),
             knots=len(knots),
             error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
-            time_error=max(float(np.hypot(moving.between, turned)), float(np.linalg.norm([hiding.error, *unseen]))),
+            time_error=max(
+                float(np.hypot(moving.time_error, turned)), float(np.linalg.norm([candidates.error, *unseen]))
+            ),
         )
-        return Traced(self._still, shadows, moving.paths, moving.glanced, report, moving.places, moving.glanced_places)
+        return Traced(self._still, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places)
 
     def rays_at(self, t: float, keep: bool = True) -> RayScene:
         """Static and moving meshes as they are at `t` [s], until it is asked for another time; `keep`, vertices are

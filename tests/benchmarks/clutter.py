@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.shooting import Shot, Stage
+from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.viewpoints import PlaceRenderer, Viewpoint
 from rfgen_sionna.processing import range_axis, range_spectrum
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
@@ -99,8 +99,8 @@ def main() -> None:
     rendered, traced = [], []
     for k, seed in zip(range(asked.seeds), unseen_layouts(), strict=False):
         room = furnished(asked.place, seed, radar.center_frequency)
-        shot = Shot((0.0, 0.0, 1.0), 0.0, 0.0, FOV)
-        rendered.append(through_image(Stage(room, radar).render(shot, PIXELS), k))
+        viewpoint = Viewpoint((0.0, 0.0, 1.0), 0.0, 0.0, FOV)
+        rendered.append(through_image(PlaceRenderer(room, radar).render(viewpoint, PIXELS), k))
         if k < asked.traced:
             traced.append(profile(Simulator(room, radar, rtol=1e-2, seed=k)))
             print(k, np.round(traced[-1] - rendered[-1], 1), flush=True)

@@ -102,8 +102,10 @@ def measure(name: str, variant: str) -> tuple[dict[str, Any], dict[str, Any]]:
                     samples[f"actors {index}"] = np.sum(parts, axis=0)
         seconds[f"frames {walk}"] = frames
     settled = [each for each in held[count // 3 :] if each is not None]
-    instants = [timed(lambda t=t: traced.trace(t, t, moving=run))[0] for t in (starts[-1] + 1e-3 * np.arange(1, 12))]
-    seconds["instant"] = float(np.median(instants))
+    sample_times = [
+        timed(lambda t=t: traced.trace(t, t, moving=run))[0] for t in (starts[-1] + 1e-3 * np.arange(1, 12))
+    ]
+    seconds["instant"] = float(np.median(sample_times))
     report = {
         "seconds": seconds, "stated_errors": {"static": float(static.error), "actors": errors},
         "paths": {"static": static.paths.num_paths, "actors": found.moving.num_paths},

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
-from rfgen_sionna.pir.patches import Stage, trace_footprints
+from rfgen_sionna.pir.pixel_patches import SceneSnapshot, trace_patches
 from rfgen_sionna.scene.mitsuba_backend import ensure_backend
-from rfgen_sionna.scene.ray_layer import Layer
+from rfgen_sionna.scene.ray_layer import MeshLayer
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks.subjects import Subject
 from tests.reference.sbr.shoot import Sampling, shoot
@@ -106,11 +106,11 @@ class Beams:
     @one_blas_thread()
     def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
         radar = self.subject.radar
-        stage = Stage.of(self._tracer, t, np.asarray(radar.position))
-        found = trace_footprints(stage, radar.tx_field, self._middles, self._corners, self._corner)
+        snapshot = SceneSnapshot.of(self._tracer, t, np.asarray(radar.position))
+        found = trace_patches(snapshot, radar.tx_field, self._middles, self._corners, self._corner)
         a, distance = found.a, found.distance
-        if stage.num_static:  # what the room returns is not asked for
-            moves = stage.rays.first_hit(stage.viewpoint, self._middles[found.ray]).object >= stage.num_static
+        if snapshot.num_static:  # what the room returns is not asked for
+            moves = snapshot.rays.first_hit(snapshot.viewpoint, self._middles[found.ray]).object >= snapshot.num_static
             a, distance = a[moves], distance[moves]
         turns = np.mod(2 * self.subject.frequency / SPEED_OF_LIGHT * distance, 1.0)
         return a * np.exp(2j * np.pi * turns), distance
@@ -176,11 +176,11 @@ class Samples:
         return {"method": name, "pixels": self.pixels**2, "rays": self.pixels**2, "view_deg": round(float(view), 1)}
 
     @cached_property
-    def _layers(self) -> tuple[Layer | None, Layer]:
+    def _layers(self) -> tuple[MeshLayer | None, MeshLayer]:
         subject = self.subject
         static = [] if subject.scene is None else [(each.vertices, each.faces) for each in subject.scene.objects]
         moving = [(actor.vertices(0.0), actor.faces) for actor in subject.actors]
-        return Layer(static, self._origin, False) if static else None, Layer(moving, self._origin, True)
+        return MeshLayer(static, self._origin, False) if static else None, MeshLayer(moving, self._origin, True)
 
     def __call__(self, t: float) -> complex:
         import drjit as dr
@@ -276,7 +276,7 @@ class Lines:
     instant alone returns what it does there for as long as that one is nearer."""
 
     samples: Samples
-    instants: int
+    sample_times: int
     length: float
     """Of the frame [s]."""
 
@@ -289,14 +289,17 @@ class Lines:
 
     @property
     def row(self) -> dict[str, Any]:
-        return self.samples.row | {"method": "one sample per pixel, lines between instants", "instants": self.instants}
+        return self.samples.row | {
+            "method": "one sample per pixel, lines between instants",
+            "instants": self.sample_times,
+        }
 
     def __call__(self, t: float) -> complex:
         return summed(*self.returns(t), self.subject.frequency)
 
     def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
-        step = self.length / (self.instants - 1)
-        first = min(int(t / step), self.instants - 2)
+        step = self.length / (self.sample_times - 1)
+        first = min(int(t / step), self.sample_times - 2)
         share = t / step - first
         self._known = {
             k: self._known[k] if k in self._known else self.samples.hits(k * step) for k in (first, first + 1)
@@ -358,7 +361,7 @@ class SionnaPaths:
     def returns(self, t: float) -> tuple[ComplexArray, FloatArray]:
         import sionna.rt as rt
 
-        from rfgen_sionna.tracing.sionna.paths import from_sionna
+        from rfgen_sionna.tracing.sionna.sionna_paths import from_sionna
 
         scene = self._scene.sionna
         for actor in self.subject.actors:

@@ -24,11 +24,11 @@ from diffusers.models.attention_processor import AttnProcessor
 from scipy.ndimage import gaussian_filter
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, read_model, write_model
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, read_model, write_model
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from training.commands import progress_bar
 from training.environment.fits import fit_autoencoder
-from training.environment.image_training import diffuse, even_loss
+from training.environment.image_training import diffuse, weighted_velocity_loss
 from training.learning import Run, precision
 
 _EDGE = 64
@@ -120,7 +120,7 @@ def main(
             noisy, times, target = diffuse(clean, torch.Generator().manual_seed(seed * 1_000_003 + step))
             with precision():
                 guess = guess_of(noisy, times, tokens).sample
-            run.learn(even_loss(guess, target, times, run.net.spread[:, None, None].expand(clean.shape)))
+            run.learn(weighted_velocity_loss(guess, target, times, run.net.spread[:, None, None].expand(clean.shape)))
 
 
 if __name__ == "__main__":

@@ -123,11 +123,11 @@ def lines(subject: Subject, check: AdcCheck, seed: int, progress: Callable[[str]
         samples = Samples(subject, pixels, False, None, seed)
         samples(0.0)
         seconds = min(timed(lambda samples=samples: samples(0.0))[0] for _ in range(3))
-        for instants in LINES_INSTANTS:
-            method = Lines(samples, instants, length)
+        for sample_times in LINES_INSTANTS:
+            method = Lines(samples, sample_times, length)
             progress(f"{subject.name}: {_words(method.row)}")
             error = check(method)["adc_relative"]
-            found.append(method.row | {"seconds": instants * seconds, "adc_relative": error})
+            found.append(method.row | {"seconds": sample_times * seconds, "adc_relative": error})
     return found
 
 
@@ -170,8 +170,8 @@ def measure(method: Method, check: AdcCheck, known: Known, quick: bool) -> dict[
     row = method.row | {"seconds": seconds, "first_seconds": first, "peak_mb": peak.megabytes}
     row |= known.errors(method, np.array([value for _, value in trials]))
     ours = isinstance(method, Traced)
-    usual = ours and (row["rtol"] == default_rtol() or check.subject.quadrature is None)
-    if usual or (not quick and seconds < SLOW_FLOOR):
+    reference_level = ours and (row["rtol"] == default_rtol() or check.subject.quadrature is None)
+    if reference_level or (not quick and seconds < SLOW_FLOOR):
         row["floor_db"] = spurious(method)
     if (ours and seconds < 1.0) or seconds < SLOW_SAMPLES:
         row |= check(method)

@@ -93,7 +93,7 @@ def person(quick: bool) -> dict[str, Any]:
         "facets": len(simulator.actors[0].faces), "instant_seconds": instant_seconds,
         "frame_seconds": float(seconds.min()), "best_frames_median_seconds": float(np.median(seconds)),
         "best_frames_mean_seconds": float(np.mean(seconds)), "walks_median_seconds": np.median(passes, axis=1).tolist(),
-        "instants": traced.report.instants, "knots": traced.report.knots, "paths": traced.moving.num_paths,
+        "instants": traced.report.sample_times, "knots": traced.report.knots, "paths": traced.moving.num_paths,
         "synthesis_seconds": best_of(samples, repeats),
     }  # fmt: skip
 

@@ -1,7 +1,7 @@
 """RF adaptive sampling of visibility: error of an adult's return against the rays sent.
 
-Uniform are n^2 rays to each facet; adaptive those of :mod:`rfgen_sionna.tracing.shadows.sampling`, at a ladder of
-tolerances. Truth is a lattice so dense that each facet's share is known to a few tenths of a percent.
+Uniform are n^2 rays to each facet; adaptive those of :mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`, at a
+ladder of tolerances. Truth is a lattice so dense that each facet's share is known to a few tenths of a percent.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.tracing import tracer
 from rfgen_sionna.tracing.gains import band as gains
-from rfgen_sionna.tracing.moving.sight import apart_for
-from rfgen_sionna.tracing.shadows import sampling
-from rfgen_sionna.tracing.shadows.outlines import Outline, Passing, Places
+from rfgen_sionna.tracing.moving.moving_visibility import silhouette_ray_spacing
+from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
+from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, MeshSilhouette, SilhouetteRays
 from rfgen_sionna.tracing.surface.facets import stack_facets
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 from tests.benchmarks.comparison import compare_rays
@@ -35,7 +35,7 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     corners = vertices[0][surface.faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facing = np.flatnonzero(((corners[:, 0] - viewpoint) * cross).sum(axis=1) < 0)
-    places = sampling.touching(corners)[facing]
+    places = sampling.shared_vertices(corners)[facing]
     corners, number = corners[facing], facing + surface.first_facet
     fields = _fields(made, facing, vertices, viewpoint)
     wavenumber = 2 * np.pi * subject.frequency / SPEED_OF_LIGHT
@@ -54,12 +54,12 @@ def run(quick: bool, progress: Callable[[str], None]) -> dict[str, Any]:
     for rtol in sorted({1e-1, 1e-2, 1e-3, default_rtol()}, reverse=True):
 
         def adaptive(rtol: float = rtol) -> tuple[Any, int]:
-            apart = apart_for([vertices[0][surface.faces]], viewpoint, rtol)
-            past, span = Outline(surface.faces).passing(vertices[0] - viewpoint, apart)
-            passing = Passing(past, rays.first_facet(viewpoint, past), span)
-            outline = Places(corners - viewpoint, number).holding(passing)[0]
-            seen, guides = sampling.Corners(viewpoint, corners, number, places).seen(rays)
-            found = sampling.sampled_fraction(rays, viewpoint, corners, number, seen, wavenumber, rtol, outline)
+            apart = silhouette_ray_spacing([vertices[0][surface.faces]], viewpoint, rtol)
+            past, span = MeshSilhouette(surface.faces).silhouette_rays(vertices[0] - viewpoint, apart)
+            silhouette_rays = SilhouetteRays(past, rays.first_facet(viewpoint, past), span)
+            silhouette = FacetLocator(corners - viewpoint, number).silhouette_lengths(silhouette_rays)[0]
+            visible, guides = sampling.CornerVisibility(viewpoint, corners, number, places).visible(rays)
+            found = sampling.sample_visibility(rays, viewpoint, corners, number, visible, wavenumber, rtol, silhouette)
             return found.fraction, guides + found.rays + len(past)
 
         found.append(measured("adaptive", adaptive, rtol=rtol))

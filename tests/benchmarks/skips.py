@@ -24,16 +24,18 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing import tracer
-from rfgen_sionna.tracing.bounces import bounces
 from rfgen_sionna.tracing.gains import band as gains
 from rfgen_sionna.tracing.ghosts import ghosts
-from rfgen_sionna.tracing.moving import instants, sight
-from rfgen_sionna.tracing.shadows import lines as shadow_lines
-from rfgen_sionna.tracing.shadows import sampling, visibility
-from rfgen_sionna.tracing.static import bounces as static_bounces
-from rfgen_sionna.tracing.static import trace as static
+from rfgen_sionna.tracing.moving import moving_visibility as sight
+from rfgen_sionna.tracing.moving import sample_times as instants
+from rfgen_sionna.tracing.reflectors import planar_reflections as bounces
+from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
+from rfgen_sionna.tracing.shadows import mirror_visibility as visibility
+from rfgen_sionna.tracing.shadows import visible_polygons as shadow_lines
+from rfgen_sionna.tracing.static import static_reflections as static_bounces
+from rfgen_sionna.tracing.static import static_trace as static
 from rfgen_sionna.tracing.surface import tessellate
-from rfgen_sionna.tracing.veils import veils
+from rfgen_sionna.tracing.transmission import transmission as veils
 from tests.benchmarks.measuring import default_rtol, timed
 from tests.benchmarks.subjects import SPEED, ball, standing
 
@@ -81,37 +83,41 @@ def _open_surfaces(*arguments: Any) -> Any:
 
 def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 8) -> tuple[Any, int]:
     """(facet,) visible share by n^2 rays to each, and the number of rays."""
-    places = visibility.lattice(n)
+    places = visibility.barycentric_lattice(n)
     of, every = np.repeat(np.arange(len(corners)), len(places)), np.tile(places, (len(corners), 1))
-    through = rays.targets(viewpoint, corners, facet).seen(of, every).reshape(len(corners), -1)
+    through = rays.targets(viewpoint, corners, facet).visible(of, every).reshape(len(corners), -1)
     return through.mean(axis=1), through.size
 
 
-_SAMPLED = sampling.sampled_fraction
+_SAMPLED = sampling.sample_visibility
 
 
 def _all_rays(
-    rays: Any, viewpoint: Any, corners: Any, facet: Any, seen: Any, wavenumber: float, *more: Any, **others: Any
+    rays: Any, viewpoint: Any, corners: Any, facet: Any, visible: Any, wavenumber: float, *more: Any, **others: Any
 ) -> Any:
     """Rays to all facets: those that would have some get these, others a lattice of more cells the more wavelengths lie
     along them, four at least."""
-    found = _SAMPLED(rays, viewpoint, corners, facet, seen, wavenumber, *more, **others)
+    found = _SAMPLED(rays, viewpoint, corners, facet, visible, wavenumber, *more, **others)
     rest = np.setdiff1d(np.arange(len(corners)), found.owner)
     _, _, width = sampling.returns_at_most(corners[rest] - viewpoint, wavenumber)
     level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
     moving, fraction = others.get("moving", False), found.fraction.copy()
     targets = rays.targets(viewpoint, corners[rest], facet[rest], moving)
-    more_there = shadow_lines.crossed(targets, level, fraction[rest] > 0)
+    more_there = shadow_lines.crossed_by_edges(targets, level, fraction[rest] > 0)
     rays_there = int(shadow_lines.points_of(level).sum())
     rest, level, width = rest[more_there], level[more_there], width[more_there]
-    lit = shadow_lines.lit_parts(rays.targets(viewpoint, corners[rest], facet[rest], moving), level, width)
-    fraction[rest] = lit.fraction
-    owner = np.concatenate([found.owner, rest[lit.owner]])
-    pieces = np.concatenate([found.pieces, lit.pieces])
-    hider = np.concatenate([found.hider, np.column_stack([lit.hider, np.tile([np.inf, np.nan], (len(lit.owner), 1))])])
+    unoccluded = shadow_lines.find_visible_polygons(
+        rays.targets(viewpoint, corners[rest], facet[rest], moving), level, width
+    )
+    fraction[rest] = unoccluded.fraction
+    owner = np.concatenate([found.owner, rest[unoccluded.owner]])
+    pieces = np.concatenate([found.pieces, unoccluded.pieces])
+    occluder = np.concatenate(
+        [found.occluder, np.column_stack([unoccluded.occluder, np.tile([np.inf, np.nan], (len(unoccluded.owner), 1))])]
+    )
     order = np.argsort(owner, kind="stable")
-    cut = {"owner": owner[order], "pieces": pieces[order], "hider": hider[order]}
-    return found._replace(fraction=fraction, rays=found.rays + rays_there + lit.rays, **cut)
+    cut = {"owner": owner[order], "pieces": pieces[order], "occluder": occluder[order]}
+    return found._replace(fraction=fraction, rays=found.rays + rays_there + unoccluded.rays, **cut)
 
 
 def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
@@ -119,14 +125,14 @@ def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
 
 
 _COLLECT = tracer.collect_surfaces
-_DEMAND = tessellate.demand
+_DEMAND = tessellate.required_splits
 
 
 def _as_in_the_beam(
-    corners: Any, viewpoint: Any, frequency: float, rtol: float, importance: Any, *more: Any
+    corners: Any, viewpoint: Any, frequency: float, rtol: float, pattern_gain: Any, *more: Any
 ) -> tuple[Any, Any, Any]:
     """What is demanded of facets, as if the antennas sent as much everywhere, and as their gain asks for."""
-    given = [_DEMAND(corners, viewpoint, frequency, rtol, gain, *more) for gain in (importance, _everywhere)]
+    given = [_DEMAND(corners, viewpoint, frequency, rtol, gain, *more) for gain in (pattern_gain, _everywhere)]
     (coarse, parts, high), (coarse_too, *finer) = given
     return coarse | coarse_too, np.maximum(parts, finer[0]), np.maximum(high, finer[1])
 
@@ -139,11 +145,11 @@ _EVERYWHERE = (tessellate, "demand", _as_in_the_beam)
 _BEHIND = (static, "behind", _everything)
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
-_RAYS = tuple((module, "sampled_fraction", _all_rays) for module in (sight, static))
-_ENERGY = ((ghosts, "SKIPPED", 0.0), (bounces, "SKIPPED", 0.0), (static_bounces, "SKIPPED", 0.0))
-_FAINT = (sight, "FAINT_PER_RTOL", 0.0)
+_RAYS = tuple((module, "sample_visibility", _all_rays) for module in (sight, static))
+_ENERGY = ((ghosts, "OMITTED_SHARE", 0.0), (bounces, "OMITTED_SHARE", 0.0), (static_bounces, "OMITTED_SHARE", 0.0))
+_FAINT = (sight, "CULLED_PER_RTOL", 0.0)
 _PAIR = (instants, "PAIR_SPACING", 0.0)
-_VEILS = (veils.Veils, "possible", lambda self, only=None, one_way=False: True)
+_VEILS = (veils.Transmission, "possible", lambda self, only=None, one_way=False: True)
 
 SKIPS = (
     Skip("static parts are traced once", _patched()),
@@ -211,11 +217,12 @@ def _share(part: ComplexArray, level: float) -> float | None:
     return float(np.linalg.norm(part)) / level if level else None
 
 
-def _row(name: str, on: float, off: float, differences: tuple[float, float], allowed: float, **more: Any) -> Any:
-    holds = max(differences) <= allowed
+def _row(name: str, on: float, off: float, differences: tuple[float, float], error_budget: float, **more: Any) -> Any:
+    holds = max(differences) <= error_budget
     return {
         "skip": name, "seconds_on": on, "seconds_off": off, "times_faster": off / max(on, 1e-9),
-        "difference_room": differences[0], "difference_actor": differences[1], "allowed": allowed, "holds": holds,
+        "difference_room": differences[0], "difference_actor": differences[1], "error_budget": error_budget, "holds":
+        holds,
     } | more  # fmt: skip
 
 
@@ -341,7 +348,7 @@ def process_rows() -> list[dict[str, Any]]:
     """No import before its use, and no diffusion where no prompt asks for it: processes that simulate a ball, with the
     heavy libraries imported, or the image model read, beforehand."""
     names = ", ".join(repr(name) for name in IMPORTS)
-    model = "from rfgen_sionna.generative.environment.model import read_model\nread_model()"
+    model = "from rfgen_sionna.generative.environment.environment_model import read_model\nread_model()"
     plain, eager, drawn = _process(""), _process(EAGER.format(names=names)), _process(model)
     return [
         _row(

@@ -30,8 +30,8 @@ def identity(quadrature: Quadrature, hides: Iterable[tuple[FloatArray, IntArray]
     kind = f"{VERSION} {quadrature.frequency:.9g} {quadrature.oversampling:g} {complex(quadrature.permittivity):.9g}"
     total = hashlib.sha256(kind.encode())
     meshes = [(quadrature.vertices, quadrature.faces), *hides]
-    rises = np.zeros(0) if quadrature.rises is None else quadrature.rises
-    for places in (*(vertices - quadrature.viewpoint for vertices, _ in meshes), rises, quadrature.field):
+    sagittas = np.zeros(0) if quadrature.sagittas is None else quadrature.sagittas
+    for places in (*(vertices - quadrature.viewpoint for vertices, _ in meshes), sagittas, quadrature.field):
         total.update(np.rint(np.asarray(places) / RESOLUTION).astype(np.int64).tobytes())
     for _, faces in meshes:
         total.update(np.asarray(faces, np.int64).tobytes())

@@ -20,7 +20,7 @@ from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene import MeshActor, RadarScene, RigidMesh, load_scene
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from tests.benchmarks import truth
 from tests.benchmarks.truth import Quadrature
 
@@ -231,7 +231,7 @@ def _body(
     half = 1.05 * float(np.abs(local[:, 1:] / local[:, :1]).max())
 
     static = () if scene is None else tuple((each.vertices, each.faces) for each in scene.objects)
-    curved = smoothing(points, actor.faces) is not None
+    curved = find_smoothing(points, actor.faces) is not None
 
     @cache
     def rays() -> RayScene:

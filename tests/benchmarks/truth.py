@@ -13,8 +13,8 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.surface.bend import edge_rises
-from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.quadratic_patch import edge_sagittas
+from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from tests.reference.physical_optics import fresnel, triangle_points
 
 CHUNK = 1 << 18
@@ -104,31 +104,32 @@ class Quadrature:
     """Multiplies the density of the points."""
     smooth: bool = False
     """Whether the quadratic surface through the corners and the middles of bowed edges is integrated: where that is, is
-    the package's to define (:mod:`rfgen_sionna.tracing.surface.smooth`); what it returns is found here. What hides its
+    the package's to define (:mod:`rfgen_sionna.tracing.surface.smoothing`); what it returns is found here. What hides
+    its
     points is the flat mesh."""
 
     @cached_property
-    def rises(self) -> FloatArray | None:
+    def sagittas(self) -> FloatArray | None:
         """(face, 3, 3) of the edges; None where all is flat."""
-        found = smoothing(self.vertices, self.faces) if self.smooth else None
+        found = find_smoothing(self.vertices, self.faces) if self.smooth else None
         corners = self.vertices[self.faces] - self.viewpoint
-        return None if found is None else edge_rises(corners, found.normals(self.vertices, self.faces))
+        return None if found is None else edge_sagittas(corners, found.normals(self.vertices, self.faces))
 
     def pieces(self) -> Iterator[Points]:
         """The visible points, with the viewpoint at the origin."""
-        corners, rises = self.vertices[self.faces] - self.viewpoint, self.rises
+        corners, sagittas = self.vertices[self.faces] - self.viewpoint, self.sagittas
         rays = None if self.rays is None else self.rays()
         crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         for place, weight, number in self._places(corners, crosses):
-            if rises is None:
+            if sagittas is None:
                 flat = point = np.einsum("pc,pci->pi", place, corners[number])
                 cross = crosses[number]
             else:
-                flat, point, cross = _surface(place, corners[number], rises[number])
+                flat, point, cross = _surface(place, corners[number], sagittas[number])
             targets, owner = flat + self.viewpoint, number + self.first_facet
-            seen = slice(None) if rays is None else ~rays.occluded(self.viewpoint, targets, owner)
+            visible = slice(None) if rays is None else ~rays.occluded(self.viewpoint, targets, owner)
             twice = np.linalg.norm(cross, axis=1)
-            yield Points(point[seen], (cross / twice[:, None])[seen], (0.5 * twice * weight)[seen])
+            yield Points(point[visible], (cross / twice[:, None])[visible], (0.5 * twice * weight)[visible])
 
     def _places(self, corners: FloatArray, crosses: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
         """(point, 3) barycentric coordinates, (point,) shares of the face's area, (point,) faces."""
@@ -183,14 +184,15 @@ def _share_across(towards: FloatArray, normal: FloatArray, field: FloatArray) ->
     return np.asarray(np.einsum("pi,pi->p", s, transverse) ** 2 / np.maximum(size, 1e-30))
 
 
-def _surface(place: FloatArray, corners: FloatArray, rises: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _surface(place: FloatArray, corners: FloatArray, sagittas: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(point, 3) flat points, points of the quadratic surface, and its normals, twice its area long, at barycentric
-    coordinates `place` (point, 3) of faces whose edges opposite their corners rise by `rises` (point, 3, 3)."""
+    coordinates `place` (point, 3) of faces whose edges opposite their corners rise by `sagittas` (point, 3, 3)."""
     w = place[:, :, None]
     flat = (w * corners).sum(axis=1)
-    point = flat + 4 * sum(w[:, (i + 1) % 3] * w[:, (i + 2) % 3] * rises[:, i] for i in range(3))
+    point = flat + 4 * sum(w[:, (i + 1) % 3] * w[:, (i + 2) % 3] * sagittas[:, i] for i in range(3))
     slope = [
-        corners[:, i] + 4 * (w[:, (i + 2) % 3] * rises[:, (i + 1) % 3] + w[:, (i + 1) % 3] * rises[:, (i + 2) % 3])
+        corners[:, i]
+        + 4 * (w[:, (i + 2) % 3] * sagittas[:, (i + 1) % 3] + w[:, (i + 1) % 3] * sagittas[:, (i + 2) % 3])
         for i in range(3)
     ]
     return flat, point, np.cross(slope[1] - slope[0], slope[2] - slope[0])

@@ -12,8 +12,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.bounces.landing import DIRECT
-from rfgen_sionna.tracing.bounces.roles import role_shares
+from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT
+from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weights
 from rfgen_sionna.tracing.tracer import GAIN_PER_RTOL
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain
@@ -160,11 +160,11 @@ def test_dihedrals_that_stay_rolled_and_yawed_return_what_an_actor_s_do(widths, 
 @pytest.mark.parametrize("ratio", [1.0, 5.0, 8.0, 17.0, 32.0, 1e3])
 def test_two_plates_have_either_role_and_count_once_together(ratio):
     area, one, other = np.array([ratio, 1.0]), np.array([0]), np.array([1])
-    small, large = role_shares(area, other, one, DIRECT), role_shares(area, one, other, DIRECT)
+    small, large = mirror_weights(area, other, one, DIRECT), mirror_weights(area, one, other, DIRECT)
     assert small + large == pytest.approx(1.0)
     assert small == pytest.approx({5.0: 0.5, 8.0: 0.5, 32.0: 1.0}.get(ratio, small))
     assert large <= 0.5 <= small
-    assert role_shares(area, np.array([-1]), one, DIRECT) == role_shares(area, one, other, other) == 1.0
+    assert mirror_weights(area, np.array([-1]), one, DIRECT) == mirror_weights(area, one, other, other) == 1.0
 
 
 @pytest.mark.parametrize("gigahertz", [24, 77])

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from tests.reference.physical_optics import po_gain
 
 
@@ -156,7 +156,7 @@ def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     )
     vertices = actor.vertices(0.0)
     corners = vertices[actor.faces]  # of those that look away a strip may be seen
-    rises = smoothing(vertices, actor.faces).bend(vertices, actor.faces).rises
+    sagittas = find_smoothing(vertices, actor.faces).patch(vertices, actor.faces).sagittas
     points = 24 if rtol > 1e-3 else 48
-    error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=points, rises=rises))
+    error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=points, sagittas=sagittas))
     assert error < report.error <= 5 * rtol

@@ -9,8 +9,8 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.records import knot_weights
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.surface.bend import Bend
-from rfgen_sionna.tracing.surface.fineness import FACET_BULGE, allowed_bulge, phase_bulge
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
+from rfgen_sionna.tracing.surface.resolution import FACET_BULGE, allowed_bulge, phase_bulge
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 from tests.reference.physical_optics import po_gain
 
@@ -287,15 +287,15 @@ def test_facets_return_the_same_in_any_order(curved):
     corners = np.array([3.0, 0.0, 0.0]) + rng.normal(size=(count, 1, 3)) * 0.3 + rng.normal(size=(count, 3, 3)) * 0.02
     parts = rng.integers(1, 6, count).astype(np.int32)
     material = rng.integers(0, 2, count).astype(np.int32)
-    bend = Bend(1e-3 * rng.normal(size=(count, 3, 3))) if curved else None
+    patch = QuadraticPatch(1e-3 * rng.normal(size=(count, 3, 3))) if curved else None
     media = Media(np.stack([np.full(2, SKIN), np.full(2, 5.0 - 0.1j)]), np.ones((2, 2)), np.full(2, np.inf), np.ones(2))
     nodes = Nodes(np.zeros((2, 3)), np.array([[0.0, 0.01, 0.0], [0.0, 0.02, 0.0]]), np.array([77e9, 79e9]))
     axes = 0.01 * np.eye(3)[1:]
 
     def gains(index):
-        own = None if bend is None else bend.take(index)
+        own = None if patch is None else patch.take(index)
         return facet_gains(
-            corners[index], material[index], media, nodes, VERTICAL, VERTICAL, parts[index], bend=own, axes=axes
+            corners[index], material[index], media, nodes, VERTICAL, VERTICAL, parts[index], patch=own, axes=axes
         )
 
     found, mixed = gains(np.arange(count)), rng.permutation(count)

@@ -34,7 +34,7 @@ def walking(t, rtol):
     person = Person.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0)
     tracer = Tracer(None, radar, [person], rtol)
     traced = tracer.trace(t, t)
-    paths, weight = traced.moving, tracer._band.importance(traced.moving.direction[:, 0])
+    paths, weight = traced.moving, tracer._band.pattern_gain(traced.moving.direction[:, 0])
     phase = 2 * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0)
     return (weight * paths.a[0, 0, :, 0] * np.exp(-1j * phase)).sum(), traced.report.error
 
@@ -54,29 +54,29 @@ def test_a_plate_behind_a_slit_returns_what_the_slit_lets_through(radar, turn, r
     """
     cos, sin = np.cos(turn), np.sin(turn)
     target = MeshActor.from_mesh(square(0.15), material="pec", position=(2, 0, 0), name="plate")
-    screens = []
+    slab_stacks = []
     for side in (-1, 1):
         edge = np.array([[0.0015, -0.3], [0.3, -0.3], [0.3, 0.3], [0.0015, 0.3]]) * [side, 1]
         corners = np.column_stack([np.zeros(4), edge @ np.array([[cos, sin], [-sin, cos]])])
         mesh = trimesh.Trimesh(corners, [[0, 2, 1], [0, 3, 2]], process=False)
-        screens.append(MeshActor.from_mesh(mesh, material="pec", position=(1, 0, 0), name=f"screen{side}"))
+        slab_stacks.append(MeshActor.from_mesh(mesh, material="pec", position=(1, 0, 0), name=f"screen{side}"))
     alone = channel(Tracer(None, radar, [target], 1e-4).trace(0.0, 0.0).moving, "plate")
-    tracer = Tracer(None, radar, [target, *screens], rtol)
+    tracer = Tracer(None, radar, [target, *slab_stacks], rtol)
     traced = tracer.trace(0.0, 0.0)
     found = channel(traced.moving, "plate") / alone
 
-    meshes = [(each.vertices(0.0), each.faces) for each in screens]
+    meshes = [(each.vertices(0.0), each.faces) for each in slab_stacks]
     rays, places = RayScene(meshes), (np.arange(2000) + 0.5) * (0.3 / 2000) - 0.15
-    lit, whole = 0j, 0j
+    unoccluded, whole = 0j, 0j
     element = 0.5 * (radar.tx_world[0] + radar.rx_world[0])
     for y in places:
         points = np.column_stack([np.full(2000, 2.0), np.full(2000, y), places])
         distance = np.linalg.norm(points - element, axis=1)
         strength = np.exp(-4j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * distance) / distance**3
-        lit += strength[~rays.occluded(np.asarray(radar.position), points)].sum()
+        unoccluded += strength[~rays.occluded(np.asarray(radar.position), points)].sum()
         whole += strength.sum()
     # The points know the lit share to a tenth of what is stated: 2000 along each side, 40 across the slit's light.
-    assert abs(found - lit / whole) < traced.report.error * abs(lit / whole)
+    assert abs(found - unoccluded / whole) < traced.report.error * abs(unoccluded / whole)
 
 
 @pytest.mark.parametrize("t", [pytest.param(1.01, marks=pytest.mark.slow), 1.61])
@@ -93,7 +93,7 @@ def test_what_falls_between_rays_past_outlines_is_stated(monkeypatch):
     """Rays that are too far apart: light between arm and body falls on small facets that none of them finds, 0.13 %
     of the return at 1.31 s, which the facets that are found tell of."""
     best, own = walking(1.31, 3e-4)
-    monkeypatch.setattr("rfgen_sionna.tracing.moving.sight.apart_for", lambda *_: 5e-3)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.moving_visibility.silhouette_ray_spacing", lambda *_: 5e-3)
     value, stated = walking(1.31, 1e-3)
     assert abs(value - best) > 1e-3 * abs(best)
     assert abs(value - best) < (stated + own) * abs(best)

@@ -17,8 +17,8 @@ pytest.importorskip("diffusers")
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, Rig, animate, person
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.rhythm import find_period
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion, RadarPaths
@@ -87,13 +87,14 @@ def test_skin_passes_through_poses_without_a_kick(rig: Rig) -> None:
     lines between them would make them twenty times as great where one meets the next."""
     motion = walker(rig)
     body = animate(rig, motion)
-    shown = np.arange(0, len(body.vertices(0.0)), 40)
+    any_visible = np.arange(0, len(body.vertices(0.0)), 40)
 
     def greatest(step: float) -> float:
         poses = np.arange(60, 76) / motion.frame_rate
         return max(
             float(np.linalg.norm(a - 2.0 * b + c, axis=-1).max()) / step**2
-            for a, b, c in ((body.vertices(t - step)[shown], body.vertices(t)[shown], body.vertices(t + step)[shown])
+            for a, b, c in ((body.vertices(t - step)[any_visible], body.vertices(t)[any_visible], body.vertices(t +
+            step)[any_visible])
                             for t in poses)
         )  # fmt: skip
 
@@ -130,20 +131,22 @@ def test_micro_doppler_of_generated_walking_has_the_cadence_and_speed_of_its_leg
         # return thirty less than a trunk at most times.
         share = np.cumsum(power[::-1])[::-1] / power.sum()
         edge.append(axis[np.flatnonzero(share > 1e-4)[-1]])
-    seen = np.array(edge)
+    visible = np.array(edge)
     times = starts + 0.5 * length
     eye = np.asarray(radar.position)
     legs = limb_speed(motion, times, place, eye)
-    period, height = find_period(seen, 20.0, 1.0)
+    period, height = find_period(visible, 20.0, 1.0)
     true, _ = find_period(legs, 20.0, 1.0)
     other, _ = find_period(limb_speed(walker(rig, speed=0.7), times, place, eye), 20.0, 1.0)
     later = limb_speed(motion, times + 0.5 * true, place, eye)
-    alike, apart = (float(np.corrcoef(seen, s)[0, 1]) for s in (legs, later))
+    alike, apart = (float(np.corrcoef(visible, s)[0, 1]) for s in (legs, later))
     print(f"step {period:.3f} s (joints {true:.3f}, other walk {other:.3f}), autocorrelation {height:.2f}")
-    print(f"alike {alike:.2f}, half a step later {apart:.2f}, fastest {seen.max():.2f} m/s (joints {legs.max():.2f})")
+    print(
+        f"alike {alike:.2f}, half a step later {apart:.2f}, fastest {visible.max():.2f} m/s (joints {legs.max():.2f})"
+    )
     assert period == pytest.approx(true, rel=0.05)
     assert height > 0.5
     assert abs(other / true - 1.0) > 0.1
     assert alike > 0.6
     assert apart < 0.1
-    assert np.percentile(seen, 95) == pytest.approx(np.percentile(legs, 95), rel=0.2)
+    assert np.percentile(visible, 95) == pytest.approx(np.percentile(legs, 95), rel=0.2)

@@ -88,7 +88,7 @@ def sphere_return(centre, tx, rx, radius, wavelength):
     normal = (point(angle) - centre) / radius
     s_1, s_2 = (np.linalg.norm(point(angle) - each) for each in (tx, rx))
     cos = normal @ (tx - point(angle)) / s_1
-    rho = [1 / (1 / s_1 + bend) for bend in (2 / (radius * cos), 2 * cos / radius)]
+    rho = [1 / (1 / s_1 + patch) for patch in (2 / (radius * cos), 2 * cos / radius)]
     spread = np.sqrt(rho[0] * rho[1] / ((rho[0] + s_2) * (rho[1] + s_2)))
     return wavelength / (4 * np.pi * s_1) * spread, s_1 + s_2
 
@@ -130,9 +130,9 @@ def test_a_ghost_behind_a_wall_appears_at_its_image_and_is_as_strong_as_the_wall
         place = beat * SPEED_OF_LIGHT / radar.waveform.slope
         assert abs(place - length) / 2 < 0.1 * cell + offset
         # The last leg comes from where the image of the sphere is.
-        seen = BALL * [1, -1, 1] + [0, 2 * SIDE, 0] if by_rx else BALL
-        away = (seen - view) / np.linalg.norm(seen - view)
-        assert (paths.arrival[:, 0] @ away).min() > np.cos(1.1 * RADIUS / np.linalg.norm(seen - view))
+        visible = BALL * [1, -1, 1] + [0, 2 * SIDE, 0] if by_rx else BALL
+        away = (visible - view) / np.linalg.norm(visible - view)
+        assert (paths.arrival[:, 0] @ away).min() > np.cos(1.1 * RADIUS / np.linalg.norm(visible - view))
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW), 3])
@@ -166,10 +166,10 @@ def test_ghosts_are_the_dense_quadrature_with_the_wall_s_own_fields(seed):
     for tx, rx in ((0, 0), (2, 3)):
         for way, some in found.items():
             # Every face that is seen is seen as a whole: a box is convex.
-            lit = np.all([np.einsum("fi,fi->f", cross, views[end] - corners[:, 0]) > 0 for end in way], axis=0)
+            unoccluded = np.all([np.einsum("fi,fi->f", cross, views[end] - corners[:, 0]) > 0 for end in way], axis=0)
             elements = radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
             walls = {"tx_wall": wall if way[0] else None, "rx_wall": wall if way[1] else None}
-            truth.append(po_gain(corners[lit], *elements, own, n=100, **walls))
+            truth.append(po_gain(corners[unoccluded], *elements, own, n=100, **walls))
             missed.append(channel(some)[tx, rx] - truth[-1])
     truth, missed = np.reshape(truth, (2, 4)), np.reshape(missed, (2, 4))
     levels = np.sqrt(np.mean(np.abs(truth) ** 2, axis=0))
@@ -295,4 +295,4 @@ def test_what_mirrors_show_of_quiet_bodies_has_four_instants(radar):
     slow = MeshActor.from_mesh(sphere(2), material="pec", position=(2, 0, 1), velocity=(0.1, 0, 0), name="ball")
     scene = side_wall("metal", thickness=0.012)
     tracers = [Tracer(scene, tabulated(radar), [slow], 1e-2, max_bounces=bounces) for bounces in (1, 2)]
-    assert [each.trace(0.0, 0.02).report.instants for each in tracers] == [3, 4]
+    assert [each.trace(0.0, 0.02).report.sample_times for each in tracers] == [3, 4]

@@ -11,8 +11,8 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.ghosts.sight import MirrorSight
-from rfgen_sionna.tracing.shadows.visibility import FINE, seen_by_both
+from rfgen_sionna.tracing.ghosts.ghost_visibility import GhostVisibilitySampler
+from rfgen_sionna.tracing.shadows.mirror_visibility import FINE_LATTICE, visible_to_both
 from tests.physics.test_ghosts import (
     BALL,
     ISOTROPIC,
@@ -110,11 +110,11 @@ def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
     for tx, rx in ((0, 0), (2, 3)):
         total, truth = 0.0, 0.0
         for (first, last), some in found.items():
-            lit = np.all(
+            unoccluded = np.all(
                 [np.einsum("fi,fi->f", cross, IMAGES[end] - corners[:, 0]) > 0 for end in (first, last)], axis=0
             )
             elements = radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
-            truth += po_gain(corners[lit], *elements, own, n=100, tx_wall=walls[first], rx_wall=walls[last])
+            truth += po_gain(corners[unoccluded], *elements, own, n=100, tx_wall=walls[first], rx_wall=walls[last])
             total += channel(some)[tx, rx]
             assert some.num_paths
         allowed = error * np.abs(channel(paths)).max()
@@ -122,15 +122,15 @@ def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
         assert abs(total - truth) < allowed
 
 
-@pytest.mark.parametrize(("reach", "seen"), [(0.03, True), (-0.03, False)])
-def test_the_range_window_is_of_the_whole_way(radar, reach, seen, monkeypatch):
+@pytest.mark.parametrize(("reach", "visible"), [(0.03, True), (-0.03, False)])
+def test_the_range_window_is_of_the_whole_way(radar, reach, visible, monkeypatch):
     """By one wall a small ball is within it, by the other beyond: the mean of the two ways tells."""
     point = MeshActor.from_mesh(sphere(3, 0.01), material="pec", position=BALL, name="ball")
     lengths = [np.linalg.norm(BALL - image) for image in IMAGES.values()]
     assert abs(lengths[0] - lengths[1]) > 0.15
     monkeypatch.setattr(Radar, "max_range", property(lambda _: float(np.mean(lengths)) + reach))
     paths = of(Simulator(corridor("pec", "pec"), radar, [point], rtol=1e-2, max_bounces=None).paths())
-    assert all((each.num_paths > 0) == seen for each in across(paths).values())
+    assert all((each.num_paths > 0) == visible for each in across(paths).values())
 
 
 def test_a_radar_that_moves_sees_those_of_one_that_stands_there(radar, ball):
@@ -202,13 +202,13 @@ def test_of_facets_in_half_shadow_counts_what_both_walls_show():
     """The points that one shows and those that the other does, together: not the product of their shares."""
     some = np.array([0b1111, 0b1111, 0xFFFF, 0], np.uint16)
     other = np.array([0b0011, 0b110000, 0b1111, 0xFFFF], np.uint16)
-    np.testing.assert_allclose(seen_by_both(some, other), np.array([2, 0, 4, 0]) / len(FINE))
+    np.testing.assert_allclose(visible_to_both(some, other), np.array([2, 0, 4, 0]) / len(FINE_LATTICE))
 
 
 def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
     """Of a ball with a rod in the light of one of the images."""
     kept = []
-    plain = MirrorSight.__call__
+    plain = GhostVisibilitySampler.__call__
 
     def watched(self, rays, facets, fraction, chosen, used, pairs):
         every = np.ones_like(used)
@@ -216,7 +216,7 @@ def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
         kept.append((found, np.searchsorted(chosen, pairs)))
         return found
 
-    monkeypatch.setattr(MirrorSight, "__call__", watched)
+    monkeypatch.setattr(GhostVisibilitySampler, "__call__", watched)
     board = MeshActor.from_mesh(
         trimesh.creation.box((0.02, 0.02, 0.3)),
         material="wood",

@@ -12,7 +12,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, knot_weights
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.ghosts.levels import folded_levels
+from rfgen_sionna.tracing.ghosts.ghost_levels import second_order_levels
 from tests.physics.test_ghosts import (
     ISOTROPIC,
     RADIUS,
@@ -42,11 +42,11 @@ def in_a_row(paths, ball):
     found = {}
     for first in WALLS:
         # Where the radar sees the ball by the first wall and then the other.
-        seen = ball - np.array([0.0, image(first)[1], 0.0])
+        visible = ball - np.array([0.0, image(first)[1], 0.0])
         for there in (True, False):
             ways = (paths.direction, paths.arrival) if there else (paths.arrival, paths.direction)
             chosen = paths.bounces == 3
-            for each, place in zip(ways, (seen, ball), strict=True):
+            for each, place in zip(ways, (visible, ball), strict=True):
                 towards = (place - VIEW) / np.linalg.norm(place - VIEW)
                 chosen = chosen & (each[:, 0] @ towards > 0.998)
             found[first, there] = paths.select(chosen)
@@ -97,7 +97,7 @@ def test_they_are_the_dense_quadrature_with_the_fields_of_both_walls(seed):
     found = in_a_row(paths, place)
     corners = actor.vertices(0.0)[actor.faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lit = np.all([np.einsum("fi,fi->f", cross, end - corners[:, 0]) > 0 for end in ends], axis=0)
+    unoccluded = np.all([np.einsum("fi,fi->f", cross, end - corners[:, 0]) > 0 for end in ends], axis=0)
     walls = {}
     for side, y in WALLS.items():
         material = next(each.properties for each in scene.objects if each.name == NAMES[side])
@@ -109,7 +109,7 @@ def test_they_are_the_dense_quadrature_with_the_fields_of_both_walls(seed):
     for tx, rx in ((0, 0), (2, 3)):
         elements = radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
         for there, by in ((True, {"tx_wall": both}), (False, {"rx_wall": both})):
-            truth = po_gain(corners[lit], *elements, own, n=100, **by)
+            truth = po_gain(corners[unoccluded], *elements, own, n=100, **by)
             assert abs(truth) > 3 * allowed
             assert abs(channel(found[first, there])[tx, rx] - truth) < allowed
 
@@ -146,8 +146,8 @@ def test_walls_at_any_angle_have_each_its_own(first):
         eps = complex(material.relative_permittivity(radar.center_frequency))
         walls[name] = given[name][0], normal, eps, material.thickness
     both = WallAfter(*walls[second], before=Wall(*walls[first]))
-    seen = both.image(VIEW)
-    ends = seen, VIEW
+    visible = both.image(VIEW)
+    ends = visible, VIEW
     towards = sum((each - place) / np.linalg.norm(each - place) for each in ends)
     box = trimesh.creation.box(radar.wavelength * np.array([2, 6, 5]))
     turn = Rotation.align_vectors([towards], [[-1, 0, 0]])[0]
@@ -157,18 +157,18 @@ def test_walls_at_any_angle_have_each_its_own(first):
     paths = of(simulator.paths())
     found = paths.select(paths.bounces == 3)
     # The radar sees the body along where the way begins: by the delay of the image of the image.
-    length = np.linalg.norm(seen - place) + np.linalg.norm(VIEW - place)
+    length = np.linalg.norm(visible - place) + np.linalg.norm(VIEW - place)
     there = np.abs(SPEED_OF_LIGHT * found.tau[0, 0, :, 0] - length) < 0.02
     straight = (place - VIEW) / np.linalg.norm(place - VIEW)
     corners = actor.vertices(0.0)[actor.faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lit = np.all([np.einsum("fi,fi->f", cross, end - corners[:, 0]) > 0 for end in ends], axis=0)
+    unoccluded = np.all([np.einsum("fi,fi->f", cross, end - corners[:, 0]) > 0 for end in ends], axis=0)
     allowed = error * np.abs(channel(paths)).max()
     for tx, rx in ((0, 0), (2, 3)):
         elements = radar.tx_world[tx], radar.rx_world[rx], radar.tx_field, radar.rx_field, radar.center_frequency
         for back, by in ((found.arrival, {"tx_wall": both}), (found.direction, {"rx_wall": both})):
             own = found.select(there & (back[:, 0] @ straight > 0.998))
-            truth = po_gain(corners[lit], *elements, complex(np.inf), n=100, **by)
+            truth = po_gain(corners[unoccluded], *elements, complex(np.inf), n=100, **by)
             assert own.num_paths
             assert abs(truth) > 3 * allowed
             assert abs(channel(own)[tx, rx] - truth) < allowed
@@ -189,8 +189,8 @@ def test_a_periscope_shows_what_neither_of_its_mirrors_does(radar):
     paths = of(Simulator(scene, radar, [ball], rtol=2e-3, max_bounces=3).paths())
     assert set(paths.bounces) == {1, 3}
     there = paths.select((paths.bounces == 3) & (paths.direction[:, 0, 2] < 0.1))
-    seen = place - np.array([7.0, 0.0, 0.0])  # 1.8 m on, 2 m up and 3.2 m on again
-    level, _ = sphere_return(place, seen, VIEW, RADIUS, radar.wavelength)
+    visible = place - np.array([7.0, 0.0, 0.0])  # 1.8 m on, 2 m up and 3.2 m on again
+    level, _ = sphere_return(place, visible, VIEW, RADIUS, radar.wavelength)
     assert abs(decibels(channel(there) / level)).max() < 0.5
 
 
@@ -216,9 +216,9 @@ def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
     """Of the way by the left wall, then the right one, and straight back, before the first wall, between both, and
     before the ball: that by the right wall first is still there."""
     ball = MeshActor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
-    seen = FAR - np.array([0.0, image(1)[1], 0.0])
-    shares = np.array([0.0, (SIDE - VIEW[1]), (SIDE - VIEW[1]) + (SIDE - OTHER)]) / (seen - VIEW)[1]
-    places = [VIEW, *(VIEW + share * (seen - VIEW) for share in shares[1:])]
+    visible = FAR - np.array([0.0, image(1)[1], 0.0])
+    shares = np.array([0.0, (SIDE - VIEW[1]), (SIDE - VIEW[1]) + (SIDE - OTHER)]) / (visible - VIEW)[1]
+    places = [VIEW, *(VIEW + share * (visible - VIEW) for share in shares[1:])]
     places[1][1], places[2][1] = SIDE, OTHER
     places.append(FAR)
     middle = 0.45 * places[leg] + 0.55 * places[leg + 1]
@@ -246,7 +246,7 @@ def test_their_level_is_estimated(radar, material):
     simulator = Simulator(scene, radar, [ball], rtol=1e-2, max_bounces=3)
     mirrors = simulator.tracer.mirrors
     names = [each.name for each in mirrors]
-    levels = folded_levels(radar, lambda towards: np.ones(len(towards)), mirrors, ball.vertices(0.0))
+    levels = second_order_levels(radar, lambda towards: np.ones(len(towards)), mirrors, ball.vertices(0.0))
     paths = of(simulator.paths())
     direct = np.abs(channel(paths.select(paths.bounces == 1))[0, 0])
     found = in_a_row(paths, FAR)

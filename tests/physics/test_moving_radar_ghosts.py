@@ -113,7 +113,7 @@ def test_a_ghost_s_delay_and_rate_are_those_of_the_radar_s_image_on_the_mirrored
     actor = ball(0.02, velocity=(0.4, -1.0, 0.0))
     simulator = Simulator(room("metal", floor=False), radar, [actor], rtol=1e-2, max_bounces=3)
     traced = of(simulator.tracer.trace(0.0, radar.waveform.frame_length).moving, "ball")
-    seen = set()
+    visible = set()
     for knot, t in enumerate(traced.times):
         corners = actor.vertices(float(t))[actor.faces]
         ends = []
@@ -136,8 +136,8 @@ def test_a_ghost_s_delay_and_rate_are_those_of_the_radar_s_image_on_the_mirrored
                 )
             np.testing.assert_allclose(SPEED_OF_LIGHT * paths.tau[1, 2, :, knot], length, rtol=0, atol=1e-6)
             np.testing.assert_allclose(SPEED_OF_LIGHT * paths.tau_rate[1, 2, :, knot], rate, rtol=0, atol=2e-3)
-            seen.add(by)
-    assert len(seen) == 4
+            visible.add(by)
+    assert len(visible) == 4
 
 
 def test_samples_of_the_ghost_by_a_metal_wall_twice_are_those_of_the_image_without_it():
@@ -166,12 +166,12 @@ def test_corner_reflectors_that_stay_return_the_same_to_a_radar_that_passes(kind
     """As a thing of the scene: by two sides, and by all three, of which each two meet."""
     vertices, faces, _, turn = corner(kind, 0.1)
     radar = radar_of(77)
-    passing = replace(radar, trajectory=lambda t: np.array([0.2 * t, 1.0 * (t - 0.05), 0.1]))
+    silhouette_rays = replace(radar, trajectory=lambda t: np.array([0.2 * t, 1.0 * (t - 0.05), 0.1]))
     place = vertices @ turn.as_matrix().T + [3.0, 0, 0]
     thing = trimesh.Trimesh(place, faces, process=False)
     sums = []
     t = 0.08
-    for each in (passing, passing.at(t)):
+    for each in (silhouette_rays, silhouette_rays.at(t)):
         paths = Simulator(scene_with_mesh(thing), each, rtol=1e-2, max_bounces=3).paths(t)
         sums.append(channel(paths.select(paths.bounces == count)))
     assert abs(sums[1]).min() > 0
@@ -199,7 +199,7 @@ def scene_with_mesh(mesh, scene=None):
 
 def test_direct_returns_do_not_depend_on_how_many_bounces_there_are(monkeypatch):
     """To the bit, but for facets that are too faint, as walls may show them."""
-    monkeypatch.setattr("rfgen_sionna.tracing.moving.sight.FAINT_PER_RTOL", 0.0)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.moving_visibility.CULLED_PER_RTOL", 0.0)
     radar, scene = moving(), room(floor=False)
     one, two = (Simulator(scene, radar, [ball(detail=3)], rtol=1e-2, max_bounces=n).paths(0.05) for n in (1, 2))
     assert set(one.bounces) == {1}

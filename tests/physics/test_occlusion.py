@@ -10,8 +10,9 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.shadows import parallax, sampling
-from rfgen_sionna.tracing.static.trace import StaticTrace
+from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
+from rfgen_sionna.tracing.shadows import boundary_correction as parallax
+from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel as channels
 
@@ -121,18 +122,18 @@ def half_hidden(edge):
 
     def wave(tx, rx):
         """Of each point, and whether it is seen past both rims of the plate."""
-        ways, facing, seen = [], 0.0, np.ones(x.shape, np.bool_)
+        ways, facing, visible = [], 0.0, np.ones(x.shape, np.bool_)
         for end in (tx, rx):
             way = np.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2 + (z - end[2]) ** 2)
             facing = facing + ((3.0 - x) * (x - end[0]) - y * (y - end[1]) - z * (z - end[2])) / way
             ways.append(way)
             for rim in (1.4995, 1.5005):
-                seen &= end[1] + (y - end[1]) * (rim - end[0]) / (x - end[0]) > 0.5 * edge
-        return np.exp(-1j * k * (ways[0] + ways[1])) * facing / (ways[0] * ways[1] * (3.0 - x)) * fade, seen
+                visible &= end[1] + (y - end[1]) * (rim - end[0]) / (x - end[0]) > 0.5 * edge
+        return np.exp(-1j * k * (ways[0] + ways[1])) * facing / (ways[0] * ways[1] * (3.0 - x)) * fade, visible
 
     def share(tx, rx):
-        every, seen = wave(tx, rx)
-        return every[seen].sum() / every.sum()
+        every, visible = wave(tx, rx)
+        return every[visible].sum() / every.sum()
 
     truth = np.array([[share(tx, rx) for rx in radar.rx_world] for tx in radar.tx_world])
     return found, truth, share(np.zeros(3), np.zeros(3))
@@ -143,13 +144,13 @@ def test_half_a_sphere_hidden_by_rows(radar):
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     ball = MeshActor.from_mesh(mesh, material="pec", position=(3, 0, 1), name="ball")
     board = trimesh.creation.box((0.01, 0.4, 0.4))
-    seen = []
+    visible = []
     for y in np.linspace(0.15, 0.26, 6):
         plate = MeshActor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
         # So coarse a tolerance that the mesh's own faces will do: their number is what is seen.
-        seen.append(of(Simulator(None, radar, [ball, plate], rtol=0.1).paths(), "ball").num_paths)
-    assert seen == sorted(seen)
-    assert 0 <= seen[0] < seen[2] < seen[-1]
+        visible.append(of(Simulator(None, radar, [ball, plate], rtol=0.1).paths(), "ball").num_paths)
+    assert visible == sorted(visible)
+    assert 0 <= visible[0] < visible[2] < visible[-1]
 
 
 def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
@@ -200,10 +201,10 @@ def left_of_the_wall(radar, y, half_width):
         for element in (radar.tx_world[0], radar.rx_world[0])
     ]
     wave = np.exp(-2j * np.pi / radar.wavelength * sum(distance)) / np.prod(distance, axis=0) ** 1.5
-    seen = np.ones_like(wave, bool)
+    visible = np.ones_like(wave, bool)
     for element in (radar.tx_world[0], radar.rx_world[0]):  # half way to the wall
-        seen &= np.abs(0.5 * (place[1] + element[1]) - y) > half_width
-    return (wave * seen).sum() / wave.sum()
+        visible &= np.abs(0.5 * (place[1] + element[1]) - y) > half_width
+    return (wave * visible).sum() / wave.sum()
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3])
@@ -287,7 +288,7 @@ def test_a_furnished_room_misses_no_more_of_its_shadows_than_is_allowed(furnishe
     radar, _ = furnished
     monkeypatch.setattr(parallax, "_LEFT_PER_RTOL", np.inf)
     static = Tracer(load_scene("living_room"), radar, [], 1e-2).static
-    monkeypatch.setattr(sampling, "_STILL_BENT", 2.0)  # cells three eighths as wide
+    monkeypatch.setattr(sampling, "_STATIC_EDGE_ERROR", 2.0)  # cells three eighths as wide
     closer = Tracer(load_scene("living_room"), radar, [], 1e-2).static
     found, expected = (synthesize(radar, each.paths, 0.0, eps=1e-4, device="cpu") for each in (static, closer))
     assert closer.rays > 1.5 * static.rays
@@ -300,7 +301,7 @@ def test_a_facet_that_is_seen_in_part_loses_nothing_where_nobody_is(furnished):
     static = furnished[1]
     part = np.flatnonzero(static.fraction < 1)
     assert len(part) > 100
-    whole = static.bright._replace(owner=part, pieces=np.broadcast_to(np.eye(3), (len(part), 3, 3)))
+    whole = static.without_actors._replace(owner=part, pieces=np.broadcast_to(np.eye(3), (len(part), 3, 3)))
     missing = static.shadows(np.array([0.0]), static.integrated([whole]))[0]
     assert np.array_equal(missing.index, part)
     assert np.abs(missing.paths.a).max() < 1e-9 * np.abs(static.paths.a[:, :, part]).max()

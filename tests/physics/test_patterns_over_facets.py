@@ -9,12 +9,12 @@ import trimesh
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.scene import MeshActor
-from rfgen_sionna.tracing.surface import fineness
+from rfgen_sionna.tracing.surface import resolution as fineness
 from rfgen_sionna.tracing.surface.facets import stack_facets
-from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 from rfgen_sionna.tracing.tracer import Tracer
-from tests.reference.physical_optics import patches, triangle_points
+from tests.reference.physical_optics import clusters, triangle_points
 
 
 def weighted(paths, radar):
@@ -28,10 +28,10 @@ def dense(vertices, faces, radar, points):
     """The quadratic patches that a mesh's faces stand for, of a perfect conductor, point by point."""
     tx, rx = radar.tx_world[0], radar.rx_world[0]
     k = 2 * np.pi * radar.center_frequency / SPEED_OF_LIGHT
-    smooth, total = smoothing(vertices, faces), 0.0
-    rises = np.zeros((len(faces), 3, 3)) if smooth is None else smooth.bend(vertices, faces).rises
-    for corner, rise in zip(vertices[faces], rises, strict=True):
-        point, cross = (each[0] for each in patches(corner[None], rise[None], points))
+    smooth, total = find_smoothing(vertices, faces), 0.0
+    sagittas = np.zeros((len(faces), 3, 3)) if smooth is None else smooth.patch(vertices, faces).sagittas
+    for corner, rise in zip(vertices[faces], sagittas, strict=True):
+        point, cross = (each[0] for each in clusters(corner[None], rise[None], points))
         _, weight = triangle_points(corner[None], points)
         to_tx, to_rx = (np.linalg.norm(point - each, axis=1) for each in (tx, rx))
         offset = point - radar.position
@@ -133,14 +133,18 @@ def test_halves_of_facets_add_up_to_them(name):
     pieces = tessellate(vertices, surface.faces, origin, band.highest, 1e-2, smooth=surface.smooth)
     (facets,) = stack_facets([surface], [pieces], [[vertices]], origin, 1600.0)
     facets = facets.take(np.flatnonzero(facets.facing))
-    facets = replace(facets, parts=np.full(len(facets), 8, np.int32)).pulled(band.pull(facets))
+    facets = replace(facets, parts=np.full(len(facets), 8, np.int32)).with_pattern_gradient(
+        band.pattern_gradient(facets)
+    )
     owner = np.repeat(np.arange(len(facets)), 2)
     halves = np.array([[[1, 0, 0], [0, 1, 0], [0, 0.5, 0.5]], [[1, 0, 0], [0, 0.5, 0.5], [0, 0, 1]]])
     cut, expansion = facets.cut(owner, np.tile(halves, (len(facets), 1, 1))), band.expansions.tangent(3, 2)
     whole = band.values(facets, (surface.material,), expansion, facets.centroids)[0]
     both = band.values(cut, (surface.material,), expansion, facets.centroids[owner])[0]
     off = both.reshape(-1, 2).sum(axis=1) - whole
-    by_middles = band.values(cut.pulled(None), (surface.material,), expansion, facets.centroids[owner])[0]
+    by_middles = band.values(cut.with_pattern_gradient(None), (surface.material,), expansion, facets.centroids[owner])[
+        0
+    ]
     missed = by_middles.reshape(-1, 2).sum(axis=1) - whole
     assert np.linalg.norm(off) < 2e-3 * np.linalg.norm(whole)
     assert np.linalg.norm(missed) > 5.0 * np.linalg.norm(off)

@@ -197,9 +197,9 @@ def test_a_box_before_a_wall_shows_the_wall_to_the_radar_in_neither_mode():
     )
     corners = actor.vertices(0.0)[actor.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    seen = [np.einsum("fi,fi->f", normal, np.array([x, 0, 0]) - corners[:, 0]) > 0 for x in (0.0, 5.0)]
-    assert seen[0].any()
-    assert not (seen[0] & seen[1]).any()
+    visible = [np.einsum("fi,fi->f", normal, np.array([x, 0, 0]) - corners[:, 0]) > 0 for x in (0.0, 5.0)]
+    assert visible[0].any()
+    assert not (visible[0] & visible[1]).any()
     wall = scene_of(77e9, wall=([[2.5, -1.5, -1.5], [2.5, 1.5, -1.5], [2.5, 1.5, 1.5], [2.5, -1.5, 1.5]], "concrete"))
     simulator = Simulator(load_scene(wall.sionna), radar, [actor], max_bounces=2)
     direct = abs(channel(of(simulator.paths(), "box"))[0, 0])

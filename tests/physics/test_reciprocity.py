@@ -54,7 +54,7 @@ def test_a_person_to_a_whole_array():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.errors.MaterialRangeWarning")
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.scene_errors.MaterialRangeWarning")
 def test_a_person_in_a_living_room_by_three_bounces():
     """Of either way round a ghost is expanded as finely as it asks for itself, whichever of them is traced first."""
     board = Radar.load("position2go", position=(0, 0, 1), look_at=(3, 0, 1))

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import knot_weights
 from rfgen_sionna.scene import MeshActor
-from rfgen_sionna.scene.errors import MaterialError
 from rfgen_sionna.scene.materials import MATERIALS
 from rfgen_sionna.scene.scattering import ScatteringPattern
+from rfgen_sionna.scene.scene_errors import MaterialError
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.gains.diffuse import diffuse_gains
 from rfgen_sionna.tracing.surface.facets import Facets
@@ -104,15 +104,15 @@ def test_diffuse_level_is_that_of_the_polarisation(polarization):
     plane of incidence, or in it, would have reflected. The two are 10 dB apart."""
     tilt, distance, size = 1.0, 2.0, 0.3
     rough = replace(MATERIALS["concrete"], scattering_coefficient=1.0)
-    seen = replace(radar(), tx_polarization=polarization, rx_polarization=polarization)
+    visible = replace(radar(), tx_polarization=polarization, rx_polarization=polarization)
     found = [
-        abs(channel(Simulator(None, seen, [plate(rough, distance, tilt, size)], seed=seed).paths())) ** 2
+        abs(channel(Simulator(None, visible, [plate(rough, distance, tilt, size)], seed=seed).paths())) ** 2
         for seed in range(200)
     ]
-    eps, cos = complex(rough.relative_permittivity(seen.center_frequency)), np.cos(tilt)
+    eps, cos = complex(rough.relative_permittivity(visible.center_frequency)), np.cos(tilt)
     root = np.sqrt(eps - np.sin(tilt) ** 2)
     r = (cos - root) / (cos + root) if polarization == "V" else (eps * cos - root) / (eps * cos + root)
-    level = (seen.wavelength / (4 * np.pi)) ** 2 * abs(r) ** 2 * cos**2 * size**2 / (np.pi * distance**4)
+    level = (visible.wavelength / (4 * np.pi)) ** 2 * abs(r) ** 2 * cos**2 * size**2 / (np.pi * distance**4)
     assert np.mean(found) / level == pytest.approx(1.0, abs=0.25)
 
 
@@ -145,8 +145,8 @@ def test_speckle_goes_on_where_facets_are_chosen_anew():
     )
     tracer, fine = (Simulator(None, radar(), [actor], seed=1, rtol=rtol).tracer for rtol in (1e-2, 1e-3))
 
-    def at(stretch, t):
-        paths = stretch.moving
+    def at(interval, t):
+        paths = interval.moving
         weights = knot_weights(paths.times, np.array([t]))
         turns = np.mod(paths.frequency * (paths.tau @ weights.T), 1.0)
         return ((paths.a @ weights.T) * np.exp(-2j * np.pi * turns)).sum(axis=(2, 3))

@@ -13,8 +13,8 @@ from rfgen_sionna.radar.pattern import ElementPattern
 from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.surface.bend import Bend, edge_rises
-from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch, edge_sagittas
+from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from rfgen_sionna.tracing.tracer import Tracer
 
 VERTICAL = np.array([0.0, 0.0, 1.0])
@@ -93,10 +93,10 @@ def test_spheres_of_skin_and_concrete_against_metal(material, radius):
     assert 10 * np.log10(found / metal) == pytest.approx(10 * np.log10(mie / of_metal), abs=0.3)
 
 
-def dense(corners, rises, frequency, points=60):
+def dense(corners, sagittas, frequency, points=60):
     """Physical optics of a metal patch, quadratic over a triangle, monostatic at the origin, by Gauss's rule.
 
-    `rises` (3, 3) are those of the middles of its edges; its normals come from its tangents, by differences.
+    `sagittas` (3, 3) are those of the middles of its edges; its normals come from its tangents, by differences.
     """
     node, weight = np.polynomial.legendre.leggauss(points)
     node, weight = 0.5 * (node + 1), 0.5 * weight
@@ -106,7 +106,7 @@ def dense(corners, rises, frequency, points=60):
     def place(second, third):
         first = 1 - second - third
         flat = np.stack([first, second, third], axis=-1) @ corners
-        return flat + 4 * np.stack([second * third, third * first, first * second], axis=-1) @ rises
+        return flat + 4 * np.stack([second * third, third * first, first * second], axis=-1) @ sagittas
 
     second, third, step = u * (1 - v), u * v, 1e-5
     point = place(second, third)
@@ -127,9 +127,9 @@ def test_a_curved_facet_agrees_with_dense_quadrature(seed, parts):
     rng = np.random.default_rng(seed)
     frequency, edge = 77e9, 6e-3
     corners = np.array([[0, 0, 0], [0, edge, 0], [0, 0.4 * edge, 0.9 * edge]]) + np.array([0.8, 0.02 * seed, 0.05])
-    bend = rng.uniform(-20, 20, (2, 2))  # curvatures [1/m]
+    patch = rng.uniform(-20, 20, (2, 2))  # curvatures [1/m]
     offset = corners[:, 1:] - corners.mean(axis=0)[1:]
-    slope = offset @ (0.5 * (bend + bend.T)) + np.tan(rng.uniform(-0.5, 0.5, 2))
+    slope = offset @ (0.5 * (patch + patch.T)) + np.tan(rng.uniform(-0.5, 0.5, 2))
     normals = np.column_stack([-np.ones(3), slope])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     tilt = Rotation.align_vectors(np.cross(*(corners[1:] - corners[0]))[None], -normals.mean(axis=0)[None])[
@@ -148,10 +148,10 @@ def test_a_curved_facet_agrees_with_dense_quadrature(seed, parts):
         VERTICAL,
         np.array([parts], np.int32),
         monostatic=True,
-        bend=Bend(edge_rises(corners[None], normals[None])),
+        patch=QuadraticPatch(edge_sagittas(corners[None], normals[None])),
     )
     gain = found.a[0, 0] * np.exp(-2j * np.pi * np.mod(frequency * found.tau[0, 0], 1.0))
-    truth = dense(corners, edge_rises(corners[None], normals[None])[0], frequency)
+    truth = dense(corners, edge_sagittas(corners[None], normals[None])[0], frequency)
     most = 0.5 * np.linalg.norm(np.cross(*(corners[1:] - corners[0]))) / (4 * np.pi * 0.8**2)
     assert abs(gain - truth) < 1e-2 * most
 
@@ -166,24 +166,24 @@ def test_a_curved_facet_agrees_with_dense_quadrature(seed, parts):
     ],
 )
 def test_boxes_plates_and_crystals_have_nothing_smooth(mesh):
-    assert smoothing(np.asarray(mesh.vertices), np.asarray(mesh.faces)) is None
+    assert find_smoothing(np.asarray(mesh.vertices), np.asarray(mesh.faces)) is None
 
 
 def test_a_cylinder_is_round_around_and_flat_at_its_ends():
     """Normals on the side point away from the axis, those of the caps along it; it rises by a circle's sagitta."""
     mesh = trimesh.creation.cylinder(0.1, 0.3, sections=48)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    smooth = smoothing(vertices, faces)
+    smooth = find_smoothing(vertices, faces)
     normals = smooth.normals(vertices, faces)
     cap = np.abs(mesh.face_normals[:, 2]) > 0.5
     np.testing.assert_allclose(normals[cap], np.repeat(mesh.face_normals[cap, None], 3, axis=1), atol=1e-12)
     radial = vertices[faces[~cap]] * [1, 1, 0]
     np.testing.assert_allclose(normals[~cap], radial / 0.1, atol=1e-12)
-    rises = np.linalg.norm(edge_rises(vertices[faces], normals), axis=2)
-    np.testing.assert_allclose(rises[cap], 0.0, atol=1e-15)
+    sagittas = np.linalg.norm(edge_sagittas(vertices[faces], normals), axis=2)
+    np.testing.assert_allclose(sagittas[cap], 0.0, atol=1e-15)
     # Of a side's triangle one edge is straight; a chord and the diagonal span one section each.
-    np.testing.assert_allclose(np.sort(rises[~cap], axis=1)[:, 0], 0.0, atol=1e-15)
-    np.testing.assert_allclose(np.sort(rises[~cap], axis=1)[:, 1], 0.1 * (1 - np.cos(np.pi / 48)), rtol=1e-9)
+    np.testing.assert_allclose(np.sort(sagittas[~cap], axis=1)[:, 0], 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.sort(sagittas[~cap], axis=1)[:, 1], 0.1 * (1 - np.cos(np.pi / 48)), rtol=1e-9)
 
 
 def test_neighbours_rise_alike_on_a_shared_edge():
@@ -191,10 +191,10 @@ def test_neighbours_rise_alike_on_a_shared_edge():
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
     vertices = np.asarray(mesh.vertices) * (1 + 0.2 * np.sin(30 * np.asarray(mesh.vertices)))
     faces = np.asarray(mesh.faces)
-    rises = edge_rises(vertices[faces], smoothing(vertices, faces).normals(vertices, faces))
+    sagittas = edge_sagittas(vertices[faces], find_smoothing(vertices, faces).normals(vertices, faces))
     opposite = np.stack([np.sort(faces[:, [(i + 1) % 3, (i + 2) % 3]], axis=1) for i in range(3)], axis=1)
     order = np.lexsort(opposite.reshape(-1, 2).T)
-    pairs = rises.reshape(-1, 3)[order].reshape(-1, 2, 3)
+    pairs = sagittas.reshape(-1, 3)[order].reshape(-1, 2, 3)
     np.testing.assert_allclose(pairs[:, 0], pairs[:, 1], atol=1e-15)
     assert np.abs(pairs).max() > 1e-5
 
@@ -206,15 +206,15 @@ def test_faces_bend_as_their_normals_say(kind):
     round_ones = np.asarray(ball.vertices) * (1 + 0.2 * np.sin(30 * np.asarray(ball.vertices)))
     vertices = np.concatenate([round_ones, np.asarray(cylinder.vertices) + np.array([1.0, 0, 0])])
     faces = np.concatenate([np.asarray(ball.faces), np.asarray(cylinder.faces) + len(round_ones)]).astype(kind)
-    smooth = smoothing(vertices, faces)
-    expected = edge_rises(vertices[faces], smooth.normals(vertices, faces))
-    found = smooth.bend(vertices, faces).rises
+    smooth = find_smoothing(vertices, faces)
+    expected = edge_sagittas(vertices[faces], smooth.normals(vertices, faces))
+    found = smooth.patch(vertices, faces).sagittas
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-16)
     assert np.abs(expected).max() > 1e-4
-    for shown in (np.arange(1, len(faces), 3), np.zeros(0, np.intp)):
-        some = smooth.bend(vertices, faces, shown).rises
-        assert np.array_equal(some[shown], found[shown])
-        assert not np.delete(some, shown, axis=0).any()
+    for any_visible in (np.arange(1, len(faces), 3), np.zeros(0, np.intp)):
+        some = smooth.patch(vertices, faces, any_visible).sagittas
+        assert np.array_equal(some[any_visible], found[any_visible])
+        assert not np.delete(some, any_visible, axis=0).any()
 
 
 def cone_return(radar, actor, n=400):
@@ -254,11 +254,13 @@ def test_tips_are_those_of_cones_alone():
     """All corners at the tip of a cone have normals of their own, and none of what is round, however it is meshed."""
     cone = trimesh.creation.cone(*CONE)
     faces = np.asarray(cone.faces)
-    group = smoothing(np.asarray(cone.vertices), faces).group
+    group = find_smoothing(np.asarray(cone.vertices), faces).group
     tip = faces == np.argmax(np.asarray(cone.vertices)[:, 2])
     assert len(np.unique(group[tip])) == tip.sum() == 32
     for mesh in (
         trimesh.creation.icosphere(2), trimesh.creation.uv_sphere(count=[12, 16]), trimesh.creation.torus(0.3, 0.1),
         trimesh.creation.capsule(), trimesh.creation.icosphere(3).apply_scale([1, 1, 3]),
     ):  # fmt: skip
-        assert len(np.unique(smoothing(np.asarray(mesh.vertices), np.asarray(mesh.faces)).group)) == len(mesh.vertices)
+        assert len(np.unique(find_smoothing(np.asarray(mesh.vertices), np.asarray(mesh.faces)).group)) == len(
+            mesh.vertices
+        )

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import Material, MeshActor, MeshError
-from rfgen_sionna.scene.permittivity import Computed
+from rfgen_sionna.scene.permittivity import ComputedPermittivity
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
@@ -165,9 +165,9 @@ def test_things_of_a_micrometre(size):
     vertices = actor.vertices(0.0)
     corners = vertices[actor.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    seen = corners[(normal * corners.mean(axis=1)).sum(axis=1) < 0]
+    visible = corners[(normal * corners.mean(axis=1)).sum(axis=1) < 0]
     element = radar.tx_world[0]
-    truth = po_gain(seen, element, element, radar.tx_field, radar.rx_field, radar.center_frequency, n=8)
+    truth = po_gain(visible, element, element, radar.tx_field, radar.rx_field, radar.center_frequency, n=8)
     # Rays resolve a few 1e-7 of the distance: of a box of 1 um they can't tell the faces apart.
     assert abs(found - truth) <= (2e-3 if size > 1e-5 else 0.7) * abs(truth)
 
@@ -201,7 +201,7 @@ def test_two_million_triangles():
 )
 def test_materials_from_vacuum_to_perfect_conductors(permittivity, conductivity, permeability, angle):
     radar = one_element()
-    model = Computed(lambda frequency: (permittivity, conductivity))
+    model = ComputedPermittivity(lambda frequency: (permittivity, conductivity))
     thing = Material("thing", model, "made up", permeability=permeability)
     orientation = (np.radians(angle), 0.1, 0.3)
     actor = MeshActor.from_mesh(plate(0.02, 0.03), material=thing, position=(1, 0, 0), orientation=orientation)

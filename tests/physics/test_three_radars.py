@@ -66,12 +66,12 @@ def test_point_targets_are_where_they_are(name):
         )
         assert abs(found.range[0] - range_) < 0.1 * radar.range_resolution
         assert abs(found.velocity[0] - velocity) < 0.1 * radar.velocity_resolution
-        seen = direction(np.degrees(found.azimuth[0]), np.degrees(found.elevation[0]))
-        assert abs(seen[1] - towards[1]) < 0.1 * azimuth_cell
+        visible = direction(np.degrees(found.azimuth[0]), np.degrees(found.elevation[0]))
+        assert abs(visible[1] - towards[1]) < 0.1 * azimuth_cell
         if name.startswith("position2go"):
             assert found.elevation[0] == 0.0  # two elements side by side
         else:
-            assert abs(seen[2] - towards[2]) < 0.1 * elevation_cell
+            assert abs(visible[2] - towards[2]) < 0.1 * elevation_cell
 
 
 @pytest.mark.parametrize("name", ["awr1843", "mmwcas"])
@@ -88,12 +88,14 @@ def test_tdm_phase(name):
 
     def misses(found):
         """By how many cells, azimuth and elevation together."""
-        seen = direction(np.degrees(found.azimuth[0]), np.degrees(found.elevation[0]))
-        return np.hypot(*((seen - towards)[1:] / cells(radar)))
+        visible = direction(np.degrees(found.azimuth[0]), np.degrees(found.elevation[0]))
+        return np.hypot(*((visible - towards)[1:] / cells(radar)))
 
-    folded = point_cloud(cube, radar, max_points=1)
-    assert folded.velocity[0] == pytest.approx(velocity - 2 * radar.max_velocity, abs=0.1 * radar.velocity_resolution)
-    assert misses(folded) > 0.5
+    second_order = point_cloud(cube, radar, max_points=1)
+    assert second_order.velocity[0] == pytest.approx(
+        velocity - 2 * radar.max_velocity, abs=0.1 * radar.velocity_resolution
+    )
+    assert misses(second_order) > 0.5
 
     maps = range_doppler(cube, radar, velocity_bins=2 * radar.waveform.num_loops, correct_migration=True)
     r, v = np.unravel_index(maps.power.argmax(), maps.power.shape)
@@ -135,8 +137,8 @@ def test_only_the_cascade_tells_two_targets_apart(quarter):
             ball(radar, range_, direction(-apart / 2), velocity, "right"),
             ball(radar, range_ + step, direction(apart / 2), velocity, "left"),
         ]
-        seen = peaks(radar, frame(radar, *pair), range_)
+        visible = peaks(radar, frame(radar, *pair), range_)
         true = [-apart / 2, apart / 2]
-        assert (len(seen) == 2 and np.allclose(seen, true, atol=0.35)) == resolved
+        assert (len(visible) == 2 and np.allclose(visible, true, atol=0.35)) == resolved
         if not resolved:
-            assert not any(np.abs(seen - angle).min() < 0.35 for angle in true)
+            assert not any(np.abs(visible - angle).min() < 0.35 for angle in true)

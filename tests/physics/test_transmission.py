@@ -124,7 +124,7 @@ def test_what_is_opaque_stays_so_and_what_is_not_hides_where_it_is_told_to(radar
 def test_where_nothing_is_in_between_nothing_changes(radar, monkeypatch):
     """To the bit, with a pane beside the ball and without any; but for facets that are too faint, as nobody knows what
     a pane shows of them."""
-    monkeypatch.setattr("rfgen_sionna.tracing.moving.sight.FAINT_PER_RTOL", 0.0)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.moving_visibility.CULLED_PER_RTOL", 0.0)
     for scene in (None, scene_with(pane=(pane(y=2.0), "glass", 0.006))):
         here, there = (returned(radar, ball(), scene, transmission=each) for each in (True, False))
         np.testing.assert_array_equal(here.a, there.a)
@@ -199,15 +199,15 @@ def test_what_is_cut_by_a_pane_s_rim_returns_what_an_opening_there_shows(radar, 
     vertices, faces = trimesh.remesh.subdivide_to_size(np.array(quad), np.array([[0, 2, 1], [0, 3, 2]]), size)
     plate = MeshActor.from_mesh((vertices, faces), material="metal", name="plate")
 
-    def shown(scene):
+    def any_visible(scene):
         paths = Simulator(scene, single, [plate], rtol=1e-3, transmission=True).paths()
         return channel(paths.select(paths.object_id == paths.object_names.index("plate")))[0, 0]
 
     glass = window.objects[-1].properties
     left = transmission(complex(glass.relative_permittivity(radar.center_frequency)), 1.0, thickness, np.ones(1),
                         radar.center_frequency)[0][0] ** 2  # fmt: skip
-    opened = shown(scene_with(**walls))
-    assert abs(shown(window) / left - opened) < 5e-3 * abs(opened)
+    opened = any_visible(scene_with(**walls))
+    assert abs(any_visible(window) / left - opened) < 5e-3 * abs(opened)
 
 
 def test_between_instants_a_pane_s_rim_moves_on_over_what_is_behind(radar):
@@ -225,7 +225,7 @@ def test_between_instants_a_pane_s_rim_moves_on_over_what_is_behind(radar):
 
     def at(traced, t):
         total = 0.0
-        for paths in (traced.moving, traced.glanced):
+        for paths in (traced.moving, traced.refined):
             if paths is not None:
                 a, tau = (CubicSpline(paths.times, each, axis=-1)(t) for each in (paths.a, paths.tau))
                 total = total + (a * np.exp(-2j * np.pi * np.mod(paths.frequency * tau, 1.0))).sum(axis=-1)
@@ -244,13 +244,13 @@ def test_the_back_of_a_hollow_ball_is_as_round_as_its_front(radar):
     rim = int(shell.triangles_center[:, 2].argmax())
     wood = replace(MATERIALS["wood"], name="shell", thickness=3e-3)
 
-    def shown(faces, transmission):
+    def any_visible(faces, transmission):
         actor = MeshActor.from_mesh((shell.vertices, faces), material=wood, position=(2.0, 0.1, 0.0), name="shell")
         return channel(Simulator(None, radar, [actor], rtol=1e-2, transmission=transmission).paths())
 
-    whole = shown(shell.faces, True)
-    assert abs(whole - shown(np.delete(shell.faces, rim, axis=0), True)).max() < 0.02 * abs(whole).max()
-    assert abs(whole - shown(shell.faces, False)).max() > 0.1 * abs(whole).max()  # the back's part in it
+    whole = any_visible(shell.faces, True)
+    assert abs(whole - any_visible(np.delete(shell.faces, rim, axis=0), True)).max() < 0.02 * abs(whole).max()
+    assert abs(whole - any_visible(shell.faces, False)).max() > 0.1 * abs(whole).max()  # the back's part in it
 
 
 def test_coming_out_from_behind_a_pane_is_a_slope_and_not_a_step(radar):

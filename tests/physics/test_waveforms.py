@@ -60,12 +60,12 @@ def check(found, radar, target, *, elevation=False, columns=None):
     assert len(found.range) >= 1
     assert abs(found.range[0] - range_) < 0.1 * radar.range_resolution
     assert abs(found.velocity[0] - velocity) < 0.1 * radar.velocity_resolution
-    seen = direction(np.degrees(found.azimuth[0]), np.degrees(found.elevation[0]))
+    visible = direction(np.degrees(found.azimuth[0]), np.degrees(found.elevation[0]))
     towards = direction(azimuth, height)
     cell = cells(radar)
-    assert abs(seen[1] - towards[1]) < 0.1 * (cell[0] if columns is None else columns)
+    assert abs(visible[1] - towards[1]) < 0.1 * (cell[0] if columns is None else columns)
     if elevation:
-        assert abs(seen[2] - towards[2]) < 0.1 * cell[1]
+        assert abs(visible[2] - towards[2]) < 0.1 * cell[1]
 
 
 # preset, whether the array has height, targets: range [m], azimuth and elevation [deg], radial velocity [m/s].
@@ -145,16 +145,16 @@ def test_a_triangle_tells_range_from_doppler():
     radar = Radar.load("awr1843", "triangle", **POSE)
     velocity = 2.0
     cube = frame(radar, (6.5, 0.0, 0.0, velocity))
-    seen = []
+    visible = []
     for profile in (0, 1):
         samples, chosen = select_profile(cube, radar, profile)
         maps = range_doppler(samples, chosen, range_bins=64 * 256)
-        seen.append(maps.range[maps.power.max(axis=1).argmax()])
+        visible.append(maps.range[maps.power.max(axis=1).argmax()])
         shift = velocity * (observation_time(chosen) - observation_time(radar.of_profile(0)))
-        seen[-1] -= shift
+        visible[-1] -= shift
     expected = 2 * velocity * radar.center_frequency / 60.012e12
-    assert seen[0] - seen[1] == pytest.approx(expected, abs=0.1 * radar.range_resolution / 2)
-    assert np.mean(seen) == pytest.approx(6.5, abs=0.1 * radar.range_resolution)
+    assert visible[0] - visible[1] == pytest.approx(expected, abs=0.1 * radar.range_resolution / 2)
+    assert np.mean(visible) == pytest.approx(6.5, abs=0.1 * radar.range_resolution)
 
 
 def test_a_beam_looks_where_its_phases_point():

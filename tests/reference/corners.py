@@ -73,17 +73,17 @@ def corner_gain(
         points, area = last.points(n)
         # Backwards from the point: where each leg comes from.
         legs, at = [points], points
-        lit = np.ones(len(points), bool)
+        unoccluded = np.ones(len(points), bool)
         for mirror, image in zip(mirrors[::-1], images[:0:-1], strict=True):
             towards = image - at
             share = dot(mirror.corner - at, mirror.normal) / np.where(
                 dot(towards, mirror.normal) == 0, np.inf, dot(towards, mirror.normal)
             )
             at = at + share * towards
-            lit &= (share[:, 0] > 0) & (share[:, 0] < 1) & mirror.holds(at)
+            unoccluded &= (share[:, 0] > 0) & (share[:, 0] < 1) & mirror.holds(at)
             legs.append(at)
-        legs = [leg[lit] for leg in legs]
-        if not lit.any():
+        legs = [leg[unoccluded] for leg in legs]
+        if not unoccluded.any():
             continue
         way = [np.broadcast_to(tx, legs[0].shape), *legs[::-1]]
         k_in = [(end - start) / np.linalg.norm(end - start, axis=1, keepdims=True) for start, end in pairwise(way)]

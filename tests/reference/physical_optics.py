@@ -31,11 +31,11 @@ def triangle_points(corners: FloatArray, n: int) -> tuple[FloatArray, FloatArray
     return np.einsum("qc,fci->fqi", barycentric, corners), 2.0 * u * np.outer(weight, weight).ravel()
 
 
-def patches(corners: FloatArray, rises: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+def clusters(corners: FloatArray, sagittas: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
     """(facet, n^2, 3) points on quadratic patches and their normals, twice the area element long."""
     w, _ = triangle_points(np.eye(3)[None], n)
     weight = [w[0][:, i, None] for i in range(3)]
-    p, r = ([each[:, None, i] for i in range(3)] for each in (corners, rises))
+    p, r = ([each[:, None, i] for i in range(3)] for each in (corners, sagittas))
     ring = [(i, (i + 1) % 3, (i + 2) % 3) for i in range(3)]
     point = sum(weight[i] * p[i] + 4 * weight[j] * weight[k] * r[i] for i, j, k in ring)
     slope = [p[i] + 4 * (weight[k] * r[j] + weight[j] * r[k]) for i, j, k in ring]
@@ -144,13 +144,14 @@ def po_gain(
     n: int = 64,
     tx_wall: Wall | None = None,
     rx_wall: Wall | None = None,
-    rises: FloatArray | None = None,
+    sagittas: FloatArray | None = None,
 ) -> complex:
     """Channel of one element pair: (j / 4 pi) integral of F exp(-j k (R_t + R_r)) / (R_t R_r), n^2 points a facet.
 
     Every factor is evaluated at every sample: no linear phase, no constant obliquity. F is the mean of the obliquities
     from Tx to Rx and back. By way of a wall the distances are those to the image, and the field is the wall's
-    reflection of the element's. With `rises` (facet, 3, 3) [m], by how much the middle of the edge opposite each corner
+    reflection of the element's. With `sagittas` (facet, 3, 3) [m], by how much the middle of the edge opposite each
+    corner
     lies off its chord, facets are quadratic patches with normals of their own: what looks away, seen half way between
     Tx and Rx, returns nothing.
     """
@@ -160,8 +161,8 @@ def po_gain(
     points, weights = triangle_points(corners, n)
     normal = np.broadcast_to((cross / twice_area[:, None])[:, None], points.shape)
     front, share = normal, np.ones(points.shape[:2])
-    if rises is not None:
-        points, front = patches(corners, rises, n)
+    if sagittas is not None:
+        points, front = clusters(corners, sagittas, n)
         share = np.linalg.norm(front, axis=2)
         front = front / share[..., None]
         share = share / twice_area[:, None]
@@ -171,7 +172,7 @@ def po_gain(
     to_point, to_rx = points - tx, rx - points
     r_t, r_r = np.linalg.norm(to_point, axis=-1, keepdims=True), np.linalg.norm(to_rx, axis=-1, keepdims=True)
     k_in, k_out = to_point / r_t, to_rx / r_r
-    if rises is None:
+    if sagittas is None:
         normal = np.where(dot(normal, k_in) > 0, -normal, normal)
     else:
         normal = front

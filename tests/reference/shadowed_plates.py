@@ -53,10 +53,10 @@ def without(polygons: Sequence[FloatArray], shadow: FloatArray) -> list[FloatArr
 
 
 def returned(
-    radar: Radar, triangles: Sequence[FloatArray], hiders: Sequence[FloatArray], points_per_wavelength: float = 6.0
+    radar: Radar, triangles: Sequence[FloatArray], occluders: Sequence[FloatArray], points_per_wavelength: float = 6.0
 ) -> ComplexArray:
     """(tx, rx) channel by way of metal `triangles` (corner, 3), of the side that looks at the radar, behind convex
-    bodies with corners `hiders` (corner, 3) [m].
+    bodies with corners `occluders` (corner, 3) [m].
 
     Raises
     ------
@@ -74,7 +74,7 @@ def returned(
         shadows = []
         for element in elements:
             own, high = [], (element - corners[0]) @ normal
-            for body in hiders:
+            for body in occluders:
                 height = (body - corners[0]) @ normal
                 if (height <= 0).all():
                     continue
@@ -86,10 +86,10 @@ def returned(
             shadows.append(own)
         for i, tx in enumerate(radar.tx_world):
             for j, rx in enumerate(radar.rx_world):
-                lit = [(corners - corners[0]) @ axes.T]
+                unoccluded = [(corners - corners[0]) @ axes.T]
                 for shadow in shadows[i] + shadows[len(radar.tx_world) + j]:
-                    lit = without(lit, shadow)
-                for polygon in lit:
+                    unoccluded = without(unoccluded, shadow)
+                for polygon in unoccluded:
                     for k in range(1, len(polygon) - 1):
                         piece = polygon[[0, k, k + 1]]
                         (a, b), (c, d) = piece[1] - piece[0], piece[2] - piece[0]

@@ -69,9 +69,9 @@ def by_way_of(
     s_1, s_2, r = (np.linalg.norm(x, axis=1, keepdims=True) for x in (place - tx, points - place, rx - points))
     cos = -dot(k_1, mirror)
     # Lit by the first sphere, seen by the receiver, and the reflection is on the side of the first that Tx sees.
-    lit = (dot(k_2, normal) < 0) & (dot(k_out, normal) > 0) & (cos > 0) & (dot(k_2, mirror) > 0)
+    unoccluded = (dot(k_2, normal) < 0) & (dot(k_out, normal) > 0) & (cos > 0) & (dot(k_2, mirror) > 0)
     cos = np.maximum(cos, 1e-9)
-    rho = [1 / (1 / s_1 + bend) for bend in (2 / (first[1] * cos), 2 * cos / first[1])]
+    rho = [1 / (1 / s_1 + patch) for patch in (2 / (first[1] * cos), 2 * cos / first[1])]
     spread = np.sqrt(rho[0] * rho[1] / ((rho[0] + s_2) * (rho[1] + s_2))) / s_1
     field = _unit(tx_field - dot(tx_field, k_1) * k_1)
     field = 2 * dot(field, mirror) * mirror - field  # a conductor
@@ -81,5 +81,5 @@ def by_way_of(
         for aslant in (-dot(k_2, normal), dot(k_out, normal), cos, dot(k_2, mirror)):
             x = np.clip(aslant / taper, 0, 1)
             f = f * (x**3 * (10 - 15 * x + 6 * x**2)).reshape(f.shape)
-    values = np.where(lit, f * spread * np.exp(-1j * k * (s_1 + s_2 + r)) / r, 0.0)
+    values = np.where(unoccluded, f * spread * np.exp(-1j * k * (s_1 + s_2 + r)) / r, 0.0)
     return complex(1j / (4 * np.pi) * (values[:, 0] * area).sum())

@@ -12,9 +12,9 @@ import trimesh
 from rfgen_sionna.resources import resolve
 from rfgen_sionna.scene import (
     MATERIALS,
-    Actor,
     MaterialError,
     MaterialRangeWarning,
+    MeshActor,
     RayScene,
     SceneError,
     available_scenes,
@@ -25,7 +25,7 @@ from rfgen_sionna.scene import (
 from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.sionna.target import add_actor
+from rfgen_sionna.tracing.sionna.sensing_target import add_actor
 from tests.benchmarks.subjects import radar_of
 from tests.sionna.rectangles import apart, scene_of, wall
 
@@ -208,7 +208,9 @@ def test_the_living_room_has_a_free_floor_and_a_free_radar(room):
             & (corners[..., 2].min(1) < 2.3)
         )
         assert not inside.any() or item.name == "floor", item.name
-    person = Actor.from_mesh(trimesh.creation.capsule(1.2, 0.2), material="skin", position=(3, 0, 0.3), name="person")
+    person = MeshActor.from_mesh(
+        trimesh.creation.capsule(1.2, 0.2), material="skin", position=(3, 0, 0.3), name="person"
+    )
     check_radar_clear((0, 0, 1), room, [person])
     with pytest.raises(SceneError, match="sofa"):
         check_radar_clear((2.7, -1.7, 0.4), room, [person])
@@ -342,7 +344,7 @@ def test_sensing_targets_are_left_out_and_that_is_told():
     """A scene with an actor of ours as a target of Sionna's: the actor itself may be given as well."""
     scene, radar = facing_wall(), apart()
     scene.tune(radar.center_frequency)
-    ball = Actor.from_mesh(trimesh.creation.icosphere(2, 0.1), material="pec", position=(3, 0.5, 1), name="ball")
+    ball = MeshActor.from_mesh(trimesh.creation.icosphere(2, 0.1), material="pec", position=(3, 0.5, 1), name="ball")
     add_actor(scene, ball)
     with pytest.warns(UserWarning, match="sensing targets.*ball.*actors"):
         simulator = Simulator(scene, radar, [ball], rtol=1e-2)
@@ -357,14 +359,16 @@ def test_materials_of_actors_are_checked_before_anything_is_traced():
 
     def simulator(outside):
         made_of = material("wet_ground", outside=outside)
-        return Simulator(None, apart(), [Actor.from_mesh(puddle, material=made_of, position=(3, 0, 1), name="puddle")])
+        return Simulator(
+            None, apart(), [MeshActor.from_mesh(puddle, material=made_of, position=(3, 0, 1), name="puddle")]
+        )
 
     with pytest.warns(MaterialRangeWarning, match="wet_ground"):
         simulator("extrapolate")
     with pytest.raises(MaterialError, match=r"puddle.*wet_ground.*7[0-9.]+ GHz.*concrete.*defined there"):
         simulator("raise")
     with pytest.raises(TypeError, match=r"puddle.*known are.*concrete"):
-        Simulator(None, apart(), [Actor.from_mesh(puddle, material=None, position=(3, 0, 1), name="puddle")])
+        Simulator(None, apart(), [MeshActor.from_mesh(puddle, material=None, position=(3, 0, 1), name="puddle")])
 
 
 def test_what_is_added_to_free_space_is_there():

@@ -8,11 +8,11 @@ import trimesh
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MaterialRangeWarning, MeshActor, RayScene, available_scenes
-from rfgen_sionna.scene.checks.clearance import distance, nearest_surface
+from rfgen_sionna.scene.checks.radar_distance import distance, nearest_surface
 from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.simulation import Simulator
 
-pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.errors.MaterialRangeWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.scene_errors.MaterialRangeWarning")
 
 PLACES = {
     "box": ((-3.0, -2.0, 1.2), (2.0, 1.0, 1.2)),

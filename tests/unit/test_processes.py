@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.parallel import one_blas_thread
-from rfgen_sionna.processes import check_workers, in_processes
+from rfgen_sionna.processes import check_workers, map_in_processes
 
 RUNS = [range(1, 4), range(4, 5), range(5, 9), range(9, 12)]
 
@@ -42,7 +42,7 @@ def test_results_come_in_order_from_other_processes_that_know_all_there_was(work
         time.sleep(0.02 * (number % 3))
         return number, known[number] + offset, os.getpid()
 
-    found = list(in_processes(job, RUNS, workers))
+    found = list(map_in_processes(job, RUNS, workers))
     assert [each[:2] for each in found] == [(number, number + offset) for number in range(1, 12)]
     assert os.getpid() not in {each[2] for each in found}
     assert len({each[2] for each in found}) == len(RUNS)  # each run has one of its own
@@ -51,7 +51,7 @@ def test_results_come_in_order_from_other_processes_that_know_all_there_was(work
 
 def test_more_than_a_pipe_holds():
     """Those that are not at turn would wait until somebody takes what they send."""
-    found = list(in_processes(lambda number: np.full(300_000, number), RUNS, 2))
+    found = list(map_in_processes(lambda number: np.full(300_000, number), RUNS, 2))
     assert [each[-1] for each in found] == list(range(1, 12))
 
 
@@ -61,7 +61,7 @@ def test_so_many_work_at_a_time():
         time.sleep(0.1)
         return begun, time.monotonic()
 
-    spans = list(in_processes(job, [range(k, k + 1) for k in range(8)], 3))
+    spans = list(map_in_processes(job, [range(k, k + 1) for k in range(8)], 3))
     most = max(sum(begin <= t < end for begin, end in spans) for t, _ in spans)
     assert most <= 3
 
@@ -74,7 +74,7 @@ def test_what_was_made_before_a_failure_is_handed_over():
 
     found = []
     with pytest.raises(KeyError, match="five") as caught:
-        found.extend(in_processes(job, RUNS, 3))
+        found.extend(map_in_processes(job, RUNS, 3))
     assert found == [1, 2, 3, 4]
     assert any("test_processes.py" in note and "In another process" in note for note in caught.value.__notes__)
 
@@ -84,7 +84,7 @@ def test_errors_that_can_t_be_sent_say_the_same():
         raise PeculiarError(1, 2)
 
     with pytest.raises(RuntimeError, match="PeculiarError: 1 and 2"):
-        list(in_processes(job, RUNS, 2))
+        list(map_in_processes(job, RUNS, 2))
 
 
 def test_a_process_that_is_killed_is_told_of():
@@ -95,7 +95,7 @@ def test_a_process_that_is_killed_is_told_of():
 
     found = []
     with pytest.raises(RuntimeError, match=r"frames 5 … 8 ended with -9 .*memory"):
-        found.extend(in_processes(job, RUNS, 2))
+        found.extend(map_in_processes(job, RUNS, 2))
     assert found == [1, 2, 3, 4, 5]
 
 
@@ -105,7 +105,7 @@ def test_a_process_that_is_killed_while_it_tells_something():
     def job(number):
         return os.getpid() if number == 1 else np.zeros(2_000_000)
 
-    results = in_processes(job, [range(1, 3)], 1)
+    results = map_in_processes(job, [range(1, 3)], 1)
     process = next(results)
     time.sleep(0.5)
     os.kill(process, signal.SIGKILL)
@@ -124,7 +124,7 @@ def test_nobody_works_on_where_signals_are_handled(handler):
 
     before = signal.signal(signal.SIGTERM, handler)
     try:
-        results = in_processes(job, RUNS, 2)
+        results = map_in_processes(job, RUNS, 2)
         next(results)
         begun = time.monotonic()
         results.close()
@@ -169,7 +169,7 @@ def test_nothing_is_forked_while_another_thread_works():
     thread.start()
     working.wait(30)
     Timer(0.3, free.set).start()
-    assert list(in_processes(job, [range(1)], 2)) == [True]
+    assert list(map_in_processes(job, [range(1)], 2)) == [True]
     thread.join()
 
 
@@ -179,7 +179,7 @@ def test_nobody_works_on_for_one_who_leaves():
             time.sleep(60)
         return os.getpid()
 
-    results = in_processes(job, RUNS, 2)
+    results = map_in_processes(job, RUNS, 2)
     first = next(results)
     assert alive(first)
     results.close()
@@ -194,7 +194,7 @@ def test_logs_and_warnings_come_in_order(caplog):
 
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
-        for number in in_processes(job, RUNS, 3):
+        for number in map_in_processes(job, RUNS, 3):
             assert caplog.messages[-1] == f"number {number} is logged"
             assert str(heard[-1].message) == f"number {number} is warned of"
     assert len(caplog.messages) == len(heard) == 11
@@ -216,9 +216,9 @@ def test_warnings_that_are_errors_and_such_as_can_t_be_sent():
         return number
 
     with pytest.raises(DeprecationWarning, match="old"):  # as pytest's filters have it
-        list(in_processes(deprecated, RUNS, 2))
+        list(map_in_processes(deprecated, RUNS, 2))
     with pytest.warns(UserWarning, match="PeculiarWarning: 1 and 2"):
-        assert list(in_processes(peculiar, RUNS[:1], 2)) == [1, 2, 3]
+        assert list(map_in_processes(peculiar, RUNS[:1], 2)) == [1, 2, 3]
 
 
 @pytest.mark.parametrize("workers", [0, -1, True, 1.0, "2", None])

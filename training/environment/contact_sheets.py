@@ -17,7 +17,7 @@ from training.environment.place_captions import named
 from training.environment.view_corpus import ViewCorpus
 
 if TYPE_CHECKING:
-    from rfgen_sionna.generative.environment.refine import PathDiffusion
+    from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 
 LEVELS = (-165.0, -115.0)
 """Of the pictures [dB]."""

@@ -11,18 +11,18 @@ import torch
 from diffusers.models.attention_processor import AttnProcessor
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.expectation import LEAST_SPREAD
-from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward import make_scheduler
-from rfgen_sionna.generative.environment.model import (
+from rfgen_sionna.generative.environment.conditional_prior import LEAST_SPREAD
+from rfgen_sionna.generative.environment.environment_model import (
     CONTROL_FILE,
     EnvironmentModel,
     condition_of,
     new_control,
-    weights_of,
+    weights_fingerprint,
     write_control,
 )
-from training.environment.image_training import draw_batch, even_loss
+from rfgen_sionna.generative.environment.fingerprint import fingerprint
+from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from training.environment.image_training import draw_batch, weighted_velocity_loss
 from training.learning import Progress, Run, precision, reports_out_of_memory
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def train_control(
     Raises:
         ValueError: `corpus` has no pairs, or `out` holds a checkpoint of another recipe, start or base.
     """
-    recipe = replace(recipe, begun=fingerprint(start), base=weights_of(model.unet))
+    recipe = replace(recipe, begun=fingerprint(start), base=weights_fingerprint(model.unet))
     latents, given_latents = corpus.latents(model.vae), corpus.latents(model.vae, incomplete=True)
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
@@ -138,7 +138,7 @@ def train_control(
                 down_block_additional_residuals=down,
                 mid_block_additional_residual=middle,
             ).sample
-        run.learn(even_loss(guess, target, times, scale))
+        run.learn(weighted_velocity_loss(guess, target, times, scale))
     return out / CONTROL_FILE
 
 

@@ -14,12 +14,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from rfgen_sionna.generative.environment.model import read_control, read_model, write_control
-from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.environment_model import read_control, read_model, write_control
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.generative.environment.torch_device import pick_device
 from training.commands import plainly, progress_bar
+from training.environment.classifier_training import train_confidence_gate
 from training.environment.control_training import ControlRecipe, train_control
-from training.environment.judge_training import train_doubt
 from training.environment.path_evaluation import calibrated
 from training.environment.pir_data import PirData
 from training.environment.train import Device
@@ -66,17 +66,17 @@ def main(
             device=device,
             progress=lambda step, _, loss: bar.update(task, completed=step, note=f"loss {loss:.4f}"),
         )
-        judge = bar.add_task("completeness", total=None, note="")
+        classifier = bar.add_task("completeness", total=None, note="")
         refiner = PathDiffusion(base, path, device=device)
-        refiner.doubt = train_doubt(
-            corpus, seed, progress=lambda step, steps, _: bar.update(judge, completed=step, total=steps)
+        refiner.confidence_gate = train_confidence_gate(
+            corpus, seed, progress=lambda step, steps, _: bar.update(classifier, completed=step, total=steps)
         )
         judged = bar.add_task("validation", total=1, note="")
         check = read_corpus(PirData.open(data).select(split="validation"), model.codec, pairs=True)
-        doubt = calibrated(refiner, check, count=_JUDGED, seed=seed)
+        confidence_gate = calibrated(refiner, check, count=_JUDGED, seed=seed)
         trained = read_control(path, model.unet)
-        write_control(path, trained.net, trained.facts, doubt)
-        bar.update(judged, completed=1, note=f"share {doubt.share:.2f}")
+        write_control(path, trained.net, trained.facts, confidence_gate)
+        bar.update(judged, completed=1, note=f"share {confidence_gate.share:.2f}")
     Console().print(f"ControlNet: {path}")
 
 

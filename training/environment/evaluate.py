@@ -15,15 +15,15 @@ import numpy as np
 import torch
 import typer
 
-from rfgen_sionna.generative.environment.backend import load_embedded
-from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.judge import Judge, untrained
-from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.sampling import Sampler
+from rfgen_sionna.generative.environment.classifier import ImageClassifier, untrained_classifier
+from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.image_models import load_embedded
+from rfgen_sionna.generative.environment.image_sampling import ImageSampler
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from training.commands import plainly, progress_bar
+from training.environment.classifier_training import train_classifier
 from training.environment.contact_sheets import completed_sheet, sheet
 from training.environment.image_evaluation import examine
-from training.environment.judge_training import train_judge
 from training.environment.lora_evaluation import RATES, examine_lora
 from training.environment.lora_training import LoraRecipe
 from training.environment.path_evaluation import examine_paths
@@ -36,23 +36,23 @@ _BANK = 2500
 """Training images among which copies are looked for."""
 
 
-def load_judge(out: Path, train: ViewCorpus, steps: int, bar: Any) -> Judge:
+def load_classifier(out: Path, train: ViewCorpus, steps: int, bar: Any) -> ImageClassifier:
     """The judge, trained or from `out`."""
     path = out / "judge.pt"
     if path.is_file():
-        judge = untrained(len(train.names))
-        judge.net.load_state_dict(torch.load(path, weights_only=True))
-        return judge
+        classifier = untrained_classifier(len(train.names))
+        classifier.net.load_state_dict(torch.load(path, weights_only=True))
+        return classifier
     task = bar.add_task("judge", total=steps, note="")
-    judge = train_judge(
+    classifier = train_classifier(
         train.images,
         train.places,
         train.views,
         steps=steps,
         progress=lambda step, *_: bar.update(task, completed=step),
     )
-    torch.save(judge.net.state_dict(), path)
-    return judge
+    torch.save(classifier.net.state_dict(), path)
+    return classifier
 
 
 def main(
@@ -78,9 +78,11 @@ def main(
     view_count: Annotated[int, typer.Option(min=0, help="Environments of which several views are compared.")] = 16,
     pair_count: Annotated[int, typer.Option(min=1, help="Pairs on which path diffusion is examined.")] = 150,
     strength: Annotated[float, typer.Option(min=0.0, max=1.0, help="Strength of path diffusion.")] = 1.0,
-    steps: Annotated[int, typer.Option(min=1, max=1000, help="Steps of the sampler.")] = Sampler.steps,
-    guidance: Annotated[float, typer.Option(min=1.0, max=20.0, help="Guidance of the sampler.")] = Sampler.guidance,
-    sketched: Annotated[
+    steps: Annotated[int, typer.Option(min=1, max=1000, help="Steps of the sampler.")] = ImageSampler.steps,
+    guidance: Annotated[
+        float, typer.Option(min=1.0, max=20.0, help="Guidance of the sampler.")
+    ] = ImageSampler.guidance,
+    use_layout_map: Annotated[
         bool, typer.Option("--sketched/--words-alone", help="Draw over sketches, or from words alone.")
     ] = True,
     split: Annotated[str, typer.Option(help="test; or validation, to choose settings with.")] = "test",
@@ -98,10 +100,10 @@ def main(
         raise ValueError(f"data: {str(data)!r} has no views of the split {split!r}; render more of them")
     train, test = (read_corpus(part, own.codec) for part in (views.select(split="train"), held))
     bank = train.images[np.random.default_rng(0).permutation(len(train))[:_BANK]]
-    sampler = Sampler("ddim", steps, guidance)
+    sampler = ImageSampler("ddim", steps, guidance)
     report: dict[str, Any] = {
         "model": own.facts,
-        "sampler": {"steps": steps, "guidance": guidance, "sketched": sketched},
+        "sampler": {"steps": steps, "guidance": guidance, "sketched": use_layout_map},
         "split": split,
     }
 
@@ -109,11 +111,11 @@ def main(
         (out / "metrics.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
 
     with progress_bar() as bar:
-        judge = load_judge(out, train, judge_steps, bar)
-        _, chances = judge.look(test.images, test.views)
+        classifier = load_classifier(out, train, judge_steps, bar)
+        _, probabilities = classifier.classify(test.images, test.views)
         report["judge on held-out renders"] = {
-            "views": float(judge.right(chances, test.places).mean()),
-            "all views of a layout together": float(judge.right(chances, test.places, held.layout).mean()),
+            "views": float(classifier.right(probabilities, test.places).mean()),
+            "all views of a layout together": float(classifier.right(probabilities, test.places, held.layout).mean()),
         }
         report["surroundings"] = []
         for seed in range(seeds):
@@ -123,8 +125,8 @@ def main(
                 bar.update(task, completed=done, total=total)
 
             figures, images, which = examine(
-                own, test, held.layout, bank, judge, sampler=sampler, each=each, seed=seed,
-                sketched=sketched, note=note,
+                own, test, held.layout, bank, classifier, sampler=sampler, each=each, seed=seed,
+                use_layout_map=use_layout_map, note=note,
             )  # fmt: skip
             report["surroundings"].append(figures)
             write()
@@ -136,15 +138,17 @@ def main(
                 raise typer.BadParameter(f"other: {folder} shares layouts with the training split; render another seed")
             task = bar.add_task(folder.name, total=1, note="")
             figures, _, _ = examine(
-                own, read_corpus(part, own.codec), part.layout, bank, judge, sampler=sampler, each=each, seed=0,
-                sketched=sketched,
+                own, read_corpus(part, own.codec), part.layout, bank, classifier, sampler=sampler, each=each, seed=0,
+                use_layout_map=use_layout_map,
             )  # fmt: skip
             report.setdefault("other views", {})[folder.name] = figures
             bar.update(task, completed=1)
             write()
         if view_count:
             task = bar.add_task("several views", total=1, note="")
-            rooms = EnvironmentDiffusion(model, steps=steps, guidance=guidance, sketched=sketched, half=half)
+            rooms = EnvironmentDiffusion(
+                model, steps=steps, guidance=guidance, use_layout_map=use_layout_map, half=half
+            )
             report["several views"] = examine_views(rooms, test, count=view_count, seed=0)
             bar.update(task, completed=1)
             write()
@@ -163,7 +167,7 @@ def main(
                 lora_base,
                 views,
                 lora_place,
-                judge,
+                classifier,
                 out / "lora",
                 sampler=sampler,
                 rates=lora_rate or RATES,

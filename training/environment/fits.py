@@ -10,8 +10,8 @@ import torch
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.expectation import PURE, TERMS, Expectation, shares_of, terms
-from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.generative.environment.conditional_prior import PURE, TERMS, ConditionalPrior, shares_of, terms
+from rfgen_sionna.generative.environment.reprojection import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
@@ -54,58 +54,58 @@ def fit_autoencoder(images: FloatArray, latents: int, whitening: float = 0.5) ->
     return own
 
 
-def fit_expectation(
+def fit_conditional_prior(
     corpus: ViewCorpus, kinds: int, vae: PatchAutoencoder, codec: PirCodec, seed: int = 0
-) -> Expectation:
+) -> ConditionalPrior:
     """Least squares over training views, for as many `kinds`, of which the corpus's things are the first; kinds
     that were hardly seen come out as the mean over all. What things are made of is known of corpora of furnished
     places."""
-    if corpus.sketches is None:
+    if corpus.layout_maps is None:
         raise ValueError("data: the sketches were not read")
     some = np.random.default_rng([seed, 47]).permutation(len(corpus))[:_VIEWS]
     some = np.sort(some).tolist()  # views of one layout follow each other
     squares, products = np.zeros((kinds, TERMS, TERMS)), np.zeros((kinds, TERMS, 3))
     for i in some:
-        sketch = corpus.sketches[i].astype(np.float64)
-        told = terms(sketch, corpus.views[i], codec).reshape(-1, TERMS)
+        layout_map = corpus.layout_maps[i].astype(np.float64)
+        told = terms(layout_map, corpus.views[i], codec).reshape(-1, TERMS)
         channels = corpus.images[i].astype(np.float64).reshape(3, -1).T
-        kind = sketch[-1].ravel().astype(np.intp)
+        kind = layout_map[-1].ravel().astype(np.intp)
         for k in np.unique(kind):
             mine = told[kind == k]
             squares[k] += mine.T @ mine
             products[k] += mine.T @ channels[kind == k]
     everything = squares.sum(axis=0)
     whole = np.linalg.solve(everything + 1e-3 * np.eye(TERMS), products.sum(axis=0))
-    doubt = _RIDGE * everything / max(everything[0, 0], 1.0) + 1e-6 * np.eye(TERMS)
-    fitted = zip(squares + doubt, products + doubt @ whole, strict=True)
+    confidence_gate = _RIDGE * everything / max(everything[0, 0], 1.0) + 1e-6 * np.eye(TERMS)
+    fitted = zip(squares + confidence_gate, products + confidence_gate @ whole, strict=True)
     planes = np.stack([np.linalg.solve(square, product) for square, product in fitted])
     latents, names = vae.config.latent_channels, tuple(FINISHES)
     none = np.zeros((kinds, latents))
-    flat = Expectation(planes, np.zeros((2, 1 + len(names), kinds)), none, none, names)
+    flat = ConditionalPrior(planes, np.zeros((2, 1 + len(names), kinds)), none, none, names)
     moments = np.zeros((3, 1 + len(names), kinds))
     every = np.arange(kinds)
     sums, counts = np.zeros((2, kinds, latents)), np.zeros((2, kinds))
     for i in some:
-        sketch, image = corpus.sketches[i].astype(np.float32), corpus.images[i].astype(np.float32)
-        bright = flat.offsets_of(image, sketch, corpus.views[i], codec)
+        layout_map, image = corpus.layout_maps[i].astype(np.float32), corpus.images[i].astype(np.float32)
+        bright = flat.brightness_offsets(image, layout_map, corpus.views[i], codec)
         layout = None if corpus.layouts is None else int(corpus.layouts[i])
-        made_of = {} if layout is None else _finishes(corpus.names[corpus.places[i]], layout)
+        made_of = {} if layout is None else _finishes_of(corpus.names[corpus.places[i]], layout)
         moments[:, flat.rows(made_of, corpus.things), every] += [bright != 0, bright, bright**2]
-        apart = torch.from_numpy(image - flat.image(sketch, corpus.views[i], codec, bright))[None]
+        apart = torch.from_numpy(image - flat.image(layout_map, corpus.views[i], codec, bright))[None]
         with torch.no_grad():
             size = (vae.encode(apart).latent_dist.mode() - vae.encode(0 * apart).latent_dist.mode())[0].square()
-        shares = shares_of(sketch[-1], kinds)
+        shares = shares_of(layout_map[-1], kinds)
         mixed = shares.max(axis=0) < PURE
         for which, where in enumerate((~mixed, mixed)):
             sums[which] += shares[:, where] @ size.numpy()[:, where].T
             counts[which] += shares[:, where].sum(axis=1)
     mean = sums.sum(axis=1, keepdims=True) / np.maximum(counts.sum(axis=1)[:, None, None], 1.0)
     within, between = (sums + 2.0 * mean) / (counts[..., None] + 2.0)
-    return Expectation(planes, _moments(moments), within, between, names)
+    return ConditionalPrior(planes, _moments(moments), within, between, names)
 
 
 @lru_cache(maxsize=256)
-def _finishes(place: str, layout: int) -> Mapping[str, str]:
+def _finishes_of(place: str, layout: int) -> Mapping[str, str]:
     """What the things of a layout are made of."""
     return furnished(place, layout).finishes
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.forward import make_scheduler
-from rfgen_sionna.generative.environment.imagining import Wish, imagine
-from rfgen_sionna.generative.environment.judge import Judge
-from rfgen_sionna.generative.environment.model import EnvironmentModel
-from rfgen_sionna.generative.environment.rooms import Wanted
-from rfgen_sionna.generative.environment.sampling import Sampler, noise_like
-from rfgen_sionna.generative.environment.views import NATIVE
+from rfgen_sionna.generative.environment.classifier import ImageClassifier
+from rfgen_sionna.generative.environment.environment_model import EnvironmentModel
+from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images
+from rfgen_sionna.generative.environment.image_sampling import ImageSampler, noise_like
+from rfgen_sionna.generative.environment.reprojection import NATIVE
+from rfgen_sionna.generative.environment.room_selection import PlaceRequest
 from rfgen_sionna.pir.codec import PirCodec
 from training.environment.image_metrics import (
     Physical,
@@ -59,10 +59,10 @@ def drawn_like(
     model: EnvironmentModel,
     corpus: ViewCorpus,
     index: NDArray[np.intp],
-    sampler: Sampler,
+    sampler: ImageSampler,
     seed: int,
     note: Note | None = None,
-    sketched: bool = True,
+    use_layout_map: bool = True,
 ) -> FloatArray:
     """(view, 3, row, column) images drawn for the captions and views of `index`."""
     out = []
@@ -70,22 +70,24 @@ def drawn_like(
     for start in range(0, len(index), _BATCH):
         some = index[start : start + _BATCH].tolist()
         views = [corpus.views[i] for i in some]
-        wishes = [_wish(model, corpus, i, seed) for i in some] if sketched else None
+        requests = [_request(model, corpus, i, seed) for i in some] if use_layout_map else None
         tokens = model.text.embed([corpus.captions[i] for i in some], views)
         against = model.text.embed([""] * len(some), views)
         part = noise[start : start + len(some)]
-        drawn = imagine(model, make_scheduler(), sampler, wishes, tokens, against, part)
+        drawn = generate_images(model, make_scheduler(), sampler, requests, tokens, against, part)
         out.append(drawn.astype(np.float32))
         if note is not None:
             note(min(start + _BATCH, len(index)), len(index))
     return np.concatenate(out).astype(np.float64)
 
 
-def _wish(model: EnvironmentModel, corpus: ViewCorpus, index: int, seed: int) -> Wish:
+def _request(model: EnvironmentModel, corpus: ViewCorpus, index: int, seed: int) -> ImageRequest:
     """A place of its own for the words and the direction of a view."""
     view = corpus.views[index].view(NATIVE)
     things = model.text.read(corpus.captions[index]).meant
-    return Wish(Wanted(corpus.names[corpus.places[index]], things), view, seed * 1_000_003 + index, anywhere=True)
+    return ImageRequest(
+        PlaceRequest(corpus.names[corpus.places[index]], things), view, seed * 1_000_003 + index, anywhere=True
+    )
 
 
 def compare(
@@ -111,12 +113,12 @@ def examine(
     test: ViewCorpus,
     layouts: NDArray[np.integer],
     bank: NDArray[np.floating],
-    judge: Judge,
+    classifier: ImageClassifier,
     *,
-    sampler: Sampler,
+    sampler: ImageSampler,
     each: int,
     seed: int,
-    sketched: bool = True,
+    use_layout_map: bool = True,
     note: Note | None = None,
 ) -> tuple[dict[str, Any], FloatArray, Halves]:
     """One seed's figures of the model, and the same of real views.
@@ -140,18 +142,18 @@ def examine(
         the figures, the images, and which views they were drawn for.
     """
     split = halves(test, layouts, each, seed)
-    images = drawn_like(model, test, split.first, sampler, seed, note, sketched)
+    images = drawn_like(model, test, split.first, sampler, seed, note, use_layout_map)
     real_a, real_b = (test.images[part].astype(np.float64) for part in (split.first, split.second))
     first, second = ([test.views[i] for i in part] for part in (split.first, split.second))
-    (seen, chances), (seen_a, chances_a) = (judge.look(x, first) for x in (images, real_a))
-    seen_b = judge.look(real_b, second)[0]
+    (seen, probabilities), (seen_a, chances_a) = (classifier.classify(x, first) for x in (images, real_a))
+    seen_b = classifier.classify(real_b, second)[0]
     drawn, floor = (compare(x, real_b, (f, seen_b), model.codec) for x, f in ((images, seen), (real_a, seen_a)))
     goal, rooms = test.places[split.first], layouts[split.first]
 
-    def recognised(chances: FloatArray, together: bool = False) -> NDArray[np.bool_]:
-        return judge.right(chances, goal, rooms if together else None)
+    def recognised(probabilities: FloatArray, together: bool = False) -> NDArray[np.bool_]:
+        return classifier.right(probabilities, goal, rooms if together else None)
 
-    named, named_together = recognised(chances), recognised(chances, True)
+    named, named_together = recognised(probabilities), recognised(probabilities, True)
     result = {
         "views": len(split.first),
         "layouts": len(np.unique(np.stack([rooms, goal]), axis=1).T),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import wasserstein_distance
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 
 LAW_BINS = np.arange(1.0, 8.5 + 0.25, 0.5)

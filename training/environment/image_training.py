@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.expectation import Expectation
+from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
+from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, UNetShape, write_model
 from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward import make_scheduler, signal_and_noise
-from rfgen_sionna.generative.environment.geometry import KINDS
-from rfgen_sionna.generative.environment.model import BASE_FILE, EnvironmentModel, Shape, write_model
-from rfgen_sionna.generative.environment.sketch import NONE
-from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.environment.forward_process import make_scheduler, signal_and_noise
+from rfgen_sionna.generative.environment.layout_map import NO_LAYOUT_MAP
+from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
+from rfgen_sionna.generative.environment.view_unet import KINDS
 from rfgen_sionna.pir.codec import PirCodec
-from training.environment.fits import fit_expectation
+from training.environment.fits import fit_conditional_prior
 from training.environment.view_corpus import ViewCorpus
 from training.learning import Progress, Run, precision, reports_out_of_memory
 
@@ -93,7 +93,7 @@ def train(
     out: Path,
     recipe: ImageRecipe,
     *,
-    shape: Shape | None = None,
+    shape: UNetShape | None = None,
     codec: PirCodec | None = None,
     start: EnvironmentModel | None = None,
     device: str = "cpu",
@@ -125,7 +125,7 @@ def train(
     if recipe.later and recipe.later not in corpus.names:
         raise ValueError(f"later: {recipe.later!r}; the data set has {', '.join(corpus.names)}")
     recipe = replace(recipe, begun=fingerprint(None if start is None else start.unet))
-    shape, codec = shape or Shape(latents=vae.config.latent_channels), codec or PirCodec()
+    shape, codec = shape or UNetShape(latents=vae.config.latent_channels), codec or PirCodec()
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
     net = shape.unet()
@@ -136,9 +136,9 @@ def train(
         run.net.set_attn_processor(AttnProcessor())  # the fused kernel's backward pass is slow there
         torch.nn.Module.to(run.net, memory_format=torch.channels_last)  # type: ignore[call-overload]
     latents = corpus.latents(vae)
-    expectation = start.expectation if start is not None else None
-    expectation = expectation or fit_expectation(corpus, KINDS, vae, codec, recipe.seed)
-    expected = expected_latents(corpus, expectation, vae, codec)
+    conditional_prior = start.conditional_prior if start is not None else None
+    conditional_prior = conditional_prior or fit_conditional_prior(corpus, KINDS, vae, codec, recipe.seed)
+    expected = prior_latents(corpus, conditional_prior, vae, codec)
     for each in (run.net, run.mean):
         each.spread.copy_(latents.float().std(dim=(0, 1, 3, 4)))
     guess_of = torch.compile(run.net) if compiled else run.net
@@ -146,7 +146,7 @@ def train(
     def keep(step: int, hours: float) -> None:
         before = {} if start is None else {"start": start.facts}
         facts = {**asdict(recipe), **before, "steps": step, "hours": hours, "views": len(corpus)}
-        model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, expectation=expectation)
+        model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, conditional_prior=conditional_prior)
         write_model(out / BASE_FILE, model)
         if recipe.later and step <= recipe.later_from:
             write_model(out / WITHOUT_FILE, model)
@@ -158,19 +158,19 @@ def train(
         sides = [int(m) for m in batch.mirrored]
         clean = latents[sides, batch.index].float().to(device)
         noisy, timesteps, target = diffuse(clean, torch.Generator().manual_seed(recipe.seed * 1_000_003 + step))
-        sketches = torch.from_numpy(sketches_of(corpus, batch, rng)).to(device)
+        layout_maps = torch.from_numpy(layout_maps_of(corpus, batch, rng)).to(device)
         mean, spread = (each[sides, batch.index].float().to(device) for each in expected)
-        told = {"sketch": sketches, "expected": mean, "spread": spread}
+        told = {"sketch": layout_maps, "expected": mean, "spread": spread}
         with precision(device):
             guess = guess_of(noisy, timesteps, batch.tokens.to(device), cross_attention_kwargs=told).sample
-        here = (sketches[:, -1].amax(dim=(1, 2)) > NONE)[:, None, None, None]
+        here = (layout_maps[:, -1].amax(dim=(1, 2)) > NO_LAYOUT_MAP)[:, None, None, None]
         scale = torch.where(here, spread, run.net.spread[:, None, None])
-        run.learn(even_loss(guess, target, timesteps, scale))
+        run.learn(weighted_velocity_loss(guess, target, timesteps, scale))
     return out / BASE_FILE
 
 
-def expected_latents(
-    corpus: ViewCorpus, expectation: Expectation, vae: PatchAutoencoder, codec: PirCodec
+def prior_latents(
+    corpus: ViewCorpus, conditional_prior: ConditionalPrior, vae: PatchAutoencoder, codec: PirCodec
 ) -> tuple[Tensor, Tensor]:
     """Means and spreads, each (2, view, latent, row, column), that are expected of the sketches and of their mirror
     images, with the brightness that each kind of thing has in each image; half precision."""
@@ -178,24 +178,27 @@ def expected_latents(
     for mirror in (False, True):
         for start in range(0, len(corpus), 256):
             some = range(start, min(start + 256, len(corpus)))
-            sketches, views = np.stack([corpus.sketch(i, mirror) for i in some]), [corpus.view(i, mirror) for i in some]
+            layout_maps, views = (
+                np.stack([corpus.layout_map(i, mirror) for i in some]),
+                [corpus.view(i, mirror) for i in some],
+            )
             images = [corpus.image(i, mirror) for i in some]
             bright = [
-                expectation.offsets_of(image, sketch, view, codec)
-                for image, sketch, view in zip(images, sketches, views, strict=True)
+                conditional_prior.brightness_offsets(image, layout_map, view, codec)
+                for image, layout_map, view in zip(images, layout_maps, views, strict=True)
             ]
-            found = expectation.of(sketches, views, bright, vae, codec)
+            found = conditional_prior.of(layout_maps, views, bright, vae, codec)
             means.append(found.mean.half())
             spreads.append(found.spread.half())
     shape = (2, len(corpus), *means[0].shape[1:])
     return torch.cat(means).reshape(shape), torch.cat(spreads).reshape(shape)
 
 
-def sketches_of(corpus: ViewCorpus, batch: ViewBatch, rng: np.random.Generator) -> NDArray[np.float32]:
+def layout_maps_of(corpus: ViewCorpus, batch: ViewBatch, rng: np.random.Generator) -> NDArray[np.float32]:
     """(item, CHANNELS, row, column), some of them left out."""
-    sketches = np.stack([corpus.sketch(i, m) for i, m in zip(batch.index, batch.mirrored, strict=True)])
-    sketches[rng.uniform(size=len(sketches)) < _UNSKETCHED, -1] = NONE
-    return sketches
+    layout_maps = np.stack([corpus.layout_map(i, m) for i, m in zip(batch.index, batch.mirrored, strict=True)])
+    layout_maps[rng.uniform(size=len(layout_maps)) < _UNSKETCHED, -1] = NO_LAYOUT_MAP
+    return layout_maps
 
 
 def diffuse(clean: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
@@ -210,7 +213,7 @@ def diffuse(clean: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, 
     return noisy, steps, share.sqrt() * noise - (1 - share).sqrt() * clean
 
 
-def even_loss(guess: Tensor, target: Tensor, steps: Tensor, spread: Tensor) -> Tensor:
+def weighted_velocity_loss(guess: Tensor, target: Tensor, steps: Tensor, spread: Tensor) -> Tensor:
     """Mean square error of velocities (image, latent, row, column), weighted so that what a network draws itself counts
     alike at all time steps (image,), and by the square of how far latents stray, `spread`."""
     signal, noise = signal_and_noise(steps)

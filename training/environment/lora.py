@@ -63,14 +63,14 @@ def main(
         return open_base(base, where, edge)
 
     codec = fresh_base().codec
-    learn, judge = (read_corpus(views.select(split=split), codec) for split in ("train", "validation"))
+    learn, classifier = (read_corpus(views.select(split=split), codec) for split in ("train", "validation"))
     rates = rate or [LoraRecipe.paper_rate]
     with progress_bar() as bar:
         tasks = {r: bar.add_task(f"rate {r:g}", total=steps, note="") for r in rates}
         outcome = choose_rate(
             fresh_base,
             learn,
-            judge,
+            classifier,
             out,
             recipe,
             rates,

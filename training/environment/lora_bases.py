@@ -12,11 +12,11 @@ from diffusers.models.attention_processor import AttnProcessor
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.backend import is_embedded
+from rfgen_sionna.generative.environment.environment_model import read_model
 from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward import make_scheduler
-from rfgen_sionna.generative.environment.model import read_model
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from rfgen_sionna.generative.environment.image_models import is_embedded
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 
 
@@ -81,7 +81,7 @@ class StableDiffusionBase:
     """
 
     def __init__(self, name: str, device: str, edge: int | None = None) -> None:
-        from rfgen_sionna.generative.environment.foreign import load_pipeline
+        from rfgen_sionna.generative.environment.stable_diffusion import load_pipeline
 
         pipeline = load_pipeline(name, torch.float16 if torch.device(device).type == "cuda" else torch.float32)
         pipeline.to(device)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME
-from rfgen_sionna.generative.environment.backend import load_embedded
-from rfgen_sionna.generative.environment.judge import Judge
-from rfgen_sionna.generative.environment.sampling import Sampler
+from rfgen_sionna.generative.environment.classifier import ImageClassifier
+from rfgen_sionna.generative.environment.image_models import load_embedded
+from rfgen_sionna.generative.environment.image_sampling import ImageSampler
 from training.environment.image_evaluation import drawn_like
 from training.environment.lora_bases import EmbeddedBase
 from training.environment.lora_training import LoraRecipe, choose_rate
@@ -28,10 +28,10 @@ def examine_lora(
     base: Path,
     views: PirData,
     place: str,
-    judge: Judge,
+    classifier: ImageClassifier,
     out: Path,
     *,
-    sampler: Sampler,
+    sampler: ImageSampler,
     rates: Sequence[float] = RATES,
     items: int = 16,
     steps: int = LoraRecipe.steps,
@@ -64,14 +64,16 @@ def examine_lora(
     )
     recipe = LoraRecipe(_LEARNT_FROM, steps, items, rank, convolutions, seed=seed)
     some = np.random.default_rng([seed, 37]).permutation(len(test))[:most]
-    real = judge.look(test.images, test.views)[0]
-    other = judge.look(check.images, check.views)[0]
+    real = classifier.classify(test.images, test.views)[0]
+    other = classifier.classify(check.images, check.views)[0]
     noise_seed = seed + 1
 
     def distance(lora: Path | None) -> tuple[float, float]:
-        drawn = drawn_like(load_embedded(base, lora, "cpu", half=half), test, some, sampler, noise_seed, sketched=False)
-        features, chances = judge.look(drawn, [test.views[i] for i in some])
-        return frechet(features, real), float(judge.right(chances, test.places[some]).mean())
+        drawn = drawn_like(
+            load_embedded(base, lora, "cpu", half=half), test, some, sampler, noise_seed, use_layout_map=False
+        )
+        features, probabilities = classifier.classify(drawn, [test.views[i] for i in some])
+        return frechet(features, real), float(classifier.right(probabilities, test.places[some]).mean())
 
     before = distance(None)
     report: dict[str, Any] = {

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts, save_lora
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from training.environment.lora_bases import Base, target_of
 from training.environment.view_corpus import ViewCorpus
 from training.learning import Loop, Progress, precision, reports_out_of_memory
@@ -83,7 +83,7 @@ class LoraOutcome:
 def choose_rate(
     fresh_base: Callable[[], Base],
     learn: ViewCorpus,
-    judge: ViewCorpus,
+    classifier: ViewCorpus,
     out: Path,
     recipe: LoraRecipe,
     rates: Sequence[float],
@@ -112,7 +112,7 @@ def choose_rate(
         base = fresh_base()
         name, weights = base.name, base.weights
         if np.isnan(before):
-            before = validation_loss(base, judge, recipe)
+            before = validation_loss(base, classifier, recipe)
         state, share = train_lora(
             base,
             learn,
@@ -121,7 +121,7 @@ def choose_rate(
             rate,
             progress=None if progress is None else _of_rate(progress, rate),
         )
-        losses[rate] = validation_loss(base, judge, recipe)
+        losses[rate] = validation_loss(base, classifier, recipe)
         if losses[rate] < lowest:
             lowest, best = losses[rate], (state, share)
             facts = LoraFacts("rfgen", name, recipe.steps, rate, recipe.seed, recipe.word, weights)
@@ -185,19 +185,21 @@ def train_lora(
 
 
 @torch.no_grad()
-def validation_loss(base: Base, judge: ViewCorpus, recipe: LoraRecipe) -> float:
+def validation_loss(base: Base, classifier: ViewCorpus, recipe: LoraRecipe) -> float:
     """Mean loss over validation views at a few noise levels; the same noise every time."""
-    some = np.random.default_rng([recipe.seed, 31]).permutation(len(judge))[:JUDGED]
+    some = np.random.default_rng([recipe.seed, 31]).permutation(len(classifier))[:JUDGED]
     scheduler, losses = base.scheduler, []
     count = scheduler.config.num_train_timesteps
     for start in range(0, len(some), recipe.items):
         index = [int(i) for i in some[start : start + recipe.items]]
-        clean = base.latents(np.stack([judge.image(i, False) for i in index]))
-        texts = [f"{recipe.word} {judge.captions[i]}".strip() for i in index]
+        clean = base.latents(np.stack([classifier.image(i, False) for i in index]))
+        texts = [f"{recipe.word} {classifier.captions[i]}".strip() for i in index]
         for level in range(_LEVELS):
             generator = torch.Generator().manual_seed(1_000 * start + level)
             at = int((level + 0.5) / _LEVELS * count)
-            losses.append(float(_loss(base, scheduler, clean, texts, [judge.views[i] for i in index], generator, at)))
+            losses.append(
+                float(_loss(base, scheduler, clean, texts, [classifier.views[i] for i in index], generator, at))
+            )
     return float(np.mean(losses))
 
 

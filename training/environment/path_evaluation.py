@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.generative.environment.doubt import Doubt
-from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.records import Pir
 from training.environment.view_corpus import ViewCorpus
@@ -139,10 +139,10 @@ def examine_paths(
     }
 
 
-def calibrated(refiner: PathDiffusion, pairs: ViewCorpus, *, count: int, seed: int) -> Doubt:
+def calibrated(refiner: PathDiffusion, pairs: ViewCorpus, *, count: int, seed: int) -> ConfidenceGate:
     """The doubt of `refiner` with the share that suits `count` validation pairs."""
-    plain, judging = copy(refiner), refiner.doubt
-    plain.doubt = Doubt()
+    plain, gate_tensors = copy(refiner), refiner.confidence_gate
+    plain.confidence_gate = ConfidenceGate()
     codec = refiner.backend.model.codec
     rng = np.random.default_rng([seed, 89])
     drawn, wanted, changes = [], [], []
@@ -160,8 +160,10 @@ def calibrated(refiner: PathDiffusion, pairs: ViewCorpus, *, count: int, seed: i
         most = refiner.most_gain_db
         wanted.append(np.where(both, np.clip(_decibels(truth) - _decibels(given), -most, most), np.nan).ravel())
     views = [pairs.views[i] for i in some]
-    chances = np.stack([judging.chances(images[some], views) for images in (pairs.images, pairs.lacking)])
-    return judging.fitted(chances, np.array(changes), np.array(drawn), np.array(wanted))
+    probabilities = np.stack(
+        [gate_tensors.probabilities(images[some], views) for images in (pairs.images, pairs.lacking)]
+    )
+    return gate_tensors.fitted(probabilities, np.array(changes), np.array(drawn), np.array(wanted))
 
 
 def _levels(pairs: ViewCorpus, codec: PirCodec) -> tuple[FloatArray, FloatArray]:

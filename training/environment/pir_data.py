@@ -21,7 +21,7 @@ Images, (view, row, column):
 
 - `sketch_range`, `sketch_shell` float16 [m], `sketch_cosine` float16 [1], `sketch_place` float16 (view, row, column,
   axis), `sketch_kind` uint8 (255: nothing; else an index into its attribute `kinds`): the view of the layout built of
-  bricks, :mod:`rfgen_sionna.generative.environment.sketch`. People are not in it.
+  bricks, :mod:`rfgen_sionna.generative.environment.layout_map`. People are not in it.
 
 Of each view, (view,): `place` (index into `places`), `caption`, `objects` and `absent` (JSON lists of kinds of
 furniture: in view, the largest first; usual there but not in this layout), `fov_deg` (view, 2) horizontal and vertical
@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.generative.environment.sketch import encode, numbers
+from rfgen_sionna.generative.environment.layout_map import encode_layout_map, kind_numbers
 from rfgen_sionna.pir.codec import PirCodec
 
 FORMAT, VERSION = "rfgen pir", 3
@@ -281,7 +281,7 @@ class PirData:
         """(view, row, column) whether a person is in front."""
         return self.read("actor", index)
 
-    def sketches(self, known: Sequence[str], codec: PirCodec, index: Any = slice(None)) -> NDArray[np.float32]:
+    def layout_maps(self, known: Sequence[str], codec: PirCodec, index: Any = slice(None)) -> NDArray[np.float32]:
         """(view, channel, row, column) sketches as a network is given them that knows some kinds of things."""
         reach, shell, cosine, place = (self.read(name, index).astype(np.float64) for name in list(SKETCH)[:4])
         kind = self.read("sketch_kind", index).astype(np.int64)
@@ -290,9 +290,9 @@ class PirData:
             with _opened(self.files[number]) as shard:
                 kinds = [str(name) for name in shard["sketch_kind"].attrs["kinds"]]
             table = np.zeros(NO_KIND + 1, np.int64)
-            table[: len(kinds)] = numbers(kinds, known)
+            table[: len(kinds)] = kind_numbers(kinds, known)
             kind[which == number] = table[kind[which == number]]
-        return encode(reach, shell, cosine, place, kind, codec)
+        return encode_layout_map(reach, shell, cosine, place, kind, codec)
 
     def incomplete(self, index: Any = slice(None)) -> tuple[NDArray[np.float32], ...]:
         """Energy, time of arrival and velocity of the incomplete renders of "pairs"."""

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
 
-from rfgen_sionna.generative.diffusion.text import tokenise
-from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.diffusion.sentence_encoder import tokenise
+from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
 from training.learning import Progress, fit
 from training.motion.motion_text import roughened
 

@@ -18,7 +18,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from rfgen_sionna.generative.environment.shooting import Ranges
+from rfgen_sionna.generative.environment.viewpoints import ViewpointRanges
 from rfgen_sionna.pir.projection import PROJECTIONS, check_projection
 from training.environment.pir_data import PLACES, DataError
 from training.environment.shards import Kind, Settings, check_folder, shard_file, write_shard
@@ -148,7 +148,9 @@ def main(
             views=views,
             resolution=(resolution, resolution),
             people=(0.5 if kind == "pairs" else 0.0) if people is None else people,
-            ranges=Ranges(height, pitch, fov, roll, tuple(check_projection(name) for name in _names(projections))),
+            ranges=ViewpointRanges(
+                height, pitch, fov, roll, tuple(check_projection(name) for name in _names(projections))
+            ),
             radar=radar,
         )
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

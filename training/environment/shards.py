@@ -14,15 +14,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.generative.environment.bricks import Place
-from rfgen_sionna.generative.environment.shooting import (
-    Ranges,
-    Shot,
-    Stage,
-    choose_shot,
+from rfgen_sionna.generative.environment.layout_map import render_layout_map
+from rfgen_sionna.generative.environment.primitives import PrimitiveScene
+from rfgen_sionna.generative.environment.viewpoints import (
+    PlaceRenderer,
+    Viewpoint,
+    ViewpointRanges,
+    choose_viewpoint,
     place_person,
 )
-from rfgen_sionna.generative.environment.sketch import shown
 from rfgen_sionna.pir.projection import check_fov
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
@@ -64,7 +64,7 @@ class Settings:
     """(rows, columns)"""
     people: float = 0.0
     """Share of the views with somebody in them."""
-    ranges: Ranges = field(default_factory=Ranges)
+    ranges: ViewpointRanges = field(default_factory=ViewpointRanges)
     radar: str = "awr1843"
     """Whose band counts."""
 
@@ -166,39 +166,39 @@ def render_layout(settings: Settings, number: int, views: int) -> list[dict[str,
     radar = Radar.load(settings.radar)
     scene = furnished(place, layout, radar.center_frequency)
     scene.frequency = radar.center_frequency  # what the materials' sources cover is told once, not for each layout
-    stage, rng = Stage(scene, radar), np.random.default_rng([layout, 1])
-    built = Place.of(scene)
-    coarse = Stage(scene.simplified(rng, MISSING), radar) if settings.kind == "pairs" else None
+    renderer, rng = PlaceRenderer(scene, radar), np.random.default_rng([layout, 1])
+    built = PrimitiveScene.of(scene)
+    coarse = PlaceRenderer(scene.simplified(rng, MISSING), radar) if settings.kind == "pairs" else None
     found = []
     for view in range(views):
         view_seed = settings.views * layout + view
         rng = np.random.default_rng([view_seed, 2])
-        shot = choose_shot(stage, rng, settings.ranges)
-        here, there, people = stage, coarse, 0
-        if rng.random() < settings.people and (spot := place_person(stage, shot, rng)) is not None:
+        viewpoint = choose_viewpoint(renderer, rng, settings.ranges)
+        here, there, people = renderer, coarse, 0
+        if rng.random() < settings.people and (spot := place_person(renderer, viewpoint, rng)) is not None:
             actor = _person(rng, spot)
-            here, people = Stage(scene, radar, [actor]), 1
-            there = Stage(coarse.scene, radar, [actor]) if coarse is not None else None
-        fields = _fields(settings, here, there, shot, people, view_seed, np.random.default_rng([view_seed, 3]))
-        found.append(fields | _sketched(built, shot, settings.resolution))
+            here, people = PlaceRenderer(scene, radar, [actor]), 1
+            there = PlaceRenderer(coarse.scene, radar, [actor]) if coarse is not None else None
+        fields = _fields(settings, here, there, viewpoint, people, view_seed, np.random.default_rng([view_seed, 3]))
+        found.append(fields | _layout_map_fields(built, viewpoint, settings.resolution))
     return found
 
 
 def _fields(
     settings: Settings,
-    stage: Stage,
-    coarse: Stage | None,
-    shot: Shot,
+    renderer: PlaceRenderer,
+    coarse: PlaceRenderer | None,
+    viewpoint: Viewpoint,
     people: int,
     view_seed: int,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
     rows, columns = settings.resolution
-    scene = stage.scene
-    objects, _ = stage.first_hits(shot, rows, columns)
-    seen = stage.in_view(objects)
+    scene = renderer.scene
+    objects, _ = renderer.first_hits(viewpoint, rows, columns)
+    seen = renderer.in_view(objects)
     t = float(rng.uniform(0.3, 2.5))
-    pir = stage.render(shot, settings.resolution, 1 if coarse is None else 2, t)
+    pir = renderer.render(viewpoint, settings.resolution, 1 if coarse is None else 2, t)
     place = scene.layout.place
     fields: dict[str, Any] = {
         **_images(pir, ""),
@@ -208,11 +208,11 @@ def _fields(
         "objects": json.dumps(seen),
         "absent": json.dumps(absent(place, [*scene.layout.kinds, *scene.kinds])),
         "fov_deg": pir.fov_deg,
-        "height": shot.position[2],
-        "pitch": shot.pitch,
-        "yaw": shot.yaw,
-        "roll": shot.roll,
-        "position": shot.position,
+        "height": viewpoint.position[2],
+        "pitch": viewpoint.pitch,
+        "yaw": viewpoint.yaw,
+        "roll": viewpoint.roll,
+        "position": viewpoint.position,
         "projection": pir.projection,
         "layout": scene.layout.seed,
         "view_seed": view_seed,
@@ -220,18 +220,18 @@ def _fields(
         "people": people,
     }
     if coarse is not None:
-        fields.update(_images(coarse.render(shot, settings.resolution, 1, t), "_incomplete"))
+        fields.update(_images(coarse.render(viewpoint, settings.resolution, 1, t), "_incomplete"))
     return fields
 
 
-def _sketched(place: Place, shot: Shot, resolution: tuple[int, int]) -> dict[str, Any]:
-    sketch = shown(place, shot.view(resolution))
+def _layout_map_fields(place: PrimitiveScene, viewpoint: Viewpoint, resolution: tuple[int, int]) -> dict[str, Any]:
+    layout_map = render_layout_map(place, viewpoint.view(resolution))
     return {
-        "sketch_range": sketch.range,
-        "sketch_shell": sketch.shell,
-        "sketch_cosine": sketch.cosine,
-        "sketch_place": sketch.place,
-        "sketch_kind": np.array([*place.kinds, ""])[sketch.piece],
+        "sketch_range": layout_map.range,
+        "sketch_shell": layout_map.shell,
+        "sketch_cosine": layout_map.cosine,
+        "sketch_place": layout_map.place,
+        "sketch_kind": np.array([*place.kinds, ""])[layout_map.piece],
     }
 
 

@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.progress import Progress
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.model import read_model
-from rfgen_sionna.generative.environment.text import PlaceEncoder
+from rfgen_sionna.generative.environment.environment_model import read_model
+from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
 from rfgen_sionna.generative.environment.torch_device import pick_device
 from rfgen_sionna.pir.codec import PirCodec
 from training.commands import plainly, progress_bar
@@ -110,7 +110,7 @@ def main(
     codec = PirCodec() if begun is None else begun.codec
     with progress_bar() as bar:
         reading = bar.add_task("views", total=1, note="")
-        corpus = read_corpus(PirData.open(data).select(split="train"), codec, sketched=True)
+        corpus = read_corpus(PirData.open(data).select(split="train"), codec, use_layout_map=True)
         bar.update(reading, completed=1, note=str(len(corpus)))
         if begun is None:
             vae = autoencoder(out, corpus, latents=latents, seed=seed)

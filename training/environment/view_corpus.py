@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rfgen_sionna._types import IntArray
-from rfgen_sionna.generative.environment.sketch import mirrored
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.layout_map import mirrored
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.projection import check_projection
 from training.environment.pir_data import PLACES
@@ -44,8 +44,8 @@ class ViewCorpus:
     views: list[ViewFacts]
     incomplete: NDArray[np.float16] | None = None
     """(view, 3, row, column) of pairs: what a hurried tracer would have seen."""
-    sketches: NDArray[np.float16] | None = None
-    """(view, CHANNELS, row, column) of :mod:`.sketch`; kinds are numbered as `things`."""
+    layout_maps: NDArray[np.float16] | None = None
+    """(view, CHANNELS, row, column) of :mod:`.layout_map`; kinds are numbered as `things`."""
     layouts: IntArray | None = None
     """(view,) seeds of the furnished places."""
 
@@ -75,15 +75,15 @@ class ViewCorpus:
         x = self.images[index].astype(np.float32)
         return x[..., ::-1] if mirrored else x
 
-    def sketch(self, index: int, mirror: bool) -> NDArray[np.float32]:
+    def layout_map(self, index: int, mirror: bool) -> NDArray[np.float32]:
         """(CHANNELS, row, column) of one view, or of its mirror image.
 
         Raises:
             ValueError: the sketches were not read.
         """
-        if self.sketches is None:
+        if self.layout_maps is None:
             raise ValueError("data: the sketches were not read")
-        x = self.sketches[index].astype(np.float32)
+        x = self.layout_maps[index].astype(np.float32)
         return mirrored(x) if mirror else x
 
     def sentence(self, index: int, rng: np.random.Generator) -> str:
@@ -124,8 +124,8 @@ class ViewCorpus:
         return torch.stack(out)
 
 
-def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched: bool = False) -> ViewCorpus:
-    """All views of `data` as channels, with their sketches if `sketched`.
+def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, use_layout_map: bool = False) -> ViewCorpus:
+    """All views of `data` as channels, with their sketches if `use_layout_map`.
 
     Energies, ranges and velocities beyond the convention are held at its ends.
 
@@ -138,7 +138,7 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched
         raise ValueError(
             f"data: {str(data.folder)!r} holds single views; render pairs (training.environment.render --kind pairs)"
         )
-    images, before, sketches = [], [], []
+    images, before, layout_maps = [], [], []
     things = _things(data.objects)
     for start in range(0, len(data), 256):
         index = np.arange(start, min(start + 256, len(data)))
@@ -147,8 +147,8 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched
                 data.energy(index), data.time_of_arrival(index), data.velocity(index), clip=True
             ).astype(np.float16)
         )
-        if sketched:
-            sketches.append(data.sketches(things, codec, index).astype(np.float16))
+        if use_layout_map:
+            layout_maps.append(data.layout_maps(things, codec, index).astype(np.float16))
         if pairs:
             before.append(codec.encode_arrays(*data.incomplete(index), clip=True).astype(np.float16))
     views = [
@@ -165,7 +165,7 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, sketched
         list(data.captions),
         views,
         np.concatenate(before) if pairs else None,
-        np.concatenate(sketches) if sketched else None,
+        np.concatenate(layout_maps) if use_layout_map else None,
         data.layout,
     )
 

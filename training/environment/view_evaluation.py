@@ -8,8 +8,8 @@ import numpy as np
 from scipy.stats import wasserstein_distance
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.views import imagined_so_far
+from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.reprojection import known_from_views
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from training.environment.view_corpus import ViewCorpus
@@ -45,7 +45,7 @@ def examine_views(rooms: EnvironmentDiffusion, test: ViewCorpus, *, count: int, 
         first = rooms.generate(words, seed=seed + 1000 + i, **first_place)
         second = rooms.generate(words, seed=seed + 1000 + i, **second_place)
         other = rooms.generate(words, seed=seed + 900_000 + i, **second_place)
-        known = imagined_so_far([first], View.of(second))
+        known = known_from_views([first], View.of(second))
         if known is None:
             continue
         there = _range(known.pir)

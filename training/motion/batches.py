@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from rfgen_sionna.generative.diffusion.control import SOFT, spread
+from rfgen_sionna.generative.diffusion.constraints import SOFT, spread
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, recentred
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from training.motion.motion_captions import caption, negative
@@ -35,7 +35,7 @@ class MotionBatch:
     unwanted: list[str]
 
 
-class Feeder:
+class BatchSampler:
     """Draws batches from a corpus; every one from the seed and its number alone."""
 
     def __init__(self, corpus: MotionCorpus, *, seed: int, items: int) -> None:

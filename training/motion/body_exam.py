@@ -8,9 +8,9 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies import Phenotype, Rig, animate, person
-from rfgen_sionna.generative.diffusion.drafts import canonical
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
+from rfgen_sionna.generative.diffusion.drafts import canonical_sentence
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion import KinematicSource
 from rfgen_sionna.records import Motion
 from training.motion.intersections import buried_faces
@@ -27,7 +27,7 @@ _ENDS = ("hand", "forearm", "foot")
 def on_bodies(source: DiffusionSource, seed: int) -> dict[str, Any]:
     """Figures of one motion of every action on one body, beside synthesised ones on the same body."""
     rig = person(Phenotype(gender=("female", "male")[seed % 2]), seed=seed)
-    prompts = [canonical(a) for a in CLAUSES]
+    prompts = [canonical_sentence(a) for a in CLAUSES]
     made = source.generate_many(prompts, duration=_DURATION, seeds=[seed] * len(prompts), skeleton=rig.skeleton)
     real = [KinematicSource()(a, _DURATION, seed, skeleton=rig.skeleton) for a in CLAUSES]
     ours, theirs = ([_inside(rig, m) for m in group] for group in (made, real))
@@ -51,7 +51,7 @@ def on_bodies(source: DiffusionSource, seed: int) -> dict[str, Any]:
 
 def repeats(source: DiffusionSource) -> dict[str, bool]:
     """Whether seeds decide motions."""
-    prompts = [canonical(a) for a in ("walk", "push", "t_pose")]
+    prompts = [canonical_sentence(a) for a in ("walk", "push", "t_pose")]
     first, again, other = (
         np.stack([m.rotations for m in source.generate_many(prompts, duration=3.0, seeds=seeds)])
         for seeds in ([5, 6, 7], [5, 6, 7], [8, 9, 10])

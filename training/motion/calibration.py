@@ -13,9 +13,9 @@ from scipy.ndimage import uniform_filter1d
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, recentred
+from rfgen_sionna.generative.diffusion.motion_sampling import MotionRequest, MotionSampler, conditions_of
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.residual import BANDS, DIRECTIONS, Residual
-from rfgen_sionna.generative.diffusion.sampling import Sampler, Wish, conditions_of
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
 from training.motion.motion_captions import caption
 from training.motion.motion_corpus import Entry, MotionCorpus
@@ -62,20 +62,20 @@ def calibrate(
 @torch.no_grad()
 def _of_action(model: MotionModel, action: str, group: list[Entry], clips: int, rng: np.random.Generator) -> Residual:
     chosen = [group[int(k)] for k in rng.choice(len(group), min(clips, len(group)), replace=False)]
-    truths, wishes = [], []
+    truths, requests = [], []
     for entry in chosen:
         start = int(rng.integers(len(entry.features) - _FRAMES + 1))
         stretch = slice(start, start + _FRAMES)
         truths.append((recentred(entry.features[stretch].astype(np.float64)) - model.mean) / model.scale)
         prompt = caption(rng, (action,), hand=entry.hand, speed=entry.speed, doubt=0.0)
-        wishes.append(Wish(prompt, 0, beat=entry.beat[stretch].astype(np.float64)))
+        requests.append(MotionRequest(prompt, 0, beat=entry.beat[stretch].astype(np.float64)))
     truth = np.stack(truths)
     clean = torch.from_numpy(truth).float()
-    conditions = conditions_of(model, wishes, _FRAMES)
+    conditions = conditions_of(model, requests, _FRAMES)
     shares = np.array([signal_shares()[step_at(t)] for t in TIMES])
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
     noisy, guesses = [], []
-    sampler = Sampler()
+    sampler = MotionSampler()
     for share in shares:
         noise = torch.randn(clean.shape, generator=generator)
         x = np.sqrt(share).astype(np.float32) * clean + np.sqrt(1.0 - share).astype(np.float32) * noise

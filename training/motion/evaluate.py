@@ -13,9 +13,9 @@ from typing import Annotated, Any
 
 import typer
 
+from rfgen_sionna.generative.diffusion.diffusion_source import REFINED, DiffusionSource
+from rfgen_sionna.generative.diffusion.motion_sampling import MotionSampler
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.sampling import Sampler
-from rfgen_sionna.generative.diffusion.source import REFINED, DiffusionSource
 from training.commands import progress_bar
 from training.motion import motion_evaluation as evaluation
 from training.motion.figures import table
@@ -32,8 +32,10 @@ def main(
     seeds: Annotated[int, typer.Option(min=1, help="How many seeds.")] = 3,
     each: Annotated[int, typer.Option(min=2, help="Motions of each action and seed.")] = 12,
     clips: Annotated[int, typer.Option(min=2, help="Clips of each action in the training set.")] = 300,
-    steps: Annotated[int, typer.Option(min=2, max=200, help="Steps of the sampler.")] = Sampler.steps,
-    guidance: Annotated[float, typer.Option(min=0.0, max=10.0, help="Guidance of the sampler.")] = Sampler.guidance,
+    steps: Annotated[int, typer.Option(min=2, max=200, help="Steps of the sampler.")] = MotionSampler.steps,
+    guidance: Annotated[
+        float, typer.Option(min=0.0, max=10.0, help="Guidance of the sampler.")
+    ] = MotionSampler.guidance,
     refine: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Noise level from which drafts are made anew; 0: from noise only.")
     ] = REFINED,
@@ -41,7 +43,7 @@ def main(
 ) -> None:
     """Examine a motion model and write figures and pictures."""
     out.mkdir(parents=True, exist_ok=True)
-    sampler = Sampler(steps=steps, guidance=guidance)
+    sampler = MotionSampler(steps=steps, guidance=guidance)
     source, plain = (DiffusionSource(model, sampler, refine=r) for r in (refine or None, None))
     with progress_bar() as bar:
         corpus = prepare(data, mocap, clips=clips, seed=0, workers=workers, bar=bar)

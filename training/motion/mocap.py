@@ -27,7 +27,7 @@ _FILES = ("motions.npz", "clips.json")
 
 
 @dataclass(frozen=True)
-class Capture:
+class MocapClip:
     """One captured clip."""
 
     name: str
@@ -38,7 +38,7 @@ class Capture:
     motion: Motion
 
 
-def read_pack(folder: Path) -> list[Capture]:
+def read_pack(folder: Path) -> list[MocapClip]:
     """All clips of the pack, at 20 Hz.
 
     Raises:
@@ -56,7 +56,7 @@ def read_pack(folder: Path) -> list[Capture]:
     for record in records:
         rows = slice(record["start"], record["start"] + record["frames"])
         out.append(
-            Capture(
+            MocapClip(
                 record["name"],
                 record["action"],
                 tuple(record["captions"]),

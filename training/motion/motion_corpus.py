@@ -30,7 +30,7 @@ from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.records import Motion
 from training.motion.kinematic_clips import Clip, read_clips
-from training.motion.mocap import Capture
+from training.motion.mocap import MocapClip
 
 _CLEAR = {"kinematic": 0.35, "mocap": 0.6}
 """Autocorrelation from which a clip counts as rhythmic."""
@@ -76,7 +76,7 @@ def held_out(name: str, share: float = 0.12) -> bool:
 
 def build(
     files: Sequence[Path],
-    captures: Sequence[Capture],
+    captures: Sequence[MocapClip],
     *,
     composed: int = 600,
     seed: int = 0,
@@ -128,9 +128,9 @@ def build(
     return MotionCorpus(tuple(entries), hands, beats_of(entries), mean, scale)
 
 
-def captured(captures: Sequence[Capture], hands: HandBasis) -> list[Entry]:
+def captured(captures: Sequence[MocapClip], hands: HandBasis) -> list[Entry]:
     """Entries of captured clips, each also mirrored; their planted feet are held still first."""
-    by_action: dict[str, list[tuple[Capture, FloatArray, bool]]] = {}
+    by_action: dict[str, list[tuple[MocapClip, FloatArray, bool]]] = {}
     for capture in captures:
         features = encode(lock_feet(capture.motion), hands)
         by_action.setdefault(capture.action, []).append((capture, features, False))
@@ -227,11 +227,11 @@ def beats_of(entries: Sequence[Entry]) -> dict[str, Beat]:
 
 def _statistics(entries: Sequence[Entry]) -> tuple[FloatArray, FloatArray]:
     """Mean and scale of each feature; columns of a kind share at least a quarter of their kind's scale."""
-    from rfgen_sionna.generative.diffusion.features import CONTACTS, HANDS, LOCAL, PLACES, ROOT, TURN
+    from rfgen_sionna.generative.diffusion.features import CONTACTS, HANDS, LOCAL, ROOT, TRACKED_POSITIONS, TURN
 
     sample = np.concatenate([e.features[::7].astype(np.float32) for e in entries if not e.held_out])
     mean, scale = sample.mean(axis=0).astype(np.float64), sample.std(axis=0).astype(np.float64)
-    for kind in (ROOT, TURN, LOCAL, PLACES, CONTACTS, HANDS):
+    for kind in (ROOT, TURN, LOCAL, TRACKED_POSITIONS, CONTACTS, HANDS):
         scale[kind] = np.maximum(scale[kind], 0.35 * np.sqrt(np.mean(scale[kind] ** 2)))
     # left and right, to and fro are alike
     mean[ROOT.start : ROOT.start + 2] = 0.0

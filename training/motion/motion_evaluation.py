@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.control import on_grid
+from rfgen_sionna.generative.diffusion.constraints import resampled_features
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, encode
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT
 from rfgen_sionna.records import Motion
 from training.learning import Progress
@@ -26,7 +26,7 @@ from training.motion.motion_captions import caption
 from training.motion.motion_corpus import MotionCorpus
 from training.motion.motion_metrics import rhythm_score
 from training.motion.originality import against_captured, originality
-from training.motion.recogniser import Recogniser, train_recogniser
+from training.motion.recogniser import ActionClassifier, train_action_classifier
 
 DURATION = 6.0
 FRAMES = int(DURATION * FRAME_RATE) + 1
@@ -46,7 +46,7 @@ class Reference:
     """Action -> feature rows."""
     captured: list[tuple[str, str, FloatArray]]
     """(action, caption, feature rows) of windows of captured clips."""
-    judge: Recogniser
+    classifier: ActionClassifier
 
 
 def reference(
@@ -83,7 +83,7 @@ def reference(
         else:
             rows.append(features)
             labels.append(action if action in CLAUSES else f"captured {action}")
-    return Reference(kinematic, captured, train_recogniser(rows, labels, seed=seed, progress=progress))
+    return Reference(kinematic, captured, train_action_classifier(rows, labels, seed=seed, progress=progress))
 
 
 def examine(
@@ -109,7 +109,7 @@ def examine(
     note("captured")
     out |= _captured(source, real, corpus, rng)
     note("originality")
-    rows = {a: [on_grid(m, source.model.hands) for m in group] for a, group in made.items()}
+    rows = {a: [resampled_features(m, source.model.hands) for m in group] for a, group in made.items()}
     out |= originality(rows, real.kinematic, corpus)
     note("bodies")
     return out | on_bodies(source, seed) | repeats(source)
@@ -130,7 +130,7 @@ def examine_actions(
 
 def compare(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
     """Figures of motions by action that need no prompts: rhythm, distance, variance, jerk, slide, limits."""
-    rows = {a: [on_grid(m, source.model.hands) for m in group] for a, group in made.items()}
+    rows = {a: [resampled_features(m, source.model.hands) for m in group] for a, group in made.items()}
     actions = list(rows)
     ours, floor = _distances(real, rows)
     ratio = {a: metrics.variance(rows[a]) / metrics.variance(real.kinematic[a]) for a in actions}
@@ -165,11 +165,11 @@ def _distances(real: Reference, rows: dict[str, list[FloatArray]]) -> tuple[floa
     """Fréchet distance of made to real motion, and of real to other real: as many of each action in every set."""
     rng = np.random.default_rng(0)
     each = min(min(len(g) for g in rows.values()), min(len(real.kinematic[a]) for a in rows) // 2)
-    look = {a: (real.judge.look(rows[a])[0], real.judge.look(real.kinematic[a])[0]) for a in rows}
+    classify = {a: (real.classifier.classify(rows[a])[0], real.classifier.classify(real.kinematic[a])[0]) for a in rows}
     ours, floor = [], []
     for _ in range(5):
         made, first, second = [], [], []
-        for mine, true in look.values():
+        for mine, true in classify.values():
             made.append(mine[rng.permutation(len(mine))[:each]])
             order = rng.permutation(len(true))
             first.append(true[order[:each]])
@@ -183,7 +183,7 @@ def _distances(real: Reference, rows: dict[str, list[FloatArray]]) -> tuple[floa
 def _named(source: DiffusionSource, real: Reference, made: dict[str, list[Motion]]) -> dict[str, Any]:
     out = compare(source, real, made)
     right = {a: _hits(source, real, a, group) for a, group in made.items()}
-    truth = {a: np.mean([n == a for n in real.judge.name(g)]) for a, g in real.kinematic.items()}
+    truth = {a: np.mean([n == a for n in real.classifier.name(g)]) for a, g in real.kinematic.items()}
     return {
         "recognised, seen wording": float(np.mean([h for group in right.values() for h in group])),
         "worst action, seen wording": _worst(right),
@@ -221,14 +221,14 @@ def _captured(
     for start in range(0, len(real.captured), 16):
         prompts = [sentence for _, sentence, _ in real.captured[start : start + 16]]
         made += source.generate_many(prompts, duration=DURATION, seeds=_seeds(rng, len(prompts)))
-    rows = [on_grid(m, source.model.hands) for m in made]
-    look, _ = real.judge.look(rows)
-    true, _ = real.judge.look([f for _, _, f in real.captured])
+    rows = [resampled_features(m, source.model.hands) for m in made]
+    classify, _ = real.classifier.classify(rows)
+    true, _ = real.classifier.classify([f for _, _, f in real.captured])
     half = len(true) // 2
     floor = metrics.frechet_floor(true, half, rng)
     far = np.mean(
         [
-            metrics.frechet(look[rng.permutation(len(look))[:half]], true[rng.permutation(len(true))[:half]])
+            metrics.frechet(classify[rng.permutation(len(classify))[:half]], true[rng.permutation(len(true))[:half]])
             for _ in range(5)
         ]
     )
@@ -252,7 +252,7 @@ def _long(rows: Sequence[FloatArray]) -> list[FloatArray]:
 
 
 def _hits(source: DiffusionSource, real: Reference, action: str, motions: Sequence[Motion]) -> list[bool]:
-    names = real.judge.name([on_grid(m, source.model.hands) for m in motions])
+    names = real.classifier.name([resampled_features(m, source.model.hands) for m in motions])
     return [name == action for name in names]
 
 

@@ -10,7 +10,7 @@ import torch
 from torch.nn.functional import cross_entropy
 
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.text import TextEncoder, tokenise
+from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder, tokenise
 from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, UPPER
 from rfgen_sionna.generative.motion import ACTIONS
 from training.learning import Progress, fit

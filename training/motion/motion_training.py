@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, write_model
-from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, Shape
+from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, NetworkShape
 from rfgen_sionna.generative.diffusion.schedule import STEPS, log_snr, signal_shares
-from rfgen_sionna.generative.diffusion.text import TextEncoder, tokenise
+from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder, tokenise
 from training.learning import Progress, Run, precision
-from training.motion.batches import Feeder, MotionBatch
+from training.motion.batches import BatchSampler, MotionBatch
 from training.motion.calibration import calibrate
 from training.motion.joint_loss import geometric_loss
 from training.motion.motion_captions import vocabulary
@@ -52,7 +52,7 @@ def train(
     out: Path,
     recipe: MotionRecipe,
     *,
-    shape: Shape | None = None,
+    shape: NetworkShape | None = None,
     save_every: int = 500,
     progress: Progress | None = None,
 ) -> Path:
@@ -76,8 +76,8 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
     run = Run(DenoisingNet(shape), recipe, out / "checkpoint.pt", out / "log.jsonl")
-    feeder = Feeder(corpus, seed=recipe.seed, items=recipe.items)
-    loss_of = LossOf(corpus, text)
+    feeder = BatchSampler(corpus, seed=recipe.seed, items=recipe.items)
+    loss_of = DenoisingLoss(corpus, text)
 
     def keep(step: int, hours: float) -> None:
         model = assembled(run.mean, text, corpus, {"steps": step, "hours": hours, "seed": recipe.seed})
@@ -93,7 +93,7 @@ def train(
     return out / "motion.safetensors"
 
 
-class LossOf:
+class DenoisingLoss:
     """The training loss of a batch."""
 
     def __init__(self, corpus: MotionCorpus, text: TextEncoder) -> None:

@@ -17,13 +17,13 @@ import numpy as np
 import typer
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.drafts import canonical
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
+from rfgen_sionna.generative.diffusion.drafts import canonical_sentence
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import NUM_BODY_JOINTS, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion
-from training.motion.mocap import Capture, read_pack
+from training.motion.mocap import MocapClip, read_pack
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def body_joints(motion: Motion) -> FloatArray:
     return forward_kinematics(world, motion.translation, motion.offsets, motion.parents)[:, :NUM_BODY_JOINTS]
 
 
-def shots(captures: Sequence[Capture]) -> dict[str, Motion]:
+def shots(captures: Sequence[MocapClip]) -> dict[str, Motion]:
     """Three seconds of captured motion of each action that the pack has."""
     out = {}
     for action, (wanted, start) in SHOTS.items():
@@ -89,7 +89,7 @@ def strips(
     for row, action in zip(grid, actions, strict=True):
         motions = {
             "kinematic": KinematicSource(60.0)(action, SECONDS, seed),
-            "generated": source.generate(canonical(action), duration=SECONDS, seed=seed),
+            "generated": source.generate(canonical_sentence(action), duration=SECONDS, seed=seed),
         }
         if action in captured:
             motions["captured"] = captured[action]

@@ -57,13 +57,13 @@ class RecogniserNet(nn.Module):
 
 
 @dataclass(frozen=True)
-class Recogniser:
+class ActionClassifier:
     """A trained judge."""
 
     net: RecogniserNet
     actions: tuple[str, ...]
 
-    def look(self, motions: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    def classify(self, motions: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """(motion, FEATURES) features and (motion, action) probabilities of feature rows of any length."""
         windows = np.stack([_window(appearance(m), None) for m in motions])
         with torch.no_grad():
@@ -72,17 +72,17 @@ class Recogniser:
 
     def name(self, motions: Sequence[FloatArray]) -> list[str]:
         """The likeliest action of each."""
-        return [self.actions[k] for k in self.look(motions)[1].argmax(axis=1)]
+        return [self.actions[k] for k in self.classify(motions)[1].argmax(axis=1)]
 
 
-def train_recogniser(
+def train_action_classifier(
     motions: Sequence[FloatArray],
     labels: Sequence[str],
     *,
     seed: int = 0,
     steps: int = 1200,
     progress: Progress | None = None,
-) -> Recogniser:
+) -> ActionClassifier:
     """A judge from (frame, NUM_FEATURES) feature rows and their actions; classes are drawn equally often."""
     torch.manual_seed(seed)
     rng = np.random.default_rng([seed, 9])
@@ -100,15 +100,15 @@ def train_recogniser(
         return cross_entropy(logits, torch.from_numpy(which), label_smoothing=0.05)
 
     fit(net, loss_of, steps, rate=3e-3, progress=progress)
-    return Recogniser(net.eval(), actions)
+    return ActionClassifier(net.eval(), actions)
 
 
-def _window(look: NDArray[np.float32], rng: np.random.Generator | None) -> NDArray[np.float32]:
+def _window(classify: NDArray[np.float32], rng: np.random.Generator | None) -> NDArray[np.float32]:
     """`WINDOW` poses: the middle ones, or any; short motions are played to and fro."""
-    if len(look) < WINDOW:
-        there = np.arange(len(look))
-        order = np.concatenate([there, there[-2:0:-1]]) if len(look) > 2 else there
-        look = look[np.resize(order, WINDOW)]
-    room = len(look) - WINDOW
+    if len(classify) < WINDOW:
+        there = np.arange(len(classify))
+        order = np.concatenate([there, there[-2:0:-1]]) if len(classify) > 2 else there
+        classify = classify[np.resize(order, WINDOW)]
+    room = len(classify) - WINDOW
     start = room // 2 if rng is None else int(rng.integers(room + 1))
-    return look[start : start + WINDOW]
+    return classify[start : start + WINDOW]

@@ -14,10 +14,10 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from rfgen_sionna.generative.diffusion.text import TextEncoder
+from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder
 from training.commands import progress_bar
 from training.motion.kinematic_clips import synthesise
-from training.motion.mocap import Capture, read_pack
+from training.motion.mocap import MocapClip, read_pack
 from training.motion.motion_corpus import MotionCorpus, build
 from training.motion.motion_text import Captions, train_text
 from training.motion.motion_training import MotionRecipe, train
@@ -34,7 +34,7 @@ Out = Annotated[Path, typer.Option(help="Folder for clips, checkpoints and the r
 
 def prepare(out: Path, mocap: Path | None, *, clips: int, seed: int, workers: int, bar: Progress) -> MotionCorpus:
     """The training set, from the clips in `out`, which are made where they are missing."""
-    captures: list[Capture] = read_pack(mocap) if mocap is not None else []
+    captures: list[MocapClip] = read_pack(mocap) if mocap is not None else []
     making = bar.add_task("clips", total=None, note="")
     files = synthesise(
         out / "kinematic",

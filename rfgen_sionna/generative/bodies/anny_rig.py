@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.generative.bodies.parts import PART_NAMES, label_faces
+from rfgen_sionna.generative.bodies.body_parts import PART_NAMES, label_faces
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.bodies.tpose import bone_joint, joint_bone, skeleton_in_t_pose, t_pose_rotations
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.bodies.parts import PART_NAMES, label_faces_by
+from rfgen_sionna.generative.bodies.body_parts import PART_NAMES, label_faces_by
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.bodies.tpose import arm_slope, heel_pivot
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton

@@ -14,10 +14,10 @@ from safetensors.torch import save_file
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import HandBasis
-from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
+from rfgen_sionna.generative.diffusion.network import DenoisingNet, NetworkShape
 from rfgen_sionna.generative.diffusion.residual import Residual
 from rfgen_sionna.generative.diffusion.rhythm import Beat
-from rfgen_sionna.generative.diffusion.text import TextEncoder
+from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder
 
 _FORMAT = "rfgen-motion-1"
 
@@ -85,7 +85,7 @@ def read_model(path: Path) -> MotionModel:
             raise ValueError(f"{path.name}: format {header.get('format')!r}; this version reads {_FORMAT!r}")
         tensors = {key: file.get_tensor(key).float() for key in file.keys()}  # noqa: SIM118
     shape = header["shape"]
-    net = DenoisingNet(Shape(tuple(shape.pop("channels")), **shape)).eval()
+    net = DenoisingNet(NetworkShape(tuple(shape.pop("channels")), **shape)).eval()
     text = TextEncoder(tuple(header["actions"])).eval()
     for name, module in (("net", net), ("text", text)):
         module.load_state_dict({k.removeprefix(f"{name}."): v for k, v in tensors.items() if k.startswith(f"{name}.")})

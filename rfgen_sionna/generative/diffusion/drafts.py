@@ -18,6 +18,8 @@ from rfgen_sionna.generative.diffusion.features import (
     recentred,
     replace_parts,
 )
+from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST as LONGEST_MADE
+from rfgen_sionna.generative.diffusion.motion_sampling import MotionRequest, MotionSampler, conditions_of, padded_rows
 from rfgen_sionna.generative.diffusion.network import PAIR, STRIDE
 from rfgen_sionna.generative.diffusion.rhythm import (
     LONGEST,
@@ -29,8 +31,6 @@ from rfgen_sionna.generative.diffusion.rhythm import (
     principal_direction,
     stride,
 )
-from rfgen_sionna.generative.diffusion.sampling import LONGEST as LONGEST_MADE
-from rfgen_sionna.generative.diffusion.sampling import Sampler, Wish, conditions_of, padded_rows
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
 from rfgen_sionna.generative.diffusion.wording import CAPTURED_LEGS
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
@@ -49,14 +49,14 @@ _NOISE = 0.93
 """Noise level at which they are: enough to hide the poses, so that the beat tells."""
 
 
-def canonical(action: str, hand: str = "") -> str:
+def canonical_sentence(action: str, hand: str = "") -> str:
     """The plainest sentence for an action."""
     if action not in ACTIONS:
         return "a person " + CAPTURED_LEGS.get(action, "does " + action.replace("_", " "))
     return f"a person {ACTIONS[action].description}" + (with_hand(hand) if hand else "")
 
 
-def working_hand(action: str, hand: str, seed: int) -> str:
+def choose_hand(action: str, hand: str, seed: int) -> str:
     """The hand that an action is made with, drawn from the seed where none is named; where both are, the other one
     mirrors it. Empty where the action has none."""
     if action not in ACTIONS or not ACTIONS[action].one_handed:
@@ -66,14 +66,14 @@ def working_hand(action: str, hand: str, seed: int) -> str:
     return "right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left"
 
 
-def drawn_pace(seed: int, asked: float = 1.0) -> float:
+def sample_pace(seed: int, asked: float = 1.0) -> float:
     """Factor on the usual pace of one person, drawn from the seed around the one that is asked for."""
     low, high = np.log(PACES)
     drawn = np.random.default_rng([seed, 37]).uniform(low, high)
     return float(asked * np.exp(drawn if asked == 1.0 else _TOLD * (drawn - 0.5 * (low + high))))
 
 
-def draft_of(
+def make_draft(
     actions: tuple[str, ...], frames: int, seed: int, hands: HandBasis, *, hand: str = "", speed: float = 1.0
 ) -> FloatArray:
     """(frame, NUM_FEATURES) synthesised rows that start over the origin facing +x.
@@ -90,7 +90,7 @@ def draft_of(
     duration = (frames - 1) / FRAME_RATE
     parts = []
     for k, action in enumerate(actions):
-        used = working_hand(action, hand, seed)
+        used = choose_hand(action, hand, seed)
         low, high = 0.5, 2.0
         motion = source(action, duration, seed + k, hand=used or None, speed=float(np.clip(speed, low, high)))
         parts.append((encode(motion, hands)[:frames], action, used))
@@ -100,7 +100,7 @@ def draft_of(
     return recentred(rows)
 
 
-def phase_of(rows: FloatArray) -> FloatArray | None:
+def motion_phase(rows: FloatArray) -> FloatArray | None:
     """(frame,) phase [rad] of (frame, NUM_FEATURES) rows, up to a constant; None where nothing is repeated."""
     if len(rows) < 24:
         return None
@@ -112,25 +112,27 @@ def phase_of(rows: FloatArray) -> FloatArray | None:
 
 
 @torch.no_grad()
-def beat_of(model: MotionModel, wish: Wish, rows: FloatArray) -> FloatArray | None:
+def draft_beat(model: MotionModel, request: MotionRequest, rows: FloatArray) -> FloatArray | None:
     """(frame, 3) the beat of a draft as the network knows that of the wish's action; None where there is none.
 
     A draft shows how fast it is repeated, not which moment the network calls the beginning. That is the phase with
     which the network guesses the draft best.
     """
-    phase = phase_of(rows)
-    if phase is None or wish.action not in model.beats:
+    phase = motion_phase(rows)
+    if phase is None or request.action not in model.beats:
         return None
     shown, seen = phase[:LONGEST_MADE], rows[:LONGEST_MADE]
     n = -(-len(seen) // (PAIR * STRIDE)) * PAIR * STRIDE
     offsets = 2.0 * np.pi * np.arange(_OFFSETS) / _OFFSETS
-    wishes = [Wish(wish.prompt, 0, beat=beat_rows(shown + o, len(seen)), source=wish.source) for o in offsets]
+    requests = [
+        MotionRequest(request.prompt, 0, beat=beat_rows(shown + o, len(seen)), source=request.source) for o in offsets
+    ]
     clean = torch.from_numpy(padded_rows((seen - model.mean) / model.scale, n)).float()
     noise = torch.randn(n, NUM_FEATURES, generator=torch.Generator().manual_seed(0))
     share = float(signal_shares()[step_at(_NOISE)])
     noisy = (share**0.5 * clean + (1.0 - share) ** 0.5 * noise).expand(_OFFSETS, -1, -1)
     level = torch.tensor(float(log_snr(np.array(share))))
-    guess = Sampler(guidance=1.0).guess(model, noisy, level, conditions_of(model, wishes, n))
+    guess = MotionSampler(guidance=1.0).guess(model, noisy, level, conditions_of(model, requests, n))
     moving = [*range(LOCAL.start, LOCAL.stop), *range(HANDS.start, HANDS.stop)]
     error = ((guess - clean)[:, : len(seen), moving] ** 2).mean(dim=(1, 2)).double().numpy()
     # the error goes once up and down around the circle

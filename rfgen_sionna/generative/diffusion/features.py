@@ -33,8 +33,8 @@ TRACKED = tuple(JOINT[f"{s}_{j}"] for j in ("wrist", "ankle", "foot") for s in (
 ROOT = slice(0, 3)
 TURN = slice(3, 9)
 LOCAL = slice(9, 9 + 6 * (NUM_BODY_JOINTS - 1))
-PLACES = slice(LOCAL.stop, LOCAL.stop + 3 * len(TRACKED))
-CONTACTS = slice(PLACES.stop, PLACES.stop + 2)
+TRACKED_POSITIONS = slice(LOCAL.stop, LOCAL.stop + 3 * len(TRACKED))
+CONTACTS = slice(TRACKED_POSITIONS.stop, TRACKED_POSITIONS.stop + 2)
 HANDS = slice(CONTACTS.stop, CONTACTS.stop + 2 * HAND_COMPONENTS)
 NUM_FEATURES = HANDS.stop
 
@@ -48,7 +48,7 @@ def _columns(joints: tuple[str, ...], tracked: tuple[str, ...] = ()) -> list[int
         start = LOCAL.start + 6 * (JOINT[name] - 1)
         out += range(start, start + 6)
     for name in tracked:
-        start = PLACES.start + 3 * TRACKED.index(JOINT[name])
+        start = TRACKED_POSITIONS.start + 3 * TRACKED.index(JOINT[name])
         out += range(start, start + 3)
     return out
 
@@ -120,7 +120,7 @@ def encode(motion: Motion, hands: HandBasis) -> FloatArray:
     out[:, TURN] = six[:, 0]
     out[:, LOCAL] = six[:, 1:].reshape(n, -1)
     places = body_positions(local, motion.translation)[:, TRACKED]
-    out[:, PLACES] = (places - motion.translation[:, None]).reshape(n, -1)
+    out[:, TRACKED_POSITIONS] = (places - motion.translation[:, None]).reshape(n, -1)
     out[:, CONTACTS] = 0.0 if motion.contacts is None else motion.contacts
     if motion.joint_names == JOINT_NAMES:
         coefficients = [hands.encode(motion.rotations[:, joints], side) for side, joints in HAND_JOINTS.items()]
@@ -181,7 +181,7 @@ def turned(features: FloatArray, yaw: float) -> FloatArray:
     c, s = np.cos(yaw), np.sin(yaw)
     matrix = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     out = features.copy()
-    for part in (ROOT, TURN, PLACES):
+    for part in (ROOT, TURN, TRACKED_POSITIONS):
         rows = features[:, part].reshape(len(features), -1, 3)
         out[:, part] = (rows @ matrix.T).reshape(len(features), -1)
     return out
@@ -205,8 +205,8 @@ def mirrored(features: FloatArray) -> FloatArray:
     out[:, TURN] = features[:, TURN] * flip_six
     local = features[:, LOCAL].reshape(n, -1, 6)[:, _SWAPPED] * flip_six
     out[:, LOCAL] = local.reshape(n, -1)
-    places = features[:, PLACES].reshape(n, -1, 2, 3)[:, :, ::-1] * flip
-    out[:, PLACES] = places.reshape(n, -1)
+    places = features[:, TRACKED_POSITIONS].reshape(n, -1, 2, 3)[:, :, ::-1] * flip
+    out[:, TRACKED_POSITIONS] = places.reshape(n, -1)
     out[:, CONTACTS] = features[:, CONTACTS][:, ::-1]
     out[:, HANDS] = features[:, HANDS].reshape(n, 2, -1)[:, ::-1].reshape(n, -1)
     return out
@@ -236,5 +236,5 @@ def replace_parts(base: FloatArray, other: FloatArray, parts: Sequence[str]) -> 
     for part in parts:
         out[:, list(PARTS[part])] = other[:, list(PARTS[part])]
     places = joint_positions(out)[:, list(TRACKED)] - out[:, None, ROOT]
-    out[:, PLACES] = places.reshape(len(out), -1)
+    out[:, TRACKED_POSITIONS] = places.reshape(len(out), -1)
     return out

@@ -92,7 +92,7 @@ def lock_feet(
     return replace(motion, rotations=to_quaternions(local), translation=root, contacts=contacts)
 
 
-def carried_by_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
+def root_from_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
     """The motion with the pelvis moving over the floor as its planted feet say.
 
     Steps and path are made separately and need not agree; what is seen of sliding is mostly that. Where no foot is

@@ -13,19 +13,27 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
-from rfgen_sionna.generative.diffusion.control import spread
-from rfgen_sionna.generative.diffusion.drafts import beat_of
-from rfgen_sionna.generative.diffusion.features import CONTACTS, PARTS, PLACES, TURN, heading, recentred, turned
-from rfgen_sionna.generative.diffusion.sampling import LONGEST, Sampler, Wish
+from rfgen_sionna.generative.diffusion.constraints import spread
+from rfgen_sionna.generative.diffusion.drafts import draft_beat
+from rfgen_sionna.generative.diffusion.features import (
+    CONTACTS,
+    PARTS,
+    TRACKED_POSITIONS,
+    TURN,
+    heading,
+    recentred,
+    turned,
+)
+from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST, MotionRequest, MotionSampler
 
 _WHERE = [list(PARTS).index(part) for part in ("place", "pelvis")]
 LATEST = 60
 """Frames by which a draft may be late at most, for its pose to be near to the given one where the two meet."""
 
 
-def drafted_around(
-    model: MotionModel, sampler: Sampler, wishes: Sequence[Wish], known: FloatArray, given: FloatArray
-) -> tuple[list[Wish], list[FloatArray]]:
+def drafts_around_constraints(
+    model: MotionModel, sampler: MotionSampler, requests: Sequence[MotionRequest], known: FloatArray, given: FloatArray
+) -> tuple[list[MotionRequest], list[FloatArray]]:
     """The wishes with given poses and drafts around them, all moved to where motions begin for the network.
 
     Args:
@@ -35,23 +43,23 @@ def drafted_around(
         given: (frame, part) where it is.
 
     Returns:
-        the wishes, and of each the first row of its draft in the given poses' own place, see :func:`moved_back`.
+        the wishes, and of each the first row of its draft in the given poses' own place, see :func:`move_back`.
     """
-    free = [w for w in wishes if w.draft is None]
+    free = [w for w in requests if w.draft is None]
     drawn = iter(sampler(model, free, min(len(known) + LATEST, LONGEST)) if free else ())
     out, first = [], []
-    for wish in wishes:
-        rows = around(next(drawn) if wish.draft is None else wish.draft, known, given)
+    for request in requests:
+        rows = draft_around(next(drawn) if request.draft is None else request.draft, known, given)
         moved = known.copy()
         moved[:, :2] -= rows[0, :2]
         moved = turned(moved, -float(heading(rows[:1])[0]))
-        begun = replace(wish, known=moved, given=given, draft=recentred(rows))
-        out.append(begun if wish.beat is None else replace(begun, beat=beat_of(model, begun, recentred(rows))))
+        begun = replace(request, known=moved, given=given, draft=recentred(rows))
+        out.append(begun if request.beat is None else replace(begun, beat=draft_beat(model, begun, recentred(rows))))
         first.append(rows[0])
     return out, first
 
 
-def around(draft: FloatArray, known: FloatArray, given: FloatArray) -> FloatArray:
+def draft_around(draft: FloatArray, known: FloatArray, given: FloatArray) -> FloatArray:
     """(frame, NUM_FEATURES) what is given, and the draft before, between and after it, turned and shifted to it.
 
     Args:
@@ -77,19 +85,19 @@ def around(draft: FloatArray, known: FloatArray, given: FloatArray) -> FloatArra
 def _nearest(rows: FloatArray, pose: FloatArray, here: NDArray[np.bool_]) -> int:
     """Which row has the pose that is nearest to a given one, of which the columns `here` count."""
     poses = np.concatenate([recentred(rows[k : k + 1]) for k in range(len(rows))])
-    columns = [c for c in (2, *range(TURN.start, PLACES.stop)) if here[c]]
+    columns = [c for c in (2, *range(TURN.start, TRACKED_POSITIONS.stop)) if here[c]]
     away = poses[:, columns] - recentred(pose[None])[:, columns]
     return int(np.argmin((away**2).sum(axis=1)))
 
 
-def _moved_to(draft: FloatArray, seam: int, pose: FloatArray) -> FloatArray:
-    """The draft turned and shifted so that at `seam` it is where a pose is, and heads where that does."""
-    out = turned(recentred(draft, seam), float(heading(pose[None])[0]))
-    out[:, :2] += pose[:2] - out[seam, :2]
+def _moved_to(draft: FloatArray, joint_frame: int, pose: FloatArray) -> FloatArray:
+    """The draft turned and shifted so that at `joint_frame` it is where a pose is, and heads where that does."""
+    out = turned(recentred(draft, joint_frame), float(heading(pose[None])[0]))
+    out[:, :2] += pose[:2] - out[joint_frame, :2]
     return out
 
 
-def moved_back(rows: FloatArray, first: FloatArray, frames: int) -> FloatArray:
+def move_back(rows: FloatArray, first: FloatArray, frames: int) -> FloatArray:
     """(frames, NUM_FEATURES) rows that begin at the origin, moved to where the draft's `first` (NUM_FEATURES,) was; one
     more than there are goes straight on."""
     if len(rows) < frames:

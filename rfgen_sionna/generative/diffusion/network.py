@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.nn.functional import scaled_dot_product_attention
 
 from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS
-from rfgen_sionna.generative.diffusion.text import WIDTH
+from rfgen_sionna.generative.diffusion.sentence_encoder import WIDTH
 
 PAIR = 2
 """Poses in one position of the network."""
@@ -21,7 +21,7 @@ SOURCES = ("kinematic", "mocap", "any")
 
 
 @dataclass(frozen=True)
-class Shape:
+class NetworkShape:
     """Sizes of the network."""
 
     channels: tuple[int, ...] = (160, 224, 288)
@@ -59,9 +59,9 @@ class Conditions:
 class DenoisingNet(nn.Module):
     """Noisy motion in, the motion without noise out."""
 
-    def __init__(self, shape: Shape | None = None) -> None:
+    def __init__(self, shape: NetworkShape | None = None) -> None:
         super().__init__()
-        self.shape = shape = shape or Shape()
+        self.shape = shape = shape or NetworkShape()
         c = shape.channels
         wide = 4 * c[0] // 2
         inputs = PAIR * (2 * shape.features + shape.parts + 3)

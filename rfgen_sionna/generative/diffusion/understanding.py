@@ -10,11 +10,11 @@ from functools import cache
 import torch
 
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.text import HANDS, TextEncoder, stem, tokenise, words
-from rfgen_sionna.generative.diffusion.word_order import both_hands_named, hand_named, told_by_words
+from rfgen_sionna.generative.diffusion.sentence_encoder import HANDS, TextEncoder, stem, tokenise, words
+from rfgen_sionna.generative.diffusion.word_order import action_by_word_order, both_hands_named, hand_named
 from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, LOWER, OPEN_CLAUSES, UPPER
 from rfgen_sionna.generative.motion import ACTIONS
-from rfgen_sionna.generative.reading import AFTERWARDS
+from rfgen_sionna.generative.text_reader import AFTERWARDS
 
 _PLAIN = frozenset(
     word
@@ -152,7 +152,7 @@ def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Unders
     action, share = order[0], every[order[0]]
     options = tuple(a for a in order[:6] if every[a] > 0.15 * share)
     together = sum(every[a] for a in options)
-    told = told_by_words(prompt, every)
+    told = action_by_word_order(prompt, every)
     # the encoder's hand is that of the swipe's way as often as not
     named = hand_named(prompt) if action.startswith("swipe") else ""
     rephrase = told not in ("", action) or named not in ("", said_hand)
@@ -236,13 +236,13 @@ def stems(texts: Iterable[str]) -> frozenset[str]:
     return frozenset(stem(word) for text in plain for word in words(text))
 
 
-def meant(said: Understanding, action: str, arms: str) -> Understanding:
+def known_reading(said: Understanding, action: str, arms: str) -> Understanding:
     """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
     other = said.rephrase or not said.known or (said.action, said.arms) != (action, arms)
     return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
 
 
-def left_open(said: Understanding, denied: Understanding) -> list[tuple[str, float]]:
+def ambiguous_actions(said: Understanding, denied: Understanding) -> list[tuple[str, float]]:
     """(action, probability) of what a prompt leaves open and the negative prompt doesn't rule out; empty where that
     rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
     options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]

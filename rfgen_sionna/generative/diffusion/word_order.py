@@ -38,12 +38,12 @@ def both_hands_named(prompt: str) -> bool:
     return bool(_BOTH.search(prompt.lower()))
 
 
-def way_named(prompt: str) -> str:
+def direction_named(prompt: str) -> str:
     """The one side to which something goes in a sentence: "left", "right", or empty."""
     return _only(re.findall(r"\b(left|right)(?:wards?)?\b", _NO_WAY.sub(" ", prompt.lower())))
 
 
-def told_by_words(prompt: str, shares: Mapping[str, float]) -> str:
+def action_by_word_order(prompt: str, shares: Mapping[str, float]) -> str:
     """The action that the order of words tells among those which the encoder mixes up, or empty where it tells none.
 
     Args:
@@ -52,7 +52,7 @@ def told_by_words(prompt: str, shares: Mapping[str, float]) -> str:
     """
     said = prompt.lower()
     likeliest = max(shares, key=lambda a: shares[a])
-    if likeliest in ("swipe_left", "swipe_right") and (way := way_named(said)):
+    if likeliest in ("swipe_left", "swipe_right") and (way := direction_named(said)):
         return f"swipe_{way}"
     if likeliest in ("left_arm_raised", "right_arm_raised") and (hand := hand_named(said)):
         return f"{hand}_arm_raised"

@@ -15,7 +15,7 @@ from diffusers.models.autoencoders.vae import DecoderOutput
 from diffusers.models.modeling_outputs import AutoencoderKLOutput
 from torch import Tensor
 
-from rfgen_sionna.generative.environment.views import PATCH
+from rfgen_sionna.generative.environment.reprojection import PATCH
 
 
 class ExactLatents:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import torch
 
-from rfgen_sionna.scene.errors import BackendError
+from rfgen_sionna.scene.scene_errors import BackendError
 
 
 class DeviceMemoryError(BackendError):
@@ -15,7 +15,7 @@ class DeviceMemoryError(BackendError):
 
 
 @contextmanager
-def memory_of(device: str) -> Iterator[None]:
+def memory_errors(device: str) -> Iterator[None]:
     """Within it a device that runs out of memory is a :class:`DeviceMemoryError`, which says what helps."""
     try:
         yield

@@ -10,11 +10,11 @@ import numpy as np
 
 from rfgen_sionna.generative.motion import gestures, jumps, postures
 from rfgen_sionna.generative.motion.pick_up import pick_up
-from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import HANDS, SIDES
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 from rfgen_sionna.generative.motion.walk import walk, walk_straight
 
-Writer = Callable[[Score, np.random.Generator, str, float], None]
+Writer = Callable[[MotionTracks, np.random.Generator, str, float], None]
 """(score, rng, hand "left" or "right", speed factor): writes an action into a score."""
 
 

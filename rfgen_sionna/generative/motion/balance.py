@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 # Share of body mass and position of the centre along the segment from its upper joint:
 # Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), table 4.1.
@@ -38,58 +38,58 @@ def centre_of_mass(joints: FloatArray) -> FloatArray:
     return total / sum(share for _, _, share, _ in _SEGMENTS)
 
 
-def over_feet(score: Score, weight: FloatArray | float = 0.5, ahead: float = 0.05) -> None:
+def over_feet(tracks: MotionTracks, weight: FloatArray | float = 0.5, ahead: float = 0.05) -> None:
     """Shift the pelvis so that the centre of mass stays over the support.
 
     Args:
-        score: changed in place; its centre of mass sways by `score.sway`.
+        score: changed in place; its centre of mass sways by `tracks.sway`.
         weight: share of the weight on the left foot, (n,) or constant.
         ahead: how far in front of the ankles the weight rests [m], for legs of 0.82 m.
     """
-    left, right = (score.feet[s] for s in SIDES)
-    w = np.broadcast_to(np.asarray(weight, float), (score.n,))[:, None]
+    left, right = (tracks.feet[s] for s in SIDES)
+    w = np.broadcast_to(np.asarray(weight, float), (tracks.n,))[:, None]
     support = w * left.place + (1.0 - w) * right.place
-    support = support + ahead * score.skeleton.leg_length() / 0.82 * np.stack(
-        [np.cos(score.yaw), np.sin(score.yaw)], axis=-1
+    support = support + ahead * tracks.skeleton.leg_length() / 0.82 * np.stack(
+        [np.cos(tracks.yaw), np.sin(tracks.yaw)], axis=-1
     )
     for _ in range(3):
-        _, joints = score.solve()
-        score.pelvis[:, :2] += support + score.sway - centre_of_mass(joints)[:, :2]
+        _, joints = tracks.solve()
+        tracks.pelvis[:, :2] += support + tracks.sway - centre_of_mass(joints)[:, :2]
 
 
-def fit_height(score: Score, reach: float = 0.985) -> None:
+def fit_height(tracks: MotionTracks, reach: float = 0.985) -> None:
     """Lower the pelvis by one constant so that no leg is stretched beyond `reach` of its length."""
-    sk = score.skeleton
+    sk = tracks.skeleton
     longest = reach * sk.leg_length()
     for _ in range(4):
-        _, joints = score.solve()
+        _, joints = tracks.solve()
         over = 0.0
         for side in SIDES:
-            ankle, _, _ = score.foot_frames(side)
+            ankle, _, _ = tracks.foot_frames(side)
             over = max(over, float(np.max(np.linalg.norm(ankle - joints[:, JOINT[f"{side}_hip"]], axis=-1)) - longest))
         if over <= 1e-4:
             return
-        score.pelvis[:, 2] -= over
+        tracks.pelvis[:, 2] -= over
 
 
-def ride_height(score: Score, reach: float = 0.99, sigma: float = 0.04) -> None:
+def ride_height(tracks: MotionTracks, reach: float = 0.99, sigma: float = 0.04) -> None:
     """Lower the pelvis smoothly, where and when the legs ask for it: the vault of walking.
 
     The highest pelvis that both legs allow is found at each instant, its lower envelope smoothed over `sigma` [s], and
     the pelvis kept under it.
     """
-    sk = score.skeleton
+    sk = tracks.skeleton
     longest = reach * sk.leg_length()
-    step = float(score.t[1] - score.t[0]) if score.n > 1 else 1.0
+    step = float(tracks.t[1] - tracks.t[0]) if tracks.n > 1 else 1.0
     width = max(1, round(2.0 * sigma / step))
     for _ in range(2):
-        _, joints = score.solve()
-        allowed = np.full(score.n, np.inf)
+        _, joints = tracks.solve()
+        allowed = np.full(tracks.n, np.inf)
         for side in SIDES:
-            ankle, _, _ = score.foot_frames(side)
+            ankle, _, _ = tracks.foot_frames(side)
             hip = joints[:, JOINT[f"{side}_hip"]]
             aside = np.sum((hip - ankle)[:, :2] ** 2, axis=-1)
             up = np.sqrt(np.maximum(longest**2 - aside, (0.5 * longest) ** 2))
-            allowed = np.minimum(allowed, ankle[:, 2] + up - (hip[:, 2] - score.pelvis[:, 2]))
-        low = minimum_filter1d(np.minimum(allowed, score.pelvis[:, 2]), 2 * width + 1, mode="nearest")
-        score.pelvis[:, 2] = gaussian_filter1d(low, sigma / step, mode="nearest", truncate=2.0 * step * width / sigma)
+            allowed = np.minimum(allowed, ankle[:, 2] + up - (hip[:, 2] - tracks.pelvis[:, 2]))
+        low = minimum_filter1d(np.minimum(allowed, tracks.pelvis[:, 2]), 2 * width + 1, mode="nearest")
+        tracks.pelvis[:, 2] = gaussian_filter1d(low, sigma / step, mode="nearest", truncate=2.0 * step * width / sigma)

@@ -9,8 +9,8 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.curves import keys, wander
 from rfgen_sionna.generative.motion.postures import quiet, relaxed, stand_up_straight
-from rfgen_sionna.generative.motion.score import GESTURE_POLE, Score
 from rfgen_sionna.generative.motion.skeleton import FINGERS, side_sign
+from rfgen_sionna.generative.motion.tracks import GESTURE_POLE, MotionTracks
 
 OPEN_HAND = np.array([[0.06, 0.06, 0.04]] * 4 + [[0.0, 0.05, 0.05]])
 FIST = np.array([[1.25, 1.45, 0.8]] * 4 + [[0.35, 0.45, 0.5]])
@@ -18,22 +18,22 @@ POINTING = np.array([[0.1, 0.1, 0.05]] + [[1.25, 1.45, 0.8]] * 3 + [[0.35, 0.45,
 """(finger, joint) flexions [rad] of an open hand, a fist and a pointing index, in the order of `FINGERS`."""
 
 
-def _ready(score: Score, rng: np.random.Generator, hand: str) -> float:
+def _ready(tracks: MotionTracks, rng: np.random.Generator, hand: str) -> float:
     """Quiet standing with the working arm's elbow down; returns the reach of the arm [m]."""
-    relaxed(score, rng)
-    quiet(score, rng, 0.9)
-    sk, arm = score.skeleton, score.arms[hand]
-    arm.pole = np.tile(GESTURE_POLE * [1.0, rng.uniform(0.7, 1.4), 1.0], (score.n, 1))
-    score.look[:] += side_sign(hand) * rng.uniform(-0.05, 0.1)
+    relaxed(tracks, rng)
+    quiet(tracks, rng, 0.9)
+    sk, arm = tracks.skeleton, tracks.arms[hand]
+    arm.pole = np.tile(GESTURE_POLE * [1.0, rng.uniform(0.7, 1.4), 1.0], (tracks.n, 1))
+    tracks.look[:] += side_sign(hand) * rng.uniform(-0.05, 0.1)
     return sk.length(f"{hand}_elbow") + sk.length(f"{hand}_wrist")
 
 
-def _wrist(score: Score, hand: str, from_shoulder: FloatArray, reach: float) -> None:
+def _wrist(tracks: MotionTracks, hand: str, from_shoulder: FloatArray, reach: float) -> None:
     """Put the wrist at (n, 3), in units of the arm's reach, from the shoulder in the chest's frame (y outwards)."""
-    a, b = (score.skeleton.length(f"{hand}_{j}") for j in ("elbow", "wrist"))
+    a, b = (tracks.skeleton.length(f"{hand}_{j}") for j in ("elbow", "wrist"))
     d = np.clip(np.linalg.norm(from_shoulder, axis=-1) * reach, abs(a - b) + 0.02, 0.985 * reach)
-    score.arms[hand].direction = from_shoulder
-    score.arms[hand].elbow = np.arccos(np.clip((d**2 - a**2 - b**2) / (2.0 * a * b), -1.0, 1.0))
+    tracks.arms[hand].direction = from_shoulder
+    tracks.arms[hand].elbow = np.arccos(np.clip((d**2 - a**2 - b**2) / (2.0 * a * b), -1.0, 1.0))
 
 
 def _repeat(
@@ -58,13 +58,13 @@ def _repeat(
     return keys(t, times, np.array(states))
 
 
-def _drift(score: Score, rng: np.random.Generator, size: float = 0.012) -> FloatArray:
-    return np.stack([wander(score.t, rng, size, 0.15, 1.2) for _ in range(3)], axis=-1)
+def _drift(tracks: MotionTracks, rng: np.random.Generator, size: float = 0.012) -> FloatArray:
+    return np.stack([wander(tracks.t, rng, size, 0.15, 1.2) for _ in range(3)], axis=-1)
 
 
-def _swipe(score: Score, rng: np.random.Generator, hand: str, speed: float, towards: int) -> None:
+def _swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, towards: int) -> None:
     """A quick stroke of the open hand across the body; `towards` is +1 for the person's left."""
-    reach = _ready(score, rng, hand)
+    reach = _ready(tracks, rng, hand)
     s = side_sign(hand)
     width, level = rng.uniform(0.75, 1.0), rng.uniform(-0.35, -0.12)
     middle = -0.08  # across the body, the hand's own side is +
@@ -80,33 +80,33 @@ def _swipe(score: Score, rng: np.random.Generator, hand: str, speed: float, towa
         (forward, begin, level, 1.0),
         (forward, begin, level, 1.0),
     ]
-    state = _repeat(score.t, rng, (stroke, pause, 0.55 * again, 0.55 * again, 0.5 * pause), values, speed)
-    _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
-    wrist = score.hands[hand]
+    state = _repeat(tracks.t, rng, (stroke, pause, 0.55 * again, 0.55 * again, 0.5 * pause), values, speed)
+    _wrist(tracks, hand, state[:, :3] + _drift(tracks, rng), reach)
+    wrist = tracks.hands[hand]
     flat = state[:, 3]
     # the palm faces the way of the stroke: inwards is neutral, outwards needs pronation
     inwards = -s * towards
     wrist.pronation[:] = (0.15 if inwards > 0 else 1.0) + rng.uniform(-0.15, 0.15)
     across = (state[:, 1] - middle) / (0.5 * width)
     wrist.flexion = -0.1 + 0.25 * across * (1 if inwards > 0 else 0.6)
-    wrist.deviation = 0.1 + wander(score.t, rng, 0.02)
+    wrist.deviation = 0.1 + wander(tracks.t, rng, 0.02)
     wrist.curl = OPEN_HAND * rng.uniform(0.5, 2.0) + 0.35 * (1.0 - flat)[:, None, None] * (FIST - OPEN_HAND) * 0.5
-    score.turn += 0.12 * s * across * rng.uniform(0.5, 1.2)
-    stand_up_straight(score)
+    tracks.turn += 0.12 * s * across * rng.uniform(0.5, 1.2)
+    stand_up_straight(tracks)
 
 
-def swipe_left(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def swipe_left(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand sweeps quickly to the person's left."""
-    _swipe(score, rng, hand, speed, 1)
+    _swipe(tracks, rng, hand, speed, 1)
 
 
-def swipe_right(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def swipe_right(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand sweeps quickly to the person's right."""
-    _swipe(score, rng, hand, speed, -1)
+    _swipe(tracks, rng, hand, speed, -1)
 
 
 def _to_and_fro(
-    score: Score,
+    tracks: MotionTracks,
     rng: np.random.Generator,
     hand: str,
     speed: float,
@@ -126,48 +126,48 @@ def _to_and_fro(
     Returns:
         (n,) grip, and (n,) how near the hand is, 0 .. 1 between far and near.
     """
-    reach = _ready(score, rng, hand)
+    reach = _ready(tracks, rng, hand)
     near, far, level, side = (rng.uniform(*between) for between in reaches)
     durations = [rng.uniform(*between) for between in times]
     out, back = (far, side, level), (near, side + drawn_in[0], level - drawn_in[1])
     values = [(*place, closed) for place, closed in zip((out, out, back, back), grip, strict=True)]
-    state = _repeat(score.t, rng, durations, values, speed)
-    _wrist(score, hand, state[:, :3] + _drift(score, rng), reach)
+    state = _repeat(tracks.t, rng, durations, values, speed)
+    _wrist(tracks, hand, state[:, :3] + _drift(tracks, rng), reach)
     return state[:, 3], (far - state[:, 0]) / (far - near)
 
 
-def push(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def push(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The palm is thrust forwards quickly and comes back slowly."""
     reaches = (0.34, 0.44), (0.88, 0.95), (-0.25, 0.0), (-0.2, 0.1)
     times = (0.3, 0.42), (0.15, 0.35), (0.7, 1.0), (0.1, 0.35)
-    out, _ = _to_and_fro(score, rng, hand, speed, reaches, times, (0.06, 0.06), (1.0, 1.0, 0.0, 0.0))
-    wrist = score.hands[hand]
+    out, _ = _to_and_fro(tracks, rng, hand, speed, reaches, times, (0.06, 0.06), (1.0, 1.0, 0.0, 0.0))
+    wrist = tracks.hands[hand]
     wrist.pronation = 1.2 + 0.1 * out + rng.uniform(-0.1, 0.05)
     wrist.flexion = -0.75 - 0.3 * out + rng.uniform(-0.06, 0.1)
-    wrist.curl = np.broadcast_to(OPEN_HAND * rng.uniform(0.5, 1.8), (score.n, 5, 3)).copy()
-    score.turn += -0.1 * side_sign(hand) * out * rng.uniform(0.6, 1.4)
-    score.pitch += 0.04 * out
-    stand_up_straight(score)
+    wrist.curl = np.broadcast_to(OPEN_HAND * rng.uniform(0.5, 1.8), (tracks.n, 5, 3)).copy()
+    tracks.turn += -0.1 * side_sign(hand) * out * rng.uniform(0.6, 1.4)
+    tracks.pitch += 0.04 * out
+    stand_up_straight(tracks)
 
 
-def pull(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand reaches out slowly, grasps, and is drawn to the body quickly."""
     reaches = (0.34, 0.45), (0.86, 0.94), (-0.35, -0.1), (-0.15, 0.1)
     times = (0.75, 1.1), (0.18, 0.3), (0.32, 0.45), (0.15, 0.4)
-    grip, nearness = _to_and_fro(score, rng, hand, speed, reaches, times, (0.12, 0.15), (0.0, 1.0, 1.0, 0.3))
-    closed, wrist = np.clip(grip, 0.0, 1.0)[:, None, None], score.hands[hand]
+    grip, nearness = _to_and_fro(tracks, rng, hand, speed, reaches, times, (0.12, 0.15), (0.0, 1.0, 1.0, 0.3))
+    closed, wrist = np.clip(grip, 0.0, 1.0)[:, None, None], tracks.hands[hand]
     wrist.pronation[:] = rng.uniform(0.2, 0.9)
     wrist.flexion = -0.15 + 0.2 * closed[:, 0, 0]
     wrist.curl = OPEN_HAND + closed * (FIST - OPEN_HAND) * 0.92
-    score.turn += 0.12 * side_sign(hand) * nearness * rng.uniform(0.5, 1.2)
-    score.pitch -= 0.03 * nearness
-    stand_up_straight(score)
+    tracks.turn += 0.12 * side_sign(hand) * nearness * rng.uniform(0.5, 1.2)
+    tracks.pitch -= 0.03 * nearness
+    stand_up_straight(tracks)
 
 
-def _circle(score: Score, rng: np.random.Generator, hand: str, speed: float, clockwise: bool) -> None:
+def _circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, clockwise: bool) -> None:
     """The hand draws circles in a plane in front of the body; the sense is the person's own view."""
-    reach = _ready(score, rng, hand)
-    s, t = side_sign(hand), score.t
+    reach = _ready(tracks, rng, hand)
+    s, t = side_sign(hand), tracks.t
     period = rng.uniform(1.0, 1.6) / speed
     radius, flat = rng.uniform(0.26, 0.36), rng.uniform(0.85, 1.1)
     angle = 2.0 * np.pi * (t / period + rng.uniform()) + 0.25 * wander(t, rng, 1.0, 0.1, 0.4)
@@ -178,69 +178,69 @@ def _circle(score: Score, rng: np.random.Generator, hand: str, speed: float, clo
     centre = np.array([forward, rng.uniform(-0.2, 0.05), rng.uniform(-0.3, -0.12)])
     size = radius * (1.0 + 0.05 * wander(t, rng, 1.0))
     path = np.stack([-0.08 * up * radius, -s * right * size * flat, up * size], axis=-1)
-    _wrist(score, hand, centre + path + _drift(score, rng, 0.008), reach)
-    wrist = score.hands[hand]
+    _wrist(tracks, hand, centre + path + _drift(tracks, rng, 0.008), reach)
+    wrist = tracks.hands[hand]
     wrist.pronation[:] = rng.uniform(0.6, 1.2)
     wrist.flexion = 0.1 - 0.15 * up
-    wrist.curl = np.broadcast_to(POINTING if rng.uniform() < 0.5 else OPEN_HAND * 3.0, (score.n, 5, 3)).copy()
-    score.turn += -0.05 * right
-    stand_up_straight(score)
+    wrist.curl = np.broadcast_to(POINTING if rng.uniform() < 0.5 else OPEN_HAND * 3.0, (tracks.n, 5, 3)).copy()
+    tracks.turn += -0.05 * right
+    stand_up_straight(tracks)
 
 
-def circle_clockwise(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def circle_clockwise(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand draws circles, clockwise as the person sees it."""
-    _circle(score, rng, hand, speed, True)
+    _circle(tracks, rng, hand, speed, True)
 
 
-def circle_counterclockwise(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def circle_counterclockwise(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The hand draws circles, counter-clockwise as the person sees it."""
-    _circle(score, rng, hand, speed, False)
+    _circle(tracks, rng, hand, speed, False)
 
 
-def click(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The index finger taps forwards and down as on a button, the hand nods along a little."""
-    reach = _ready(score, rng, hand)
+    reach = _ready(tracks, rng, hand)
     spot = np.array([rng.uniform(0.6, 0.75), rng.uniform(-0.2, 0.05), rng.uniform(-0.3, -0.1)])
     press, lift, wait = rng.uniform(0.12, 0.18), rng.uniform(0.16, 0.24), rng.uniform(0.3, 0.7)
-    state = _repeat(score.t, rng, (press, 0.06, lift, wait), [(1.0,), (1.0,), (0.0,), (0.0,)], speed)
+    state = _repeat(tracks.t, rng, (press, 0.06, lift, wait), [(1.0,), (1.0,), (0.0,), (0.0,)], speed)
     tap = state[:, 0]
     poke = rng.uniform(0.02, 0.06)
     _wrist(
-        score,
+        tracks,
         hand,
-        spot + np.stack([poke * tap, 0.0 * tap, -0.3 * poke * tap], axis=-1) + _drift(score, rng, 0.006),
+        spot + np.stack([poke * tap, 0.0 * tap, -0.3 * poke * tap], axis=-1) + _drift(tracks, rng, 0.006),
         reach,
     )
-    wrist = score.hands[hand]
+    wrist = tracks.hands[hand]
     wrist.pronation[:] = rng.uniform(1.0, 1.3)
     wrist.flexion = -0.3 + rng.uniform(0.08, 0.2) * tap
-    curl = np.broadcast_to(POINTING, (score.n, 5, 3)).copy()
+    curl = np.broadcast_to(POINTING, (tracks.n, 5, 3)).copy()
     bend, knuckle = rng.uniform(0.5, 0.75), rng.uniform(0.55, 0.8)
     curl[:, FINGERS.index("index"), 0] = -0.15 + knuckle * tap
     curl[:, FINGERS.index("index"), 1] = 0.2 + bend * tap
     curl[:, FINGERS.index("index"), 2] = 0.1 + 0.5 * bend * tap
     wrist.curl = curl
-    stand_up_straight(score)
+    stand_up_straight(tracks)
 
 
-def finger_swing(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def finger_swing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The raised index finger swings from side to side, from the wrist and the knuckle."""
-    reach = _ready(score, rng, hand)
-    t = score.t
+    reach = _ready(tracks, rng, hand)
+    t = tracks.t
     # elbow tucked in, so that the forearm stands upright and the finger wags sideways
-    score.arms[hand].pole = np.tile([-0.35, 0.15, -1.0], (score.n, 1))
+    tracks.arms[hand].pole = np.tile([-0.35, 0.15, -1.0], (tracks.n, 1))
     spot = np.array([rng.uniform(0.45, 0.55), rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.15)])
-    _wrist(score, hand, spot + _drift(score, rng, 0.006), reach)
+    _wrist(tracks, hand, spot + _drift(tracks, rng, 0.006), reach)
     rate = rng.uniform(1.3, 2.2) * speed
     angle = 2.0 * np.pi * (rate * t + rng.uniform()) + 0.3 * wander(t, rng, 1.0, 0.1, 0.5)
     size = rng.uniform(0.8, 1.15) * (1.0 + 0.08 * wander(t, rng, 1.0))
     wag = size * np.sin(angle)
-    wrist = score.hands[hand]
+    wrist = tracks.hands[hand]
     wrist.pronation[:] = rng.uniform(1.05, 1.3)
     wrist.flexion[:] = rng.uniform(-0.2, 0.0)
     wrist.deviation = -0.1 + np.radians(14.0) * wag
-    curl = np.broadcast_to(POINTING, (score.n, 5, 3)).copy()
+    curl = np.broadcast_to(POINTING, (tracks.n, 5, 3)).copy()
     curl[:, FINGERS.index("index"), :2] += (0.05 * np.cos(angle))[:, None]
     wrist.curl = curl
     wrist.spread[:, FINGERS.index("index")] = np.radians(13.0) * size * np.sin(angle - 0.4)
-    stand_up_straight(score)
+    stand_up_straight(tracks)

@@ -8,27 +8,27 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import over_feet
 from rfgen_sionna.generative.motion.curves import ease, hermite, keys, wander
 from rfgen_sionna.generative.motion.postures import lift_arm, quiet, relaxed
-from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 GRAVITY = 9.81
 
 
-def _airborne(score: Score, reach: float = 0.985) -> None:
+def _airborne(tracks: MotionTracks, reach: float = 0.985) -> None:
     """Lower the pelvis until the planted legs reach the floor, and let the feet follow where flight outruns them."""
-    sk = score.skeleton
+    sk = tracks.skeleton
     longest = reach * sk.leg_length()
-    planted = score.contacts
+    planted = tracks.contacts
     for _ in range(4):
-        _, joints = score.solve()
+        _, joints = tracks.solve()
         over = 0.0
         for i, side in enumerate(SIDES):
-            ankle, _, _ = score.foot_frames(side)
+            ankle, _, _ = tracks.foot_frames(side)
             gap = np.linalg.norm(ankle - joints[:, JOINT[f"{side}_hip"]], axis=-1) - longest
             over = max(over, float(np.max(gap[planted[:, i]], initial=0.0)))
         if over <= 1e-4:
             break
-        score.pelvis[:, 2] -= over
+        tracks.pelvis[:, 2] -= over
 
 
 def _leave_floor(
@@ -70,12 +70,12 @@ def _leave_floor(
         states.insert(-2, [s + tuck, take_off - GRAVITY * (middle - off), -GRAVITY])
 
 
-def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Straight up, again and again: dip with the arms back, push off, fly, land soft, stand."""
-    t, sk = score.t, score.skeleton
+    t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
-    quiet(score, rng, 0.7)
-    relaxed(score, rng)
+    quiet(tracks, rng, 0.7)
+    relaxed(tracks, rng)
     height = rng.uniform(0.10, 0.24) * leg / 0.82
     depth = rng.uniform(0.14, 0.24) * leg
     take_off = np.sqrt(2.0 * GRAVITY * height)
@@ -96,7 +96,7 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
     pitch_t, pitch = [times[0]], [[0.0, 0.0, 0.0]]
     lift_t, lift = [times[0]], [[0.0, 0.0, 0.0]]
     arm_t, arm = [times[0]], [0.0]
-    airborne = np.zeros(score.n, bool)
+    airborne = np.zeros(tracks.n, bool)
     while times[-1] <= t[-1]:
         jitter = rng.uniform(0.93, 1.07)
         a = clock
@@ -129,28 +129,28 @@ def jump(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
         arm += [0.0, -0.6, arms_up, 0.1, 0.0]
         airborne |= (t > c) & (t < d)
         clock = f
-    score.pelvis[:, 2] += hermite(t, times, z)
+    tracks.pelvis[:, 2] += hermite(t, times, z)
     feet_pitch, feet_lift = hermite(t, pitch_t, pitch), hermite(t, lift_t, lift)
     for side in SIDES:
-        foot = score.feet[side]
+        foot = tracks.feet[side]
         foot.pitch, foot.lift = feet_pitch, np.maximum(feet_lift, 0.0)
         foot.loose = ease(feet_lift / (0.4 * height))
-    score.contacts[:] = ~airborne[:, None]
+    tracks.contacts[:] = ~airborne[:, None]
     swing = keys(t, arm_t, arm)
     low = keys(t, *_dips(times, z))
-    score.pitch += 0.6 * low
-    score.bend += 0.3 * low
-    score.nod -= 0.5 * low
+    tracks.pitch += 0.6 * low
+    tracks.bend += 0.3 * low
+    tracks.nod -= 0.5 * low
     for side in SIDES:
-        arm_score = score.arms[side]
+        arm_score = tracks.arms[side]
         out = rng.uniform(0.15, 0.3)
         arm_score.direction = np.stack([np.sin(swing), np.full_like(t, out), -np.cos(swing)], axis=-1)
-        arm_score.pole = np.tile([-0.5, 0.8, -0.4], (score.n, 1))
+        arm_score.pole = np.tile([-0.5, 0.8, -0.4], (tracks.n, 1))
         arm_score.elbow = 0.35 + rng.uniform(0.3, 0.7) * (1.0 - np.cos(swing))
-    grounded = score.pelvis.copy()
-    over_feet(score, ahead=0.055)
-    score.pelvis[:, 2] = grounded[:, 2]
-    _airborne(score, 0.972)
+    grounded = tracks.pelvis.copy()
+    over_feet(tracks, ahead=0.055)
+    tracks.pelvis[:, 2] = grounded[:, 2]
+    _airborne(tracks, 0.972)
 
 
 def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[float]]:
@@ -159,11 +159,11 @@ def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[f
     return times, [max(-state[0] / depth, 0.0) for state in z]
 
 
-def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def jumping_jacks(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Feet apart with arms overhead, feet together with arms down, a hop between."""
-    t, sk = score.t, score.skeleton
+    t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
-    quiet(score, rng, 0.7)
+    quiet(tracks, rng, 0.7)
     half = rng.uniform(0.48, 0.64) / speed
     flight = rng.uniform(0.36, 0.44) * half
     take_off = 0.5 * GRAVITY * flight
@@ -182,7 +182,7 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
     lift: list[list[float]] = []
     place_t: list[float] = []
     place: list[int] = []
-    airborne = np.zeros(score.n, bool)
+    airborne = np.zeros(tracks.n, bool)
     rise = 0.04 * leg / 0.82
     for k in range(count):
         a = start + k * half  # touch-down
@@ -202,26 +202,26 @@ def jumping_jacks(score: Score, rng: np.random.Generator, hand: str, speed: floa
         place_t += [a, c]
         place += [k % 2, k % 2]
         airborne |= (t > c) & (t < c + flight)
-    score.pelvis[:, 2] += hermite(t, times, z)
+    tracks.pelvis[:, 2] += hermite(t, times, z)
     spread = keys(t, place_t, place)
     feet_pitch, feet_lift = hermite(t, pitch_t, pitch), np.maximum(hermite(t, lift_t, lift), 0.0)
-    score.contacts[:] = ~airborne[:, None]
+    tracks.contacts[:] = ~airborne[:, None]
     # the arms are at their ends just after touch-down and never stop for long
     wave = 0.5 - 0.5 * np.cos(np.pi * (t - start - 0.12 * half) / half)
     for side in SIDES:
-        foot = score.feet[side]
+        foot = tracks.feet[side]
         sign = 1.0 if side == "left" else -1.0
         foot.place[:, 1] = sign * (together + spread * (apart - together))
         foot.pitch, foot.lift = feet_pitch, feet_lift
         foot.yaw = foot.yaw + sign * 0.12 * spread
         angle = down + (up - down) * wave * rng.uniform(0.97, 1.03)
-        arm = score.arms[side]
-        lift_arm(score, side, np.array([0.1, 1.0, 0.2]), 0.2, np.zeros_like(t))
+        arm = tracks.arms[side]
+        lift_arm(tracks, side, np.array([0.1, 1.0, 0.2]), 0.2, np.zeros_like(t))
         arm.direction = np.stack([np.full_like(t, 0.08), np.sin(angle), -np.cos(angle)], axis=-1)
         arm.elbow = 0.12 + 0.25 * np.sin(np.pi * wave) + 0.02 * wander(t, rng, 1.0)
-        score.hands[side].curl *= rng.uniform(0.2, 0.8)
-        score.hands[side].pronation -= 0.3 * wave
-    heights: FloatArray = score.pelvis[:, 2].copy()
-    over_feet(score, ahead=0.09)
-    score.pelvis[:, 2] = heights
-    _airborne(score, 0.94)
+        tracks.hands[side].curl *= rng.uniform(0.2, 0.8)
+        tracks.hands[side].pronation -= 0.3 * wave
+    heights: FloatArray = tracks.pelvis[:, 2].copy()
+    over_feet(tracks, ahead=0.09)
+    tracks.pelvis[:, 2] = heights
+    _airborne(tracks, 0.94)

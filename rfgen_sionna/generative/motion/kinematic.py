@@ -10,8 +10,8 @@ from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.adult import MEAN_ADULT
 from rfgen_sionna.generative.motion.both_hands import both_hands
 from rfgen_sionna.generative.motion.rotations import to_quaternions, transpose
-from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import HANDS, JOINT_NAMES, PARENTS, Skeleton
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 from rfgen_sionna.records import Motion
 
 SPEED_RANGE = (0.5, 2.0)
@@ -91,9 +91,9 @@ class KinematicSource:
         # written more densely than it is kept, so that the motion does not depend on the frame rate
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
-        score = Score(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
-        ACTIONS[action].write(score, rng, drawn if hand == "both" else hand, speed)
-        world, joints = (a[::dense] for a in score.solve())
+        tracks = MotionTracks(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
+        ACTIONS[action].write(tracks, rng, drawn if hand == "both" else hand, speed)
+        world, joints = (a[::dense] for a in tracks.solve())
         local = world.copy()
         for j, p in enumerate(PARENTS):
             if p >= 0:
@@ -105,7 +105,7 @@ class KinematicSource:
             joint_names=JOINT_NAMES,
             parents=PARENTS,
             offsets=skeleton.offsets,
-            contacts=score.contacts[::dense],
+            contacts=tracks.contacts[::dense],
             action=action,
             seed=seed,
         )

@@ -24,7 +24,7 @@ _Columns = dict[str, list[FloatArray]]
 
 
 @dataclass(frozen=True)
-class Limit:
+class ProcessLimit:
     """Range of one angle."""
 
     low: float
@@ -34,33 +34,35 @@ class Limit:
     source: str
 
 
-LIMITS: Mapping[str, Limit] = MappingProxyType(
+LIMITS: Mapping[str, ProcessLimit] = MappingProxyType(
     {
-        "trunk flexion": Limit(-25.0, 80.0, _AAOS),
-        "trunk lateral flexion": Limit(-35.0, 35.0, _AAOS),
-        "trunk rotation": Limit(-45.0, 45.0, _AAOS),
-        "neck flexion": Limit(-45.0, 45.0, _AAOS),
-        "neck lateral flexion": Limit(-45.0, 45.0, _AAOS),
-        "neck rotation": Limit(-60.0, 60.0, _AAOS),
-        "hip flexion": Limit(-30.0, 120.0, _AAOS),
-        "hip abduction": Limit(-30.0, 45.0, _AAOS),
-        "hip external rotation": Limit(-45.0, 45.0, _AAOS),
-        "knee flexion": Limit(0.0, 150.0, _SQUAT),
-        "ankle dorsiflexion": Limit(-50.0, 45.0, f"{_AAOS} (plantarflexion); {_LUNGE} (dorsiflexion)"),
-        "ankle eversion": Limit(-35.0, 15.0, _AAOS),
-        "ankle toe-out": Limit(-35.0, 35.0, "tibial and subtalar rotation together, an estimate"),
-        "toe extension": Limit(-45.0, 70.0, _AAOS),
-        "shoulder extension": Limit(-180.0, 60.0, _AAOS),
-        "shoulder cross-body adduction": Limit(-180.0, 45.0, _AAOS),
-        "shoulder external rotation": Limit(-90.0, 90.0, _AAOS + "; internal rotation as at the side of the body"),
-        "elbow flexion": Limit(0.0, 150.0, _AAOS),
-        "forearm pronation": Limit(-80.0, 80.0, _AAOS),
-        "wrist flexion": Limit(-70.0, 80.0, _AAOS),
-        "wrist radial deviation": Limit(-30.0, 20.0, _AAOS),
-        "finger knuckle flexion": Limit(-45.0, 90.0, _AAOS),
-        "finger spread": Limit(-25.0, 25.0, "an estimate"),
-        "finger middle joint flexion": Limit(0.0, 100.0, _AAOS),
-        "finger end joint flexion": Limit(0.0, 90.0, _AAOS),
+        "trunk flexion": ProcessLimit(-25.0, 80.0, _AAOS),
+        "trunk lateral flexion": ProcessLimit(-35.0, 35.0, _AAOS),
+        "trunk rotation": ProcessLimit(-45.0, 45.0, _AAOS),
+        "neck flexion": ProcessLimit(-45.0, 45.0, _AAOS),
+        "neck lateral flexion": ProcessLimit(-45.0, 45.0, _AAOS),
+        "neck rotation": ProcessLimit(-60.0, 60.0, _AAOS),
+        "hip flexion": ProcessLimit(-30.0, 120.0, _AAOS),
+        "hip abduction": ProcessLimit(-30.0, 45.0, _AAOS),
+        "hip external rotation": ProcessLimit(-45.0, 45.0, _AAOS),
+        "knee flexion": ProcessLimit(0.0, 150.0, _SQUAT),
+        "ankle dorsiflexion": ProcessLimit(-50.0, 45.0, f"{_AAOS} (plantarflexion); {_LUNGE} (dorsiflexion)"),
+        "ankle eversion": ProcessLimit(-35.0, 15.0, _AAOS),
+        "ankle toe-out": ProcessLimit(-35.0, 35.0, "tibial and subtalar rotation together, an estimate"),
+        "toe extension": ProcessLimit(-45.0, 70.0, _AAOS),
+        "shoulder extension": ProcessLimit(-180.0, 60.0, _AAOS),
+        "shoulder cross-body adduction": ProcessLimit(-180.0, 45.0, _AAOS),
+        "shoulder external rotation": ProcessLimit(
+            -90.0, 90.0, _AAOS + "; internal rotation as at the side of the body"
+        ),
+        "elbow flexion": ProcessLimit(0.0, 150.0, _AAOS),
+        "forearm pronation": ProcessLimit(-80.0, 80.0, _AAOS),
+        "wrist flexion": ProcessLimit(-70.0, 80.0, _AAOS),
+        "wrist radial deviation": ProcessLimit(-30.0, 20.0, _AAOS),
+        "finger knuckle flexion": ProcessLimit(-45.0, 90.0, _AAOS),
+        "finger spread": ProcessLimit(-25.0, 25.0, "an estimate"),
+        "finger middle joint flexion": ProcessLimit(0.0, 100.0, _AAOS),
+        "finger end joint flexion": ProcessLimit(0.0, 90.0, _AAOS),
     }
 )
 """Angle -> its range; extension, adduction and so on are negative."""

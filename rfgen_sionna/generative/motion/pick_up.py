@@ -9,16 +9,16 @@ from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys
 from rfgen_sionna.generative.motion.limits import joint_angles
 from rfgen_sionna.generative.motion.postures import quiet, relaxed
-from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 
-def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Bend hips, knees and back, reach to the floor with one hand or both, grasp, and stand up again."""
-    t, sk = score.t, score.skeleton
+    t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
-    relaxed(score, rng)
-    quiet(score, rng, 0.7)
+    relaxed(tracks, rng)
+    quiet(tracks, rng, 0.7)
     both = rng.uniform() < 0.4
     squat = rng.uniform(0.28, 0.42) * leg
     stoop = rng.uniform(0.32, 0.5)
@@ -39,24 +39,24 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
     # trunk and head start a little before the knees, as people do
     early = keys(t + 0.08, times, low)
     closing = keys(t, [g[0] for g in grip], [g[1] for g in grip])
-    score.pelvis[:, 2] -= squat * amount
-    score.pitch += stoop * early
-    score.bend += rng.uniform(0.6, 0.85) * early
-    score.nod += rng.uniform(-0.25, 0.15) * amount
-    score.knee_out += (rng.uniform(0.05, 0.25) * amount)[:, None]
+    tracks.pelvis[:, 2] -= squat * amount
+    tracks.pitch += stoop * early
+    tracks.bend += rng.uniform(0.6, 0.85) * early
+    tracks.nod += rng.uniform(-0.25, 0.15) * amount
+    tracks.knee_out += (rng.uniform(0.05, 0.25) * amount)[:, None]
     aside = rng.uniform(0.0, 0.12) if both else rng.uniform(-0.02, 0.1)
     forward, height = rng.uniform(0.3, 0.4) * leg / 0.82, rng.uniform(0.11, 0.17) * leg / 0.82
     if not both:
-        score.turn += side_sign(hand) * -rng.uniform(0.05, 0.3) * amount
-        score.lean += side_sign(hand) * -rng.uniform(0.0, 0.1) * amount
+        tracks.turn += side_sign(hand) * -rng.uniform(0.05, 0.3) * amount
+        tracks.lean += side_sign(hand) * -rng.uniform(0.0, 0.1) * amount
     for side in SIDES:
-        s, arm = side_sign(side), score.arms[side]
+        s, arm = side_sign(side), tracks.arms[side]
         reaching = both or side == hand
         if reaching:
-            arm.target = np.tile([forward, s * aside + (s * 0.1 if both else 0.0), height], (score.n, 1))
+            arm.target = np.tile([forward, s * aside + (s * 0.1 if both else 0.0), height], (tracks.n, 1))
             arm.target_weight = amount
             arm.pole = arm.pole + amount[:, None] * (np.array([-0.6, 0.9, -0.5]) - arm.pole)
-            grasp = score.hands[side]
+            grasp = tracks.hands[side]
             grasp.curl = (
                 grasp.curl + closing[:, None, None] * (np.tile([0.85, 0.75, 0.4], (5, 1)) - grasp.curl) * _thumb_less()
             )
@@ -67,11 +67,11 @@ def pick_up(score: Score, rng: np.random.Generator, hand: str, speed: float) -> 
             rest = np.array([np.sin(swing), 0.15, -np.cos(swing)])
             arm.direction += amount[:, None] * (rest - arm.direction)
             arm.elbow += 0.5 * amount
-    over_feet(score, ahead=0.075)
-    fit_height(score)
-    _reach_down(score)
-    _spare_hips(score, amount)
-    _above_ground(score)
+    over_feet(tracks, ahead=0.075)
+    fit_height(tracks)
+    _reach_down(tracks)
+    _spare_hips(tracks, amount)
+    _above_ground(tracks)
 
 
 def _thumb_less() -> np.ndarray:
@@ -79,13 +79,13 @@ def _thumb_less() -> np.ndarray:
     return np.array([1.0, 1.0, 1.0, 1.0, 0.45])[:, None]
 
 
-def _reach_down(score: Score) -> None:
+def _reach_down(tracks: MotionTracks) -> None:
     """Bend the trunk a little more where the hand would not get down to its target."""
     for _ in range(3):
-        _, p = score.solve()
+        _, p = tracks.solve()
         short = 0.0
         for side in SIDES:
-            arm = score.arms[side]
+            arm = tracks.arms[side]
             if arm.target is None or arm.target_weight is None:
                 continue
             gap = np.linalg.norm(p[:, JOINT[f"{side}_wrist"]] - arm.target, axis=-1)
@@ -93,28 +93,28 @@ def _reach_down(score: Score) -> None:
             weight = arm.target_weight
         if short < 0.01:
             return
-        score.bend += weight * min(0.9 * short, 0.12)
-        score.pelvis[:, 2] -= weight * 0.5 * short
-        over_feet(score, ahead=0.075)
+        tracks.bend += weight * min(0.9 * short, 0.12)
+        tracks.pelvis[:, 2] -= weight * 0.5 * short
+        over_feet(tracks, ahead=0.075)
 
 
-def _spare_hips(score: Score, amount: FloatArray, most: float = 115.0) -> None:
+def _spare_hips(tracks: MotionTracks, amount: FloatArray, most: float = 115.0) -> None:
     """Tip the pelvis less where the hips would fold more than `most` [degrees]."""
     for _ in range(3):
-        rotations, _ = score.solve()
+        rotations, _ = tracks.solve()
         excess = float(np.max(joint_angles(rotations)["hip flexion"])) - most
         if excess <= 0.0:
             return
-        score.pitch -= amount * np.radians(excess)
-        over_feet(score, ahead=0.075)
+        tracks.pitch -= amount * np.radians(excess)
+        over_feet(tracks, ahead=0.075)
 
 
-def _above_ground(score: Score, clearance: float = 0.02) -> None:
+def _above_ground(tracks: MotionTracks, clearance: float = 0.02) -> None:
     """Lift the wrists' targets until the fingertips stay over the ground."""
     for _ in range(3):
-        _, p = score.solve()
+        _, p = tracks.solve()
         for side in SIDES:
-            arm = score.arms[side]
+            arm = tracks.arms[side]
             if arm.target is None:
                 continue
             lowest = np.inf

@@ -7,63 +7,63 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys, wander
-from rfgen_sionna.generative.motion.score import ARM_POLE, Score
 from rfgen_sionna.generative.motion.skeleton import SIDES
+from rfgen_sionna.generative.motion.tracks import ARM_POLE, MotionTracks
 
 
-def quiet(score: Score, rng: np.random.Generator, amount: float = 1.0) -> None:
+def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -> None:
     """Postural sway, breathing and the small movements of someone who stands still.
 
     Sway of the trunk by about 5 mm rms (quiet stance) and 12 to 18 breaths a minute.
     """
-    t = score.t
-    score.sway[:, 0] += amount * wander(t, rng, 0.004)
-    score.sway[:, 1] += amount * wander(t, rng, 0.003)
-    score.lean += amount * wander(t, rng, 0.006)
-    score.bend += amount * wander(t, rng, 0.008) + rng.uniform(-0.02, 0.05)
-    score.turn += amount * wander(t, rng, 0.012)
-    score.yaw += amount * wander(t, rng, 0.006)
-    score.nod += amount * wander(t, rng, 0.03) + rng.uniform(-0.05, 0.08)
-    score.look += amount * wander(t, rng, 0.05, 0.05, 0.4)
-    score.tilt += amount * wander(t, rng, 0.015)
+    t = tracks.t
+    tracks.sway[:, 0] += amount * wander(t, rng, 0.004)
+    tracks.sway[:, 1] += amount * wander(t, rng, 0.003)
+    tracks.lean += amount * wander(t, rng, 0.006)
+    tracks.bend += amount * wander(t, rng, 0.008) + rng.uniform(-0.02, 0.05)
+    tracks.turn += amount * wander(t, rng, 0.012)
+    tracks.yaw += amount * wander(t, rng, 0.006)
+    tracks.nod += amount * wander(t, rng, 0.03) + rng.uniform(-0.05, 0.08)
+    tracks.look += amount * wander(t, rng, 0.05, 0.05, 0.4)
+    tracks.tilt += amount * wander(t, rng, 0.015)
     breath = 2.0 * np.pi * (rng.uniform(0.2, 0.3) * t + rng.uniform())
-    score.shrug += (0.012 * np.sin(breath))[:, None]
-    score.bend -= 0.006 * np.sin(breath)
+    tracks.shrug += (0.012 * np.sin(breath))[:, None]
+    tracks.bend -= 0.006 * np.sin(breath)
     for side in SIDES:
-        arm, hand = score.arms[side], score.hands[side]
+        arm, hand = tracks.arms[side], tracks.hands[side]
         arm.direction += amount * np.stack([wander(t, rng, 0.012), wander(t, rng, 0.008), np.zeros_like(t)], axis=-1)
         arm.elbow += amount * wander(t, rng, 0.02)
         hand.flexion += amount * wander(t, rng, 0.03)
         hand.curl += amount * wander(t, rng, 0.03)[:, None, None] + rng.uniform(-0.05, 0.1)
 
 
-def relaxed(score: Score, rng: np.random.Generator) -> None:
+def relaxed(tracks: MotionTracks, rng: np.random.Generator) -> None:
     """Personal manner: how wide the arms hang and how far the elbows bend."""
     wide, bent, ahead = rng.uniform(0.08, 0.2), rng.uniform(0.15, 0.4), rng.uniform(-0.03, 0.08)
     for side in SIDES:
-        score.arms[side].direction[:, 1] = wide + rng.uniform(-0.02, 0.02)
-        score.arms[side].direction[:, 0] = ahead + rng.uniform(-0.02, 0.02)
-        score.arms[side].elbow[:] = bent + rng.uniform(-0.05, 0.05)
+        tracks.arms[side].direction[:, 1] = wide + rng.uniform(-0.02, 0.02)
+        tracks.arms[side].direction[:, 0] = ahead + rng.uniform(-0.02, 0.02)
+        tracks.arms[side].elbow[:] = bent + rng.uniform(-0.05, 0.05)
 
 
-def stand_up_straight(score: Score) -> None:
+def stand_up_straight(tracks: MotionTracks) -> None:
     """Finish a standing score: weight over the feet, legs within reach."""
-    over_feet(score)
-    fit_height(score)
+    over_feet(tracks)
+    fit_height(tracks)
 
 
-def standing(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Quiet standing, now and then with the weight shifted from one leg to the other."""
-    relaxed(score, rng)
-    quiet(score, rng, rng.uniform(0.8, 1.4))
-    shift = np.clip(wander(score.t, rng, rng.uniform(0.0, 0.08), 0.05, 0.2 * speed), -0.25, 0.25)
-    over_feet(score, 0.5 + shift)
-    fit_height(score)
+    relaxed(tracks, rng)
+    quiet(tracks, rng, rng.uniform(0.8, 1.4))
+    shift = np.clip(wander(tracks.t, rng, rng.uniform(0.0, 0.08), 0.05, 0.2 * speed), -0.25, 0.25)
+    over_feet(tracks, 0.5 + shift)
+    fit_height(tracks)
 
 
-def lift_arm(score: Score, side: str, direction: FloatArray, elbow: float, amount: FloatArray) -> None:
+def lift_arm(tracks: MotionTracks, side: str, direction: FloatArray, elbow: float, amount: FloatArray) -> None:
     """Turn an arm from hanging (`amount` 0) to `direction` (3,) (`amount` 1, (n,)), on the short way round."""
-    arm = score.arms[side]
+    arm = tracks.arms[side]
     start = arm.direction / np.linalg.norm(arm.direction, axis=-1, keepdims=True)
     goal = direction / np.linalg.norm(direction)
     angle = np.arccos(np.clip(start @ goal, -1.0, 1.0))[:, None]
@@ -72,35 +72,35 @@ def lift_arm(score: Score, side: str, direction: FloatArray, elbow: float, amoun
     arm.elbow += (elbow - arm.elbow) * amount
 
 
-def _both_arms(score: Score, rng: np.random.Generator, elevation: float) -> None:
+def _both_arms(tracks: MotionTracks, rng: np.random.Generator, elevation: float) -> None:
     tilt = np.clip(rng.normal(0.0, np.radians(1.5)), -0.05, 0.05)
     for side in SIDES:
-        e = elevation + np.clip(rng.normal(0.0, np.radians(2.0)), -0.06, 0.06) + wander(score.t, rng, np.radians(1.2))
-        forward = rng.uniform(0.0, 0.12) + wander(score.t, rng, 0.01)
+        e = elevation + np.clip(rng.normal(0.0, np.radians(2.0)), -0.06, 0.06) + wander(tracks.t, rng, np.radians(1.2))
+        forward = rng.uniform(0.0, 0.12) + wander(tracks.t, rng, 0.01)
         e = e + (tilt if side == "left" else -tilt)
-        score.arms[side].direction = np.stack([forward, np.cos(e), np.sin(e)], axis=-1)
-        score.arms[side].elbow[:] = rng.uniform(0.05, 0.15) + wander(score.t, rng, 0.01)
-        hand = score.hands[side]
+        tracks.arms[side].direction = np.stack([forward, np.cos(e), np.sin(e)], axis=-1)
+        tracks.arms[side].elbow[:] = rng.uniform(0.05, 0.15) + wander(tracks.t, rng, 0.01)
+        hand = tracks.hands[side]
         hand.pronation[:] = rng.uniform(-0.2, 0.2)
         hand.flexion[:] = rng.uniform(-0.1, 0.1)
         hand.curl *= rng.uniform(0.1, 0.5)
 
 
-def t_pose(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def t_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Both arms held out sideways at shoulder height."""
-    quiet(score, rng, 1.0)
-    _both_arms(score, rng, np.radians(rng.uniform(-3.0, 3.0)))
-    stand_up_straight(score)
+    quiet(tracks, rng, 1.0)
+    _both_arms(tracks, rng, np.radians(rng.uniform(-3.0, 3.0)))
+    stand_up_straight(tracks)
 
 
-def y_pose(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def y_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Both arms held up and out, like a Y."""
-    quiet(score, rng, 1.0)
-    _both_arms(score, rng, np.radians(rng.uniform(42.0, 55.0)))
-    stand_up_straight(score)
+    quiet(tracks, rng, 1.0)
+    _both_arms(tracks, rng, np.radians(rng.uniform(42.0, 55.0)))
+    stand_up_straight(tracks)
 
 
-def held(
+def hold_envelope(
     t: FloatArray, rng: np.random.Generator, speed: float, rise: tuple[float, float], shift: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """A limb goes up in `rise` [s], is held for some seconds, comes down, and goes up again.
@@ -125,41 +125,41 @@ def held(
     return keys(t, times, lifted), keys(t, times, weight)
 
 
-def _arm_raised(score: Score, rng: np.random.Generator, side: str, speed: float) -> None:
-    relaxed(score, rng)
-    quiet(score, rng, 1.0)
-    amount, _ = held(score.t, rng, speed, (0.6, 1.1))
+def _arm_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed: float) -> None:
+    relaxed(tracks, rng)
+    quiet(tracks, rng, 1.0)
+    amount, _ = hold_envelope(tracks.t, rng, speed, (0.6, 1.1))
     out, high = np.radians(rng.uniform(15.0, 50.0)), np.radians(rng.uniform(50.0, 75.0))
     direction = np.array([np.cos(out) * np.cos(high), np.sin(out) * np.cos(high), np.sin(high)])
-    score.arms[side].pole = (
-        np.tile([-0.5, 1.0, -0.6], (score.n, 1)) * amount[:, None] + ARM_POLE * (1 - amount)[:, None]
+    tracks.arms[side].pole = (
+        np.tile([-0.5, 1.0, -0.6], (tracks.n, 1)) * amount[:, None] + ARM_POLE * (1 - amount)[:, None]
     )
-    lift_arm(score, side, direction, rng.uniform(0.1, 0.35), amount)
-    score.arms[side].direction += 0.01 * np.stack([wander(score.t, rng, 1.0) for _ in range(3)], axis=-1)
-    hand = score.hands[side]
+    lift_arm(tracks, side, direction, rng.uniform(0.1, 0.35), amount)
+    tracks.arms[side].direction += 0.01 * np.stack([wander(tracks.t, rng, 1.0) for _ in range(3)], axis=-1)
+    hand = tracks.hands[side]
     hand.pronation += amount * rng.uniform(-0.2, 0.7)
     hand.curl *= (1.0 - 0.7 * amount)[:, None, None]
-    score.lean += amount * rng.uniform(0.0, 0.05) * (1 if side == "left" else -1)
-    stand_up_straight(score)
+    tracks.lean += amount * rng.uniform(0.0, 0.05) * (1 if side == "left" else -1)
+    stand_up_straight(tracks)
 
 
-def left_arm_raised(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def left_arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The left arm goes up and stays up."""
-    _arm_raised(score, rng, "left", speed)
+    _arm_raised(tracks, rng, "left", speed)
 
 
-def right_arm_raised(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def right_arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The right arm goes up and stays up."""
-    _arm_raised(score, rng, "right", speed)
+    _arm_raised(tracks, rng, "right", speed)
 
 
-def _leg_raised(score: Score, rng: np.random.Generator, side: str, speed: float) -> None:
-    relaxed(score, rng)
-    quiet(score, rng, 1.2)
-    sk, foot = score.skeleton, score.feet[side]
-    amount, shifted = held(score.t, rng, speed, (0.7, 1.2), rng.uniform(0.4, 0.55))
+def _leg_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed: float) -> None:
+    relaxed(tracks, rng)
+    quiet(tracks, rng, 1.2)
+    sk, foot = tracks.skeleton, tracks.feet[side]
+    amount, shifted = hold_envelope(tracks.t, rng, speed, (0.7, 1.2), rng.uniform(0.4, 0.55))
     hip, knee = np.radians(rng.uniform(65.0, 90.0)), np.radians(rng.uniform(30.0, 90.0))
-    hip_angle = hip * amount * (1.0 + 0.02 * wander(score.t, rng, 1.0))
+    hip_angle = hip * amount * (1.0 + 0.02 * wander(tracks.t, rng, 1.0))
     knee_angle = knee * np.sin(np.pi * np.minimum(amount, 1.0)) * 0.25 + knee * amount
     thigh, shank = sk.length(f"{side}_knee"), sk.length(f"{side}_ankle")
     up = thigh * (1.0 - np.cos(hip_angle)) + shank * (1.0 - np.cos(hip_angle - knee_angle))
@@ -169,21 +169,21 @@ def _leg_raised(score: Score, rng: np.random.Generator, side: str, speed: float)
     foot.lift += up
     foot.pitch += 0.9 * (hip_angle - knee_angle) + amount * np.radians(rng.uniform(-22.0, 0.0))
     foot.loose[:] = 1.0
-    score.contacts[:, SIDES.index(side)] = amount < 1e-6
-    score.bend -= 0.06 * amount
-    score.pitch -= 0.10 * amount * hip
+    tracks.contacts[:, SIDES.index(side)] = amount < 1e-6
+    tracks.bend -= 0.06 * amount
+    tracks.pitch -= 0.10 * amount * hip
     for s in SIDES:
-        score.arms[s].direction[:, 1] += amount * rng.uniform(0.1, 0.45)
+        tracks.arms[s].direction[:, 1] += amount * rng.uniform(0.1, 0.45)
     other = 0.0 if side == "left" else 1.0
-    over_feet(score, 0.5 + (other - 0.5) * 0.97 * shifted)
-    fit_height(score)
+    over_feet(tracks, 0.5 + (other - 0.5) * 0.97 * shifted)
+    fit_height(tracks)
 
 
-def left_leg_raised(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def left_leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The left leg is lifted forwards and held, balancing on the right."""
-    _leg_raised(score, rng, "left", speed)
+    _leg_raised(tracks, rng, "left", speed)
 
 
-def right_leg_raised(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def right_leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """The right leg is lifted forwards and held, balancing on the left."""
-    _leg_raised(score, rng, "right", speed)
+    _leg_raised(tracks, rng, "right", speed)

@@ -11,8 +11,8 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.balance import ride_height
 from rfgen_sionna.generative.motion.curves import bump, cruise, ease, hermite, keys, wander
 from rfgen_sionna.generative.motion.postures import relaxed
-from rfgen_sionna.generative.motion.score import Score
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, side_sign
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 STANCE = 0.62
 """Share of the cycle that a foot stays on the floor (Perry and Burnfield, Gait Analysis, 2nd ed. 2010)."""
@@ -28,7 +28,7 @@ _MARGIN = 2.5
 
 
 @dataclass(frozen=True)
-class Path:
+class WalkPath:
     """Where the body walks, densely sampled."""
 
     t: FloatArray
@@ -47,7 +47,7 @@ class Path:
 
 def back_and_forth(
     end: float, speed: float, length: float, turn_time: float, sense: int, start: float, slow: float = 0.12
-) -> Path:
+) -> WalkPath:
     """Straight stretches of about `length` [m] with half turns (`sense` +1 to the left) of `turn_time` [s] between.
 
     At time 0 the person has walked for `start` [s] on a stretch towards +x.
@@ -73,28 +73,28 @@ def back_and_forth(
     inside = (t >= -start) & (t <= max(end, 2.0 * half - start))
     x -= 0.5 * (x[inside].min() + x[inside].max())
     y -= 0.5 * (y[inside].min() + y[inside].max())
-    return Path(t, x, y, heading, pace)
+    return WalkPath(t, x, y, heading, pace)
 
 
-def straight(end: float, speed: float) -> Path:
+def straight(end: float, speed: float) -> WalkPath:
     """Along +x at constant speed, half of the way before x = 0 and half after."""
     t = np.arange(-_MARGIN, end + _MARGIN, 1.0 / 480.0)
     still = np.zeros_like(t)
-    return Path(t, speed * (t - 0.5 * end), still, still, np.full_like(t, speed))
+    return WalkPath(t, speed * (t - 0.5 * end), still, still, np.full_like(t, speed))
 
 
-def _pace(score: Score, rng: np.random.Generator, speed: float) -> tuple[float, float]:
+def _pace(tracks: MotionTracks, rng: np.random.Generator, speed: float) -> tuple[float, float]:
     """A person's speed [m/s] and step length [m], by the length of the legs."""
-    size = score.skeleton.leg_length() / 0.82
+    size = tracks.skeleton.leg_length() / 0.82
     pace = rng.uniform(0.85, 1.35) * speed * np.sqrt(size)
     # v = step * cadence and step = ratio * cadence * 60
     return pace, np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
 
 
-def walk(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Back and forth on 1 to 1.6 m, towards the facing direction first; shorter where time is short."""
-    end = float(score.t[-1])
-    pace, step = _pace(score, rng, speed)
+    end = float(tracks.t[-1])
+    pace, step = _pace(tracks, rng, speed)
     period = 2.0 * step / pace
     length = rng.uniform(0.9, 1.5)
     turn_time = rng.uniform(2.1, 2.5) * period
@@ -106,59 +106,65 @@ def walk(score: Score, rng: np.random.Generator, hand: str, speed: float) -> Non
         ahead = max(ahead - missing, min(ahead, SHORTEST_AHEAD))
         turn_time = max(turn_time - max(ahead + turn_time + BACK - end, 0.0), QUICKEST_TURN * period)
     path = back_and_forth(end, pace, length, turn_time, sense, start=length / pace - ahead)
-    _gait(score, rng, path, pace, step)
+    _gait(tracks, rng, path, pace, step)
 
 
-def walk_straight(score: Score, rng: np.random.Generator, hand: str, speed: float) -> None:
+def walk_straight(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
     """Straight ahead, all the time, as far as the time allows."""
-    pace, step = _pace(score, rng, speed)
-    _gait(score, rng, straight(float(score.t[-1]), pace), pace, step)
+    pace, step = _pace(tracks, rng, speed)
+    _gait(tracks, rng, straight(float(tracks.t[-1]), pace), pace, step)
 
 
-def _gait(score: Score, rng: np.random.Generator, path: Path, pace: float, step: float) -> None:
+def _gait(tracks: MotionTracks, rng: np.random.Generator, path: WalkPath, pace: float, step: float) -> None:
     """Write the whole body's movements on a path."""
-    t = score.t
+    t = tracks.t
     period = 2.0 * step / pace
     begin = rng.uniform(-period, 0.0)
     liveliness = np.interp(t, path.t, path.speed) / pace
     x, y, heading = path.at(t)
-    relaxed(score, rng)
+    relaxed(tracks, rng)
     phase: dict[str, FloatArray] = {}
     for i, side in enumerate(SIDES):
         contact = begin + 0.5 * i * period
         phase[side] = 2.0 * np.pi * (t - contact) / period
-        _feet(score, side, path, period, contact, step, rng)
+        _feet(tracks, side, path, period, contact, step, rng)
     left = phase["left"]
     middle = left - 2.0 * np.pi * 0.26
     lively = 0.35 + 0.65 * liveliness
     sway = rng.uniform(0.015, 0.028) * np.cos(middle)
-    score.pelvis[:, 0] = x - sway * np.sin(heading)
-    score.pelvis[:, 1] = y + sway * np.cos(heading)
-    score.pelvis[:, 2] += rng.uniform(0.016, 0.022) * step / 0.65 * lively * np.cos(2.0 * middle)
-    score.yaw = heading - np.radians(rng.uniform(3.0, 6.0)) * lively * np.cos(left)
-    score.roll = np.radians(rng.uniform(2.0, 4.0)) * lively * np.cos(middle)
-    score.pitch = np.radians(rng.uniform(1.0, 5.0)) * lively
-    score.turn = np.radians(rng.uniform(5.0, 10.0)) * lively * np.cos(left)
-    score.lean = -0.8 * score.roll
+    tracks.pelvis[:, 0] = x - sway * np.sin(heading)
+    tracks.pelvis[:, 1] = y + sway * np.cos(heading)
+    tracks.pelvis[:, 2] += rng.uniform(0.016, 0.022) * step / 0.65 * lively * np.cos(2.0 * middle)
+    tracks.yaw = heading - np.radians(rng.uniform(3.0, 6.0)) * lively * np.cos(left)
+    tracks.roll = np.radians(rng.uniform(2.0, 4.0)) * lively * np.cos(middle)
+    tracks.pitch = np.radians(rng.uniform(1.0, 5.0)) * lively
+    tracks.turn = np.radians(rng.uniform(5.0, 10.0)) * lively * np.cos(left)
+    tracks.lean = -0.8 * tracks.roll
     turning = np.gradient(heading, t)
-    score.look = np.clip(0.22 * turning, -0.6, 0.6) + wander(t, rng, 0.04) - 0.5 * score.turn
-    score.nod = wander(t, rng, 0.02) + rng.uniform(-0.03, 0.08)
+    tracks.look = np.clip(0.22 * turning, -0.6, 0.6) + wander(t, rng, 0.04) - 0.5 * tracks.turn
+    tracks.nod = wander(t, rng, 0.02) + rng.uniform(-0.03, 0.08)
     swing, bent, lag = rng.uniform(0.25, 0.5), rng.uniform(0.25, 0.5), rng.uniform(0.0, 0.35)
     for side, other in zip(SIDES, SIDES[::-1], strict=True):
-        arm = score.arms[side]
+        arm = tracks.arms[side]
         forward = lively * swing * rng.uniform(0.85, 1.15) * np.cos(phase[other] - lag) + 0.05
         arm.direction = np.stack([np.sin(forward), np.full_like(t, rng.uniform(0.1, 0.2)), -np.cos(forward)], axis=-1)
         arm.elbow = bent + 0.25 * lively * (1.0 + np.sin(phase[other] - lag + 1.2))
-        score.hands[side].flexion += 0.08 * np.cos(phase[other] - lag - 0.6)
-    ride_height(score)
+        tracks.hands[side].flexion += 0.08 * np.cos(phase[other] - lag - 0.6)
+    ride_height(tracks)
 
 
 def _feet(
-    score: Score, side: str, path: Path, period: float, contact: float, step: float, rng: np.random.Generator
+    tracks: MotionTracks,
+    side: str,
+    path: WalkPath,
+    period: float,
+    contact: float,
+    step: float,
+    rng: np.random.Generator,
 ) -> None:
     """Write one foot: planted where the body passes over it, rolling from heel to toe, swinging between."""
-    t, sk, s, i = score.t, score.skeleton, side_sign(side), SIDES.index(side)
-    foot = score.feet[side]
+    t, sk, s, i = tracks.t, tracks.skeleton, side_sign(side), SIDES.index(side)
+    foot = tracks.feet[side]
     width = rng.uniform(0.5, 0.75) * abs(sk.offsets[JOINT["left_hip"], 1])
     toe_out, clearance = rng.uniform(0.05, 0.16), rng.uniform(0.018, 0.035)
     heel_up, toe_up = np.radians(rng.uniform(50.0, 62.0)), np.radians(rng.uniform(14.0, 22.0))
@@ -204,4 +210,4 @@ def _feet(
     foot.lift = clearance * bump(swing) * (0.7 + 0.3 * reach[k])
     # the pivot passes to the heel in the air, where the foot is level, and back to the toes while it is flat
     foot.heel = np.where(share < STANCE, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.45) / 0.35))
-    score.contacts[:, i] = share <= STANCE
+    tracks.contacts[:, i] = share <= STANCE

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene.checks.clearance import CLEARANCE, Obstacle, check_radar_clear, surface_of
 from rfgen_sionna.scene.checks.collision import CollisionFinder, report_collisions
+from rfgen_sionna.scene.checks.radar_distance import CLEARANCE, Obstacle, check_radar_clear, surface_of
 from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.rays import RayScene
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.checks.clearance import Obstacle, distance, surface_of, winding_number
-from rfgen_sionna.scene.errors import SceneError
+from rfgen_sionna.scene.checks.radar_distance import Obstacle, distance, surface_of, winding_number
 from rfgen_sionna.scene.rays import Hits, RayScene
+from rfgen_sionna.scene.scene_errors import SceneError
 
 CONTACT = 0.02
 """Depth [m] up to which an actor touches a surface: feet on the floor, a hand on a table."""

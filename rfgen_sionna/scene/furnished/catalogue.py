@@ -8,13 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.scene.errors import SceneError
 from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene, assemble
 from rfgen_sionna.scene.furnished.layout import Plan
 from rfgen_sionna.scene.furnished.places.homes import bedroom, living_room
 from rfgen_sionna.scene.furnished.places.outside import open_field, playground, street
 from rfgen_sionna.scene.furnished.places.passages import corridor, garage
 from rfgen_sionna.scene.furnished.places.work import classroom, lab, office
+from rfgen_sionna.scene.scene_errors import SceneError
 
 _MAKERS: Mapping[str, tuple[Callable[[np.random.Generator], Plan], bool]] = MappingProxyType(
     {

@@ -52,7 +52,7 @@ from rfgen_sionna.signal.formats.frames import (
 )
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, even_times, write_sidecar
 from rfgen_sionna.signal.formats.studio import read_studio, studio_config
-from rfgen_sionna.signal.formats.studio_chirps import MEANT, RX_PER_DEVICE
+from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, RX_PER_DEVICE
 
 NAME = "cascade"
 FULL_SCALE = 1 << 15
@@ -139,7 +139,9 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
 
     def same(found: Description) -> None:
         for config in configs if len(configs) == 1 else ():
-            check_json(config, studio_config(found.radar, found.frames or 0, len(DEVICES)), MEANT, sidecar, partial)
+            check_json(
+                config, studio_config(found.radar, found.frames or 0, len(DEVICES)), CHECKED_FIELDS, sidecar, partial
+            )
 
     known = described(folder, sidecar, radar, lambda hardware: _configured(configs, hardware), same)
     receivers = _receivers(known.radar)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_json
-from rfgen_sionna.signal.formats.files import beside, data_file, need_file, staged, whole_frames, write_json
+from rfgen_sionna.signal.formats.files import companion_path, data_file, need_file, staged, whole_frames, write_json
 from rfgen_sionna.signal.formats.frames import (
     WriteRequest,
     channel_numbers,
@@ -36,7 +36,7 @@ from rfgen_sionna.signal.formats.sidecar import (
     write_sidecar,
 )
 from rfgen_sionna.signal.formats.studio import read_studio, setup_config, studio_config
-from rfgen_sionna.signal.formats.studio_chirps import MEANT, RX_PER_DEVICE
+from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, RX_PER_DEVICE
 
 NAME = "dca1000"
 STANDARD = "adc_data.bin"
@@ -61,7 +61,12 @@ def write(request: WriteRequest) -> CaptureReport:
     config = studio_config(radar, cube.data.shape[0])
     divisor, declared = request.resolve_scale(FULL_SCALE)
     data = data_file(request.path, STANDARD)
-    paths = (data, beside(data, ".mmwave.json"), beside(data, ".setup.json"), beside(data, SUFFIX))
+    paths = (
+        data,
+        companion_path(data, ".mmwave.json"),
+        companion_path(data, ".setup.json"),
+        companion_path(data, SUFFIX),
+    )
     clipped = 0
     with staged(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
@@ -83,10 +88,10 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     is there, the waveform and the Tx elements that fire.
     """
     data = need_file(data_file(path, STANDARD))
-    sidecar, config = beside(data, SUFFIX), beside(data, ".mmwave.json")
+    sidecar, config = companion_path(data, SUFFIX), companion_path(data, ".mmwave.json")
 
     def same(found: Description) -> None:
-        check_json(config, studio_config(found.radar, found.frames or 0), MEANT, sidecar, partial)
+        check_json(config, studio_config(found.radar, found.frames or 0), CHECKED_FIELDS, sidecar, partial)
 
     known = described(data, sidecar, radar, lambda hardware: _configured(data, hardware), same)
     _even_samples(known.radar)
@@ -144,7 +149,7 @@ def _check_size(data: Path, config: Path, known: Description, hardware: Radar) -
 
 
 def _configured(data: Path, hardware: Radar) -> Description:
-    config = beside(data, ".mmwave.json")
+    config = companion_path(data, ".mmwave.json")
     if not config.is_file():
         return Description(hardware, None, None, None)
     found = read_studio(config, hardware)

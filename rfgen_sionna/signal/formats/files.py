@@ -19,7 +19,7 @@ def data_file(path: str | os.PathLike[str], standard: str) -> Path:
     return target / standard if target.is_dir() or not target.suffix else target
 
 
-def beside(path: Path, suffix: str) -> Path:
+def companion_path(path: Path, suffix: str) -> Path:
     """The companion of a data file: its name with `suffix` for its own."""
     return path.with_name(path.stem + suffix)
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_xml
-from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, whole_frames
+from rfgen_sionna.signal.formats.files import companion_path, complain, data_file, need_file, staged, whole_frames
 from rfgen_sionna.signal.formats.frames import (
     WriteRequest,
     channel_numbers,
@@ -69,7 +69,7 @@ def write(request: WriteRequest) -> CaptureReport:
     loops, _, channels, samples = frame_shape(radar)
     divisor, declared = request.resolve_scale(FULL_SCALE)
     data = data_file(request.path, STANDARD)
-    paths = (data, beside(data, ".xml"), beside(data, SUFFIX))
+    paths = (data, companion_path(data, ".xml"), companion_path(data, SUFFIX))
     clipped = 0
     with staged(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
@@ -96,7 +96,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     files = sorted(target.glob("*.raw")) if target.is_dir() else [need_file(data_file(target, STANDARD))]
     if not files:
         raise FileNotFoundError(f"'{target}' holds no .raw file")
-    sidecar, config = beside(files[0], SUFFIX), beside(files[0], ".xml")
+    sidecar, config = companion_path(files[0], SUFFIX), companion_path(files[0], ".xml")
 
     def same(found: Description) -> None:
         check_xml(config, _xml(found.radar, _receivers(found.radar)), _NO_MATTER, sidecar, partial)
@@ -149,7 +149,7 @@ def _check_trailers(
 
 
 def _configured(data: Path, hardware: Radar) -> Description:
-    config = beside(data, ".xml")
+    config = companion_path(data, ".xml")
     return Description(radar_from_xml(config, hardware) if config.is_file() else hardware, None, None, None)
 
 

@@ -18,7 +18,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_json
-from rfgen_sionna.signal.formats.files import beside, complain, data_file, need_file, staged, write_json
+from rfgen_sionna.signal.formats.files import companion_path, complain, data_file, need_file, staged, write_json
 from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
 
@@ -57,7 +57,7 @@ def write(request: WriteRequest) -> CaptureReport:
     loops, slots, channels, samples = frame_shape(radar)
     order = list(radar.waveform.tx_order)
     data = data_file(request.path, STANDARD)
-    paths = (data, beside(data, "_config.json"), beside(data, SUFFIX))
+    paths = (data, companion_path(data, "_config.json"), companion_path(data, SUFFIX))
     with staged(paths, request.overwrite) as parts:
         stored = np.lib.format.open_memmap(
             parts[0], mode="w+", dtype=np.complex128, shape=(frames, slots, channels, loops, samples)
@@ -105,7 +105,7 @@ def _config(radar: Radar) -> dict[str, Any]:
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the one it was made with."""
     data = need_file(data_file(path, STANDARD))
-    sidecar, config = beside(data, SUFFIX), beside(data, "_config.json")
+    sidecar, config = companion_path(data, SUFFIX), companion_path(data, "_config.json")
 
     def same(found: Description) -> None:
         check_json(config, _config(found.radar), _MEANT, sidecar, partial)

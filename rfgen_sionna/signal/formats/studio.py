@@ -19,7 +19,7 @@ from rfgen_sionna.signal.formats.frames import channel_numbers
 from rfgen_sionna.signal.formats.studio_chirps import (
     RX_PER_DEVICE,
     TX_PER_DEVICE,
-    Chirp,
+    StudioChirp,
     chirp_tables,
     chirps_of,
     number,
@@ -54,7 +54,7 @@ def _device(
     frames: int,
     place: int,
     devices: int,
-    frame: tuple[Sequence[Chirp], int],
+    frame: tuple[Sequence[StudioChirp], int],
     transmitters: Sequence[int],
     receivers: Sequence[int],
 ) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Studio:
+class StudioConfig:
     """Contents of a `.mmwave.json`."""
 
     radar: Radar
@@ -181,7 +181,7 @@ def radar_from_studio(path: Path, hardware: Radar) -> Radar:
     return read_studio(path, hardware).radar
 
 
-def read_studio(path: Path, hardware: Radar, devices: int = 1) -> Studio:
+def read_studio(path: Path, hardware: Radar, devices: int = 1) -> StudioConfig:
     """Read a `.mmwave.json`, its own or mmWave Studio's; `hardware` gives positions, pattern, power and noise."""
     config = read_json(path)
     try:
@@ -192,7 +192,7 @@ def read_studio(path: Path, hardware: Radar, devices: int = 1) -> Studio:
         raise CaptureFormatError(f"'{path}': {error}") from error
 
 
-def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Studio:
+def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> StudioConfig:
     records = config["mmWaveDevices"]
     if len(records) != devices:
         raise ValueError(f"mmWaveDevices has {len(records)} entries; {devices} needed")
@@ -259,7 +259,7 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Studio:
         rx_positions=hardware.rx_positions[heard],
     )
     swapped = bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"])
-    return Studio(radar, int(frame["numFrames"]) or None, swapped)
+    return StudioConfig(radar, int(frame["numFrames"]) or None, swapped)
 
 
 def _bits(channels: Sequence[int], count: int) -> int:

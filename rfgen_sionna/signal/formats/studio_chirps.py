@@ -20,7 +20,7 @@ TX_PER_DEVICE, RX_PER_DEVICE = 3, 4
 PHASE_STEP = 5.625
 MOST_CHIRPS = 512
 MOST_PROFILES = 4
-MEANT = frozenset(
+CHECKED_FIELDS = frozenset(
     (
         "mmWaveDeviceId",
         "waveformType",
@@ -58,7 +58,7 @@ MEANT = frozenset(
 
 
 @dataclass(frozen=True)
-class Chirp:
+class StudioChirp:
     """One chirp of a loop."""
 
     profile: int
@@ -66,7 +66,7 @@ class Chirp:
     """Phase [degrees] of each Tx that fires, by its number from 1."""
 
 
-def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[Chirp], int]:
+def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[StudioChirp], int]:
     """The chirps of a loop, and the number of loops; `numbers` are those of the Tx, from 1.
 
     Raises
@@ -82,7 +82,7 @@ def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[Chirp], int]
     if len(wave.profiles) > MOST_PROFILES:
         raise CaptureFormatError(f"the frame has {len(wave.profiles)} profiles; the device has {MOST_PROFILES}")
     if not wave.slots:
-        return [Chirp(0, {numbers[tx]: 0.0}) for tx in wave.tx_order], wave.num_loops
+        return [StudioChirp(0, {numbers[tx]: 0.0}) for tx in wave.tx_order], wave.num_loops
     tables = [np.mod(slot.phases(wave.num_loops, wave.phase_step_deg), 360.0) for slot in wave.slots]
     period = next(
         count
@@ -95,7 +95,7 @@ def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[Chirp], int]
             f"device has {MOST_CHIRPS}"
         )
     chirps = [
-        Chirp(slot.profile, {numbers[tx]: float(table[loop, tx]) for tx in slot.on})
+        StudioChirp(slot.profile, {numbers[tx]: float(table[loop, tx]) for tx in slot.on})
         for loop in range(period)
         for slot, table in zip(wave.slots, tables, strict=True)
     ]
@@ -107,7 +107,7 @@ def _repeats(table: Any, period: int) -> bool:
     return bool(np.allclose(turned[period:], turned[:-period], atol=1e-9))
 
 
-def chirp_tables(chirps: Sequence[Chirp], device: int) -> dict[str, list[dict[str, Any]]]:
+def chirp_tables(chirps: Sequence[StudioChirp], device: int) -> dict[str, list[dict[str, Any]]]:
     """The lists `rlChirps`, `rlBpmChirps` and `rlRfPhaseShiftCfgs` of one device."""
     first = TX_PER_DEVICE * device + 1
     tables: dict[str, list[dict[str, Any]]] = {"rlChirps": [], "rlBpmChirps": [], "rlRfPhaseShiftCfgs": []}
@@ -149,7 +149,7 @@ def _steps(phase: float) -> int:
     return round(steps) % 64
 
 
-def read_chirps(records: Sequence[dict[str, Any]], first: int, last: int) -> list[Chirp]:
+def read_chirps(records: Sequence[dict[str, Any]], first: int, last: int) -> list[StudioChirp]:
     """The chirps `first` … `last` of all devices together."""
     chirps = []
     for index in range(first, last + 1):
@@ -178,7 +178,7 @@ def read_chirps(records: Sequence[dict[str, Any]], first: int, last: int) -> lis
             raise ValueError(
                 f"rlChirps: chirp {index} has the profiles {sorted(profiles)}: one for all devices is needed"
             )
-        chirps.append(Chirp(profiles.pop(), phases))
+        chirps.append(StudioChirp(profiles.pop(), phases))
     return chirps
 
 
@@ -194,7 +194,7 @@ def _turn(phases: dict[int, float], place: int, shifts: Mapping[int, float]) -> 
             phases[at] = (phases[at] + shift) % 360.0
 
 
-def slots_of(chirps: Sequence[Chirp], fired: Sequence[int]) -> tuple[tuple[int, ...], tuple[Slot, ...]]:
+def slots_of(chirps: Sequence[StudioChirp], fired: Sequence[int]) -> tuple[tuple[int, ...], tuple[Slot, ...]]:
     """`tx_order` and `slots` of a waveform (one of them is empty); `fired` are the numbers of its Tx elements."""
     alone = [next(iter(chirp.phases)) for chirp in chirps if len(chirp.phases) == 1]
     plain = len(alone) == len(set(alone)) == len(chirps) and not any(

@@ -10,7 +10,7 @@ from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.receiver import Receiver, receive
 from rfgen_sionna.signal.receiver.receiver_record import read_receiver, receiver_from_record, receiver_record
-from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias
+from rfgen_sionna.signal.receiver.static_paths import Chassis, Leakage, RangeBias
 
 __all__ = [
     "Chassis",

@@ -11,7 +11,7 @@ import numpy as np
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.random_streams import device_stream
-from rfgen_sionna.signal.receiver.fields import check_number, number_or_numbers, per_element
+from rfgen_sionna.signal.receiver.value_checks import check_number, number_or_numbers, per_element
 
 Matrix = tuple[tuple[complex, ...], ...]
 

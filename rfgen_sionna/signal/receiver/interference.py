@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.random_streams import device_stream, frame_stream
-from rfgen_sionna.signal.receiver.fields import check_number, check_numbers
+from rfgen_sionna.signal.receiver.value_checks import check_number, check_numbers
 
 OVERSAMPLING = 8
 IF_SHARE = 0.9

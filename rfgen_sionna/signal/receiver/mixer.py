@@ -10,7 +10,7 @@ import numpy as np
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.random_streams import device_stream
-from rfgen_sionna.signal.receiver.fields import number_or_numbers, per_element
+from rfgen_sionna.signal.receiver.value_checks import number_or_numbers, per_element
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 The mixer compares the transmitted phase with that of the echo sent tau earlier, so a phase error phi(t) of the
 generator leaves phi(t) - phi(t - tau) on a path of delay tau ("range correlation"): close paths, leakage above all,
 hardly see it.
-How to apply that to samples, which are sums over paths, is in :mod:`rfgen_sionna.signal.receiver.delay_bands`.
+How to apply that to samples, which are sums over paths, is in :mod:`rfgen_sionna.signal.receiver.delay_phase_errors`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.signal.receiver.fields import check_number, check_numbers
+from rfgen_sionna.signal.receiver.value_checks import check_number, check_numbers
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class RampError:
     """Deviation of the ramp's frequency from a straight line: a polynomial plus a sine, the same in every chirp.
 
     A path of delay tau gets the phase phi(t) - phi(t - tau), phi being the integral of 2 pi times the deviation; how
-    exactly is said in :mod:`rfgen_sionna.signal.receiver.delay_bands`: to 1.5 % of the phase at the end of the range
+    exactly is said in :mod:`rfgen_sionna.signal.receiver.delay_phase_errors`: to 1.5 % of the phase at the end of the
+    range
     window, for ripples slower than 2 % of the sample rate and phases up to 1 rad. Faster ripples put sidebands beyond
     the IF band, which the ADC's filter takes: towards the window's ends more is then missing.
     """

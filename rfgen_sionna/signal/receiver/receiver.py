@@ -14,11 +14,11 @@ from rfgen_sionna.signal.noise import add_thermal_noise
 from rfgen_sionna.signal.random_streams import frame_stream
 from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
 from rfgen_sionna.signal.receiver.converter import ReceivedFrame, convert
-from rfgen_sionna.signal.receiver.delay_bands import generator_error
+from rfgen_sionna.signal.receiver.delay_phase_errors import generator_error
 from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
-from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias, static_paths, tone
+from rfgen_sionna.signal.receiver.static_paths import Chassis, Leakage, RangeBias, static_paths, tone
 
 
 @dataclass(frozen=True)

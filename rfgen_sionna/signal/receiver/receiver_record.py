@@ -17,7 +17,7 @@ from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.receiver import Receiver
-from rfgen_sionna.signal.receiver.statics import Chassis, Leakage, RangeBias
+from rfgen_sionna.signal.receiver.static_paths import Chassis, Leakage, RangeBias
 
 _PARTS: dict[str, type] = {
     "leakage": Leakage,

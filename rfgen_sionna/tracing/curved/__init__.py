@@ -3,7 +3,7 @@
 ===============  =================================================
 module           what
 ===============  =================================================
-`skin`           the smooth surface under a mesh
+`surface_model`           the smooth surface under a mesh
 `media`          Fresnel's coefficients
 `passage`        a wave by way of bent mirrors
 `elements`       elements of a radar
@@ -11,7 +11,7 @@ module           what
 `pieces`         pieces of bent faces, and where rays go from them
 `pairs`          pairs of them that may show one another
 `places`         where on both a ray comes back: Newton's method
-`glints`         what a wave is like there
+`double_bounces`         what a wave is like there
 `search`         all glints at an instant
 `doubts`         what geometrical optics may be wrong by
 `round_bounces`  returns by way of them, over time

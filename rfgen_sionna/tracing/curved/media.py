@@ -15,7 +15,7 @@ from rfgen_sionna.tracing.integral.slabs import SlabTable
 
 
 @dataclass(frozen=True)
-class Optics:
+class SurfaceOptics:
     """The materials of all surfaces for a band `half_band` [Hz] to both sides of `centre` [Hz]."""
 
     materials: tuple[Material, ...]
@@ -24,8 +24,8 @@ class Optics:
     table: SlabTable
 
     @staticmethod
-    def of(materials: Sequence[Material], centre: float, half_band: float) -> Optics:
-        return Optics(tuple(materials), centre, half_band, SlabTable.of(materials, centre, half_band))
+    def of(materials: Sequence[Material], centre: float, half_band: float) -> SurfaceOptics:
+        return SurfaceOptics(tuple(materials), centre, half_band, SlabTable.of(materials, centre, half_band))
 
     def reflection(self, of: IntArray, cos: FloatArray, frequency: float) -> tuple[ComplexArray, ComplexArray]:
         """r_s and r_p of the coherent field at incidence `cos` (lane,) on material number `of` (lane,).
@@ -57,7 +57,7 @@ class Optics:
         return r_s, r_p
 
 
-def bases(k: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def polarisation_bases(k: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """cos (lane,) of the angle between unit vectors `k` and the surface's normal, and unit vectors s and p (lane, 3)
     across and in the plane of incidence, p = s x k."""
     cos = np.clip(np.abs(np.einsum("li,li->l", k, normal)), 0.0, 1.0)
@@ -70,7 +70,7 @@ def bases(k: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray, Fl
     return cos, s, np.cross(s, k)
 
 
-def mirrored(k: FloatArray, normal: FloatArray) -> FloatArray:
+def reflected_direction(k: FloatArray, normal: FloatArray) -> FloatArray:
     """Directions (lane, 3) after reflection."""
     return np.asarray(k - 2.0 * np.einsum("li,li->l", k, normal)[:, None] * normal)
 
@@ -79,7 +79,7 @@ def reflected(
     field: ComplexArray, k: FloatArray, normal: FloatArray, r_s: ComplexArray, r_p: ComplexArray
 ) -> tuple[ComplexArray, FloatArray]:
     """Field and direction (lane, 3) after reflection of a plane wave."""
-    _, s, p = bases(k, normal)
-    after = mirrored(k, normal)
+    _, s, p = polarisation_bases(k, normal)
+    after = reflected_direction(k, normal)
     along_s, along_p = np.einsum("li,li->l", field, s), np.einsum("li,li->l", field, p)
     return (r_s * along_s)[:, None] * s + (r_p * along_p)[:, None] * np.cross(s, after), after

@@ -16,36 +16,36 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.gains.beam import Beam
 from rfgen_sionna.tracing.gains.diffuse import diffuse_gains
+from rfgen_sionna.tracing.gains.element_pattern import PatternGain
 from rfgen_sionna.tracing.gains.expansion import ArrayExpansions, Expansion
 from rfgen_sionna.tracing.gains.probes import PROBES, Probes, root_mean_square
-from rfgen_sionna.tracing.integral.delays import delays, rates
-from rfgen_sionna.tracing.integral.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.integral.delays import delay_rates, propagation_delays
+from rfgen_sionna.tracing.integral.facet import FacetGains, GainBuffer, Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.phasors import phasors
-from rfgen_sionna.tracing.integral.quadratic import Slopes
-from rfgen_sionna.tracing.shadows.edges import Edges
-from rfgen_sionna.tracing.shadows.parallax import Parallax
-from rfgen_sionna.tracing.shadows.strips import beside
-from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, sums
+from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
+from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
+from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
+from rfgen_sionna.tracing.shadows.boundary_integrals import boundary_gains
+from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, sum_by_surface
 
 MAX_ORDER = 8
 MAX_DEGREE = 6
-SHARE = 0.3
+EXPANSION_SHARE = 0.3
 """Share of the tolerance that an expansion may use up; the rest is left to the facets."""
-SLOPED = 0.2
+SLOPE_LIMIT = 0.2
 """The same for one by slopes, which errs everywhere and not at single pairs alone."""
 ENOUGH, FEW = 20_000, 4_000
 """Facets that tell which expansion will do, and how many there are of each surface that is judged by itself."""
 MONOSTATIC = 0.5
 """A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
-WIDE = 0.1
+WIDE_ARRAY = 0.1
 """Reach of an array, over the distance of a facet, from which each pair has its own diffuse return: up to it levels at
 the phase centre are right to 0.2 dB."""
-MOST_BESIDE = 4_000_000
+MAX_CORRECTION_LANES = 4_000_000
 """Gains beside shadows' edges that are worked out at once."""
-STEADY = 2.0
+STEADY_FACTOR = 2.0
 """A band whose square is less than this times the tolerance, against the square of the frequency, is narrow enough to
 try whether what materials reflect may be taken to change linearly over it: 0.1 to 0.2 times that square is missed."""
 _LOG = logging.getLogger(__name__)
@@ -69,13 +69,13 @@ class BandTracer:
         # What fields across each other return is little, and most of it for what lies between the elements.
         self._alike = bool(np.allclose(*self.fields))
         self._rtol, self._seed = rtol, seed
-        self._beam = Beam(radar.pattern, radar.rotation)
+        self._pattern = PatternGain(radar.pattern, radar.rotation)
         self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
         self.aperture = self.expansions.aperture
         self.reach = float(lengths(np.concatenate([self._tx, self._rx])).max())  # from the phase centre [m]
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         # The outermost of three nodes are the root of 3 half bands apart.
-        self._steady = 3.0 * self.half_band**2 < STEADY * rtol * self.centre**2
+        self._steady = 3.0 * self.half_band**2 < STEADY_FACTOR * rtol * self.centre**2
 
     @property
     def viewpoint(self) -> FloatArray:
@@ -87,19 +87,19 @@ class BandTracer:
         """(tx, 3) and (rx, 3) places of the elements [m]."""
         return self._origin + self._tx, self._origin + self._rx
 
-    def importance(self, direction: FloatArray) -> FloatArray:
+    def pattern_gain(self, direction: FloatArray) -> FloatArray:
         """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
-        return self._beam.gains(direction)
+        return self._pattern.gains(direction)
 
-    def pull(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray | None:
-        """How :meth:`importance` changes over the facets that `chosen` counts out, as
-        :attr:`rfgen_sionna.tracing.surface.facets.Facets.pull`."""
-        found = self._beam.pulls(facets.centroids[chosen] - self._origin)
+    def pattern_gradient(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray | None:
+        """How :meth:`pattern_gain` changes over the facets that `chosen` counts out, as
+        :attr:`rfgen_sionna.tracing.surface.facets.Facets.pattern_gradient`."""
+        found = self._pattern.gradients(facets.centroids[chosen] - self._origin)
         if found is None:
             return None
-        pull = np.zeros((len(facets), 3))
-        pull[chosen] = found
-        return pull
+        pattern_gradient = np.zeros((len(facets), 3))
+        pattern_gradient[chosen] = found
+        return pattern_gradient
 
     def frequency(self, u: FloatArray) -> FloatArray:
         """Frequencies [Hz] at places -1 … 1 of the band."""
@@ -109,13 +109,14 @@ class BandTracer:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
         places = centroids - self._origin
         if pair is not None:
-            return delays(places, self._tx[pair[0], None], self._rx[pair[1], None])[0, 0]
-        return delays(places, self._tx, self._rx)
+            return propagation_delays(places, self._tx[pair[0], None], self._rx[pair[1], None])[0, 0]
+        return propagation_delays(places, self._tx, self._rx)
 
     def rates(self, centroids: FloatArray, velocities: FloatArray) -> FloatArray:
-        """(tx, rx, facet) rates [s/s] of :meth:`delays` by way of points that move with `velocities` (facet, 3)
+        """(tx, rx, facet) rates [s/s] of :meth:`propagation_delays` by way of points that move with `velocities`
+        (facet, 3)
         [m/s]."""
-        return rates(centroids - self._origin, velocities, self._tx, self._rx)
+        return delay_rates(centroids - self._origin, velocities, self._tx, self._rx)
 
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
         """(facet,) delays [s] that the gains of one pair go by."""
@@ -159,13 +160,13 @@ class BandTracer:
                 strength = np.abs(once.a[0] * weight)
             judged = [np.arange(len(facets))]
             if apart is not None:
-                lot = apart[facets.surface]
-                judged = [np.flatnonzero(lot == number) for number in np.unique(lot)]
+                tolerance_group = apart[facets.surface]
+                judged = [np.flatnonzero(tolerance_group == number) for number in np.unique(tolerance_group)]
             most = max(self.enough // len(judged), FEW)
             strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in judged]))
             facets, weight = facets.take(strongest), weight[strongest]
             reference = None if reference is None else reference[strongest]
-        pairs = self.expansions.telling()
+        pairs = self.expansions.representative()
         middle = np.zeros(len(pairs))
         ends = np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
@@ -176,7 +177,7 @@ class BandTracer:
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
             return (
                 self._error(facets, materials, probes(u, at), self.expansions.through(basis), reference)
-                <= SHARE * self._rtol
+                <= EXPANSION_SHARE * self._rtol
             )
 
         first = np.zeros(len(PROBES), np.int32)
@@ -185,7 +186,7 @@ class BandTracer:
 
             def follows(found: Expansion) -> bool:
                 return all(
-                    self._error(facets, materials, each, found, reference) <= SLOPED * self._rtol for each in tried
+                    self._error(facets, materials, each, found, reference) <= SLOPE_LIMIT * self._rtol for each in tried
                 )
 
             # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
@@ -225,40 +226,46 @@ class BandTracer:
         facets: Facets,
         owner: NDArray[np.intp],
         pieces: FloatArray,
-        hider: FloatArray,
+        occluder: FloatArray,
         group: NDArray[np.intp],
         level: FloatArray,
-    ) -> tuple[Edges, FloatArray]:
-        """The shadows' edges on `facets` that matter: :meth:`rfgen_sionna.tracing.shadows.edges.Edges.of` and
-        :meth:`~rfgen_sionna.tracing.shadows.edges.Edges.that_matter`, with the `group` (piece,) that pieces are of;
+    ) -> tuple[ShadowEdges, FloatArray]:
+        """The shadows' edges on `facets` that matter:
+        :meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of` and
+        :meth:`~rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.significant`, with the `group` (piece,) that
+        pieces are of;
         and what is missed of each group."""
         wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
-        found = Edges.of(facets, owner, pieces, hider, self._origin, wavenumber)
+        found = ShadowEdges.of(facets, owner, pieces, occluder, self._origin, wavenumber)
         towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
-        bow = curvature(facets)[found.owner]
-        at_most, unknown, known = found.at_most(self._tx, self._rx, wavenumber, bow)
-        counts = self.importance(towards)
+        edge_curvature = curvature(facets)[found.owner]
+        at_most, unknown, known = found.at_most(self._tx, self._rx, wavenumber, edge_curvature)
+        counts = self.pattern_gain(towards)
         at_most, unknown = counts * at_most, counts * unknown
         bent = np.zeros(len(found.owner), np.bool_) if facets.curved is None else facets.curved[found.owner]
-        found, missed = found.that_matter(at_most, unknown, known, bent, group[found.piece], level, self._rtol)
+        found, missed = found.significant(at_most, unknown, known, bent, group[found.piece], level, self._rtol)
         return found.bent(facets), missed
 
-    def parallax(self, edges: Edges, values: ComplexArray, reference: FloatArray, expansion: Expansion) -> Parallax:
+    def boundary_correction(
+        self, edges: ShadowEdges, values: ComplexArray, reference: FloatArray, expansion: Expansion
+    ) -> BoundaryCorrection:
         """What pairs see beside shadows' `edges`, by way of the points `reference` (edge, 3) [m, world]; (value, edge)
         `values` are those of the edges' small pieces by way of their middles."""
         shape = *expansion.weights.shape[:3], len(edges.owner)
-        gains, seen = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
-        for some in np.array_split(np.arange(shape[-1]), -(-int(np.prod(shape)) // MOST_BESIDE)) if gains.size else ():
+        gains, visible = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
+        for some in (
+            np.array_split(np.arange(shape[-1]), -(-int(np.prod(shape)) // MAX_CORRECTION_LANES)) if gains.size else ()
+        ):
             small = self.combined(expansion, values[:, some])
-            gains[..., some] = beside(edges.take(some), *seen, small, reference[some] - self._origin)
-        return Parallax(edges.owner, gains)
+            gains[..., some] = boundary_gains(edges.take(some), *visible, small, reference[some] - self._origin)
+        return BoundaryCorrection(edges.owner, gains)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
         """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.gains.diffuse`), or (1, 1, facet) the same
         for every pair; None if none is."""
         known = self.fields, self.centre, self._seed
         found = diffuse_gains(facets, materials, (self._origin[None],) * 2, *known)
-        near = np.flatnonzero(self.reach > WIDE * lengths(facets.centroids - self._origin))
+        near = np.flatnonzero(self.reach > WIDE_ARRAY * lengths(facets.centroids - self._origin))
         if found is not None and found[..., near].any():
             ends = self._origin + self._tx, self._origin + self._rx
             found = np.repeat(np.repeat(found, len(self._tx), axis=0), len(self._rx), axis=1)
@@ -328,7 +335,7 @@ class BandTracer:
             group, count = apart[facets.surface], len(materials)
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
-        scale = np.maximum(root_mean_square(sums(exact.a * waves, group, count)), CANCELLED * strongest)
+        scale = np.maximum(root_mean_square(sum_by_surface(exact.a * waves, group, count)), CANCELLED * strongest)
         # Of a lot of several surfaces, a room, the return is what they return side by side.
         incoherent = np.full(count, not coherent)
         if apart is not None:
@@ -366,14 +373,14 @@ class BandTracer:
         parts: IntArray,
         axes: FloatArray | None = None,
         reference: FloatArray | None = None,
-        slopes: Slopes = Slopes.SECOND,
+        slopes: SlopeOrder = SlopeOrder.SECOND,
         steady: bool = False,
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
         monostatic = self._alike and bool(self._baseline**2 < MONOSTATIC * self._rtol * nearest**2)
 
-        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
+        def of(index: NDArray[np.intp] | slice, curved: bool, buffer: GainBuffer | None) -> FacetGains:
             return facet_gains(
                 facets.corners[index],
                 facets.surface[index],
@@ -382,16 +389,16 @@ class BandTracer:
                 *self.fields,
                 parts[index],
                 monostatic,
-                bend=facets.bend.take(index) if curved and facets.bend is not None else None,
+                patch=facets.patch.take(index) if curved and facets.patch is not None else None,
                 axes=axes,
                 reference=None if reference is None else reference[index],
-                pull=None if facets.pull is None else facets.pull[index],
-                aim=None if facets.aim is None else facets.aim[index],
-                into=into,
+                pattern_gradient=None if facets.pattern_gradient is None else facets.pattern_gradient[index],
+                gradient_origin=None if facets.gradient_origin is None else facets.gradient_origin[index],
+                buffer=buffer,
                 origin=self._origin,
                 steady=steady,
                 kinds=slopes,
                 outward=facets.outward[index] if curved and facets.outward is not None else None,
             )
 
-        return by_curvature(facets.curved, of)
+        return split_by_curvature(facets.curved, of)

@@ -25,10 +25,10 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.surface.facets import Facets, mixed
+from rfgen_sionna.tracing.surface.facets import Facets, mix_bits
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
-GRAIN, STILL_GRAIN = 0.05, 0.2
+GRAIN, STATIC_GRAIN = 0.05, 0.2
 """Longest edge of grains [m], of actors and of what stays and is seen by a radar that moves: speckle changes over
 wavelength / (2 x edge), 2 degrees at 77 GHz."""
 
@@ -37,7 +37,7 @@ def grain_of(surface: Surface) -> float | None:
     """Longest edge [m] of the grains of a surface; None where it is smooth."""
     if surface.material.scattering_coefficient == 0:
         return None
-    return STILL_GRAIN if surface.still else GRAIN
+    return STATIC_GRAIN if surface.still else GRAIN
 
 
 def diffuse_gains(
@@ -73,8 +73,8 @@ def diffuse_gains(
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         size, middle = np.linalg.norm(cross, axis=1), corners.mean(axis=1)
         normal = cross / np.maximum(size, 1e-30)[:, None]
-        looks = [
-            [_Look.of(middle - place, normal, material, field, frequency) for place in own]
+        occluders = [
+            [_ElementView.of(middle - place, normal, material, field, frequency) for place in own]
             for own, field in zip(ends, fields, strict=True)
         ]
         phases = 2 * np.pi * _draws(facets.face[index], facets.place[index], number, seed)
@@ -82,7 +82,7 @@ def diffuse_gains(
         area = 0.5 * size
         if facets.grain is not None:  # a grain's parts scatter in phase, as one
             area = area * facets.grain[index, 0]
-        for (i, there), (j, back) in product(enumerate(looks[0]), enumerate(looks[1])):
+        for (i, there), (j, back) in product(enumerate(occluders[0]), enumerate(occluders[1])):
             energy = rough[number] ** 2 * np.sqrt(there.share * back.share * there.cos * back.cos) * area
             energy *= there.side == back.side
             upright = normal * there.side[:, None]
@@ -97,7 +97,7 @@ def diffuse_gains(
     return gains
 
 
-class _Look(NamedTuple):
+class _ElementView(NamedTuple):
     """How an element sees facets."""
 
     distance: FloatArray
@@ -112,14 +112,16 @@ class _Look(NamedTuple):
     """(facet,) of their energy that a smooth surface reflects."""
 
     @staticmethod
-    def of(offset: FloatArray, normal: FloatArray, material: Material, field: FloatArray, frequency: float) -> _Look:
+    def of(
+        offset: FloatArray, normal: FloatArray, material: Material, field: FloatArray, frequency: float
+    ) -> _ElementView:
         """Of facets at an `offset` (facet, 3) [m] from an element whose field points along `field` (3,)."""
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-4)
         k = offset / distance[:, None]
         inward = (normal * k).sum(axis=1)
         cos, e = np.clip(np.abs(inward), 0.0, 1.0), _across(field, k)
         share = _reflected(material, frequency, cos, k, normal, e)
-        return _Look(distance, k, -np.sign(inward), cos, e, share)
+        return _ElementView(distance, k, -np.sign(inward), cos, e, share)
 
 
 def _across(field: FloatArray, k: FloatArray) -> FloatArray:
@@ -167,4 +169,4 @@ def _draws(face: np.ndarray, place: np.ndarray, surface: int, seed: int) -> Floa
         key = key * np.uint64(0xD1B54A32D192ED03) + np.uint64(seed) * np.uint64(0x8CB92BA72F3D8DD7)
         key = key + np.uint64(surface + 1) * np.uint64(0xABC98388FB8FAC03)
         keys = [key + np.uint64(turn + 1) * np.uint64(0x9E3779B97F4A7C15) for turn in range(2)]
-    return np.stack([mixed(each).astype(np.float64) / 2.0**64 for each in keys])
+    return np.stack([mix_bits(each).astype(np.float64) / 2.0**64 for each in keys])

@@ -22,17 +22,18 @@ from scipy.linalg import qr
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.tracing.integral.facet import Nodes
-from rfgen_sionna.tracing.integral.quadratic import Slopes, pairs
+from rfgen_sionna.tracing.integral.quadratic import SlopeOrder, variation_pairs
 
 TANGENTS = (
-    (1, 1, Slopes.FIRST), (2, 1, Slopes.FIRST), (2, 1, Slopes.SECOND), (3, 2, Slopes.FIRST), (3, 2, Slopes.SECOND),
-    (4, 2, Slopes.FIRST), (4, 2, Slopes.SECOND), (4, 2, Slopes.BOWED), (5, 3, Slopes.SECOND), (5, 3, Slopes.BOWED),
-    (6, 3, Slopes.BOWED),
+    (1, 1, SlopeOrder.FIRST), (2, 1, SlopeOrder.FIRST), (2, 1, SlopeOrder.SECOND), (3, 2, SlopeOrder.FIRST), (3, 2,
+    SlopeOrder.SECOND),
+    (4, 2, SlopeOrder.FIRST), (4, 2, SlopeOrder.SECOND), (4, 2, SlopeOrder.BOWED), (5, 3, SlopeOrder.SECOND), (5, 3,
+    SlopeOrder.BOWED), (6, 3, SlopeOrder.BOWED),
 )  # fmt: skip
 """Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
-USUAL = 3
+FIRST_TANGENT = 3
 """Which of them is tried first."""
-INNER = 12
+MAX_INNER_PAIRS = 12
 """Pairs that are tried at most beside the outermost ones."""
 
 
@@ -49,7 +50,7 @@ class Expansion:
     (:attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`)."""
     axes: FloatArray | None = None
     """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
-    slopes: Slopes = Slopes.SECOND
+    slopes: SlopeOrder = SlopeOrder.SECOND
     """Which of them."""
     steady: bool = False
     """Whether what materials reflect is taken to change linearly from node to node, for which they are integrated
@@ -66,7 +67,7 @@ def tangent_weights(
     count: int,
     displaced: FloatArray,
     wavenumbers: float,
-    slopes: Slopes,
+    slopes: SlopeOrder,
     apart: FloatArray,
     middle: FloatArray,
 ) -> FloatArray:
@@ -104,11 +105,11 @@ def tangent_weights(
     across = np.zeros((order, count))
     across[:count] = np.linalg.inv(values[:, :count])
     moved = [displaced[:, axis] for axis in range(displaced.shape[1])]
-    each_two = [(one, other, 0.5 if one == other else 1.0) for one, other in pairs(len(moved))]
+    each_two = [(one, other, 0.5 if one == other else 1.0) for one, other in variation_pairs(len(moved))]
     squares = [by * moved[one] * moved[other] for one, other, by in each_two]
-    if slopes >= Slopes.SECOND:
+    if slopes >= SlopeOrder.SECOND:
         moved += squares
-    if slopes == Slopes.BOWED:
+    if slopes == SlopeOrder.BOWED:
         more = [by * (apart[:, one] * apart[:, other] - middle[one] * middle[other]) for one, other, by in each_two]
         moved += [square + beside for square, beside in zip(squares, more, strict=True)]
     weights = np.empty((order, len(displaced), count * (2 + len(moved))))
@@ -153,19 +154,19 @@ class ArrayExpansions:
         """Frequencies [Hz] at places -1 … 1 of the band."""
         return np.asarray(self._centre + self._half_band * u)
 
-    def nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
-        """Element `pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
-        tx, rx = np.divmod(pairs, len(self._rx))
+    def nodes(self, u: FloatArray, variation_pairs: IntArray) -> Nodes:
+        """Element `variation_pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
+        tx, rx = np.divmod(variation_pairs, len(self._rx))
         return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
 
-    def telling(self) -> IntArray:
+    def representative(self) -> IntArray:
         """Pairs at the corners of the array and furthest apart, at most nine, and some others; all of a small one."""
         found = set()
         for angle in np.arange(8) * (np.pi / 4):
             found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
         found.add(int(np.argmax((self._difference**2).sum(axis=1))))
         # What goes through the outermost ones may stray between them.
-        found.update(np.random.default_rng(0).permutation(len(self._sum))[:INNER].tolist())
+        found.update(np.random.default_rng(0).permutation(len(self._sum))[:MAX_INNER_PAIRS].tolist())
         return np.array(sorted(found), dtype=np.int32)
 
     def basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:
@@ -181,12 +182,14 @@ class ArrayExpansions:
     def tangents(self, steady: bool) -> tuple[list[Expansion], list[Expansion]]:
         """The usual expansion by slopes and dearer ones, and cheaper ones, each from there on, all of them `steady` or
         not. Without axes all slopes over them are the same."""
-        kinds = [(order, count, kind if len(self._axes) else Slopes.FIRST) for order, count, kind in TANGENTS]
-        usual, kinds = kinds[USUAL], list(dict.fromkeys(kinds))
+        kinds = [(order, count, kind if len(self._axes) else SlopeOrder.FIRST) for order, count, kind in TANGENTS]
+        reference_level, kinds = kinds[FIRST_TANGENT], list(dict.fromkeys(kinds))
         some = [self.tangent(*each, steady) for each in kinds]
-        return some[kinds.index(usual) :], some[: kinds.index(usual)][::-1]
+        return some[kinds.index(reference_level) :], some[: kinds.index(reference_level)][::-1]
 
-    def tangent(self, order: int, count: int, slopes: Slopes = Slopes.SECOND, steady: bool = False) -> Expansion:
+    def tangent(
+        self, order: int, count: int, slopes: SlopeOrder = SlopeOrder.SECOND, steady: bool = False
+    ) -> Expansion:
         """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
         over it."""
         u = band_nodes(count)

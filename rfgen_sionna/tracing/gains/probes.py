@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
-from rfgen_sionna.tracing.surface.facets import sums
+from rfgen_sionna.tracing.surface.facets import sum_by_surface
 
 PROBES = np.array([-1.0, 0.0, 1.0])
 """Places in the band at which gains are tried and returns compared."""
@@ -32,7 +32,7 @@ class Probes:
 
     def error(self, gains: ComplexArray) -> float:
         """Relative error of the coherent sums of `gains` (probe, facet), of the worst of them."""
-        missed = root_mean_square(sums((gains - self.gains) * self.phasors, self.group, len(self.scale)))
+        missed = root_mean_square(sum_by_surface((gains - self.gains) * self.phasors, self.group, len(self.scale)))
         # Of nothing no tolerance is left.
         error = np.where(missed > 0, missed / np.where(self.scale > 0, self.scale, 1e-300), 0.0)
         return float(error.max(initial=0.0))

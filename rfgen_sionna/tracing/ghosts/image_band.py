@@ -13,10 +13,10 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.ghosts.mirrors import Folded, Mirror, Unfolding
-from rfgen_sionna.tracing.integral.facet import FacetGains, Into, Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.ghosts.mirrors import Mirror, SecondOrderImage, Unfolding
+from rfgen_sionna.tracing.integral.facet import FacetGains, GainBuffer, Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.integral.reflected import Planes, Via
+from rfgen_sionna.tracing.integral.reflected import MirrorLegs, MirrorPlanes
 from rfgen_sionna.tracing.surface.facets import Facets
 
 
@@ -33,7 +33,7 @@ class MirroredFacets(Facets):
     @classmethod
     def of(cls, facets: Facets, index: NDArray[np.intp], first: IntArray, last: IntArray) -> MirroredFacets:
         """The facets that `index` counts out, each by its mirrors."""
-        chosen = facets.take(index).pulled(None)
+        chosen = facets.take(index).with_pattern_gradient(None)
         return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, first=first, last=last)
 
     def between(self, after: MirroredFacets, share: float) -> MirroredFacets:
@@ -71,11 +71,11 @@ class ImageBand(BandTracer):
         if tx != rx:  # Tx and Rx changed over make another path
             self.expansions.powers = 1
 
-    def lengths(self, centroids: FloatArray, shown: MirroredFacets) -> FloatArray:
+    def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
         """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets."""
         place = centroids - self._origin
-        by_tx = self._unfolded(place, shown.first) if self.tx else place
-        by_rx = self._unfolded(place, shown.last) if self.rx else place
+        by_tx = self._unfolded(place, visible_facets.first) if self.tx else place
+        by_rx = self._unfolded(place, visible_facets.last) if self.rx else place
         to_tx = np.linalg.norm(by_tx - self._tx[:, None], axis=2)
         to_rx = np.linalg.norm(by_rx - self._rx[:, None], axis=2)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
@@ -86,7 +86,7 @@ class ImageBand(BandTracer):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
         return np.asarray(self.lengths(facets.centroids, facets)[pair])
 
-    def by_way_of(
+    def gains_via(
         self, places: FloatArray, facets: MirroredFacets, materials: tuple[Material, ...], nodes: Nodes
     ) -> ComplexArray:
         """(node, facet) gains whose delays go by `places` (facet, 3) [m, world]."""
@@ -110,7 +110,7 @@ class ImageBand(BandTracer):
         """Gains whose delays go by points `reference` (facet, 3) [m] from the phase centre; None is the centroids."""
         corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
 
-        def of(index: NDArray[np.intp] | slice, curved: bool, into: Into | None) -> FacetGains:
+        def of(index: NDArray[np.intp] | slice, curved: bool, buffer: GainBuffer | None) -> FacetGains:
             return facet_gains(
                 corners[index],
                 facets.surface[index],
@@ -119,24 +119,24 @@ class ImageBand(BandTracer):
                 *self.fields,
                 parts[index],
                 reference=None if reference is None else reference[index],
-                bend=facets.bend.take(index) if curved and facets.bend is not None else None,
-                into=into,
+                patch=facets.patch.take(index) if curved and facets.patch is not None else None,
+                buffer=buffer,
                 **self._by(facets, nodes, index),
             )
 
-        return by_curvature(facets.curved, of)
+        return split_by_curvature(facets.curved, of)
 
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
         """What the facets `index` are seen by."""
         return {"via": self._via(nodes, facets.first[index], facets.last[index])}
 
-    def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> Via:
-        def planes(mirrors: Sequence[Mirror]) -> Planes:
+    def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> MirrorLegs:
+        def planes(mirrors: Sequence[Mirror]) -> MirrorPlanes:
             normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
             offsets = -np.array([float(mirror.height(self._origin)) for mirror in mirrors])
             materials = [mirror.material for mirror in mirrors]
-            return Planes(normals, offsets, Media.at(materials, nodes.frequency, self.half_band))
+            return MirrorPlanes(normals, offsets, Media.at(materials, nodes.frequency, self.half_band))
 
-        before = [mirror.before for mirror in self._mirrors if isinstance(mirror, Folded)]
+        before = [mirror.before for mirror in self._mirrors if isinstance(mirror, SecondOrderImage)]
         ways = first if self.tx else None, last if self.rx else None
-        return Via(planes(self._mirrors), planes(before) if before else None, *ways)
+        return MirrorLegs(planes(self._mirrors), planes(before) if before else None, *ways)

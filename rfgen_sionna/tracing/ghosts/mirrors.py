@@ -15,11 +15,11 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
-FLAT = 1e-4
+FLATNESS = 1e-4
 """How far from its plane a mirror's vertex may lie [m]: 0.3 rad of two-way phase at 77 GHz."""
-ALONG = 1e-3
+MAX_FACE_ANGLE = 1e-3
 """Angle between neighbouring triangles of a plane [rad]; those of thin triangles are rounded that much."""
-WIDTH = 2.0
+MIN_FRESNEL_RADII = 2.0
 """How many radii of the first Fresnel zone a mirror is wide at least."""
 
 
@@ -71,16 +71,16 @@ class Mirror:
 
 
 @dataclass(frozen=True)
-class Folded(Mirror):
+class SecondOrderImage(Mirror):
     """A mirror that the radar sees by way of another one, which comes `before`."""
 
     before: Mirror
     bounces: ClassVar[int] = 2
 
     @staticmethod
-    def of(before: Mirror, mirror: Mirror) -> Folded:
+    def of(before: Mirror, mirror: Mirror) -> SecondOrderImage:
         """The way by the one, then by the other."""
-        return Folded(**{each.name: getattr(mirror, each.name) for each in fields(Mirror)}, before=before)
+        return SecondOrderImage(**{each.name: getattr(mirror, each.name) for each in fields(Mirror)}, before=before)
 
     def image(self, points: FloatArray) -> FloatArray:
         """Images (..., 3) of the radar's elements [m], as the mirror shows them."""
@@ -99,7 +99,7 @@ class Unfolding:
     """Tells where mirrors show things; `mirrors` are all of one kind, places relative to an `origin` (3,) [m]."""
 
     def __init__(self, mirrors: Sequence[Mirror], origin: FloatArray) -> None:
-        ways = [[mirror] + ([mirror.before] if isinstance(mirror, Folded) else []) for mirror in mirrors]
+        ways = [[mirror] + ([mirror.before] if isinstance(mirror, SecondOrderImage) else []) for mirror in mirrors]
         self._steps = [_planes(step, origin) for step in zip(*ways, strict=True)]
 
     def __call__(self, places: FloatArray, mirror: NDArray[np.integer[Any]]) -> FloatArray:
@@ -118,7 +118,7 @@ def _planes(mirrors: Sequence[Mirror], origin: FloatArray) -> tuple[FloatArray, 
 def find_mirrors(
     surfaces: Sequence[Surface],
     vertices: Sequence[FloatArray],
-    seen: NDArray[np.int64],
+    visible: NDArray[np.int64],
     viewpoint: FloatArray,
     wavelength: float,
     max_range: float,
@@ -141,10 +141,10 @@ def find_mirrors(
     least = fresnel_width(vertices, viewpoint, wavelength, max_range)
     found = []
     for surface, points in zip(surfaces, vertices, strict=True):
-        numbers = seen[(seen >= surface.first_facet) & (seen < surface.first_facet + len(surface.faces))]
+        numbers = visible[(visible >= surface.first_facet) & (visible < surface.first_facet + len(surface.faces))]
         if len(numbers) == 0:
             continue
-        group, _ = flat_groups(points, surface)
+        group, _ = coplanar_groups(points, surface)
         for label in np.unique(group[numbers - surface.first_facet]):
             mirror = _mirror(points, surface, np.flatnonzero(group == label), viewpoint, least)
             if mirror is not None:
@@ -157,10 +157,12 @@ def fresnel_width(vertices: Sequence[FloatArray], viewpoint: FloatArray, wavelen
     is, as far as the range window, the zone is widest."""
     corners = np.concatenate([viewpoint[None], *vertices])
     reach = min(max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
-    return float(WIDTH * 0.5 * np.sqrt(wavelength * reach))
+    return float(MIN_FRESNEL_RADII * 0.5 * np.sqrt(wavelength * reach))
 
 
-def flat_groups(points: FloatArray, surface: Surface, crease: float = np.pi) -> tuple[NDArray[np.int32], FloatArray]:
+def coplanar_groups(
+    points: FloatArray, surface: Surface, crease: float = np.pi
+) -> tuple[NDArray[np.int32], FloatArray]:
     """(face,) number of the connected flat part that each face belongs to, and (part,) the length of its outline
     [m] across which the surface goes on at an angle below `crease` [rad]."""
     faces, count = surface.faces, len(surface.faces)
@@ -175,14 +177,14 @@ def flat_groups(points: FloatArray, surface: Surface, crease: float = np.pi) -> 
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
     one, other = owner[order][same], owner[order][same + 1]
-    bend = np.linalg.norm(np.cross(normal[one], normal[other]), axis=1)
-    flat = bend < ALONG
+    patch = np.linalg.norm(np.cross(normal[one], normal[other]), axis=1)
+    flat = patch < MAX_FACE_ANGLE
     graph = coo_matrix((np.ones(int(flat.sum())), (one[flat], other[flat])), shape=(count, count))
     group = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)[order][same]
     length = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     # Faces that lie on each other turn their backs, or not, as their mesh has it: only the angle counts.
-    smooth = (bend >= ALONG) & (bend < np.sin(min(crease, 0.5 * np.pi)))
+    smooth = (patch >= MAX_FACE_ANGLE) & (patch < np.sin(min(crease, 0.5 * np.pi)))
     smooth &= np.einsum("fi,fi->f", normal[one], normal[other]) > 0
     bent = np.bincount(group[one[smooth]], length[smooth], int(group.max(initial=-1)) + 1)
     bent += np.bincount(group[other[smooth]], length[smooth], len(bent))
@@ -198,7 +200,7 @@ def _mirror(
     centre = used.mean(axis=0)
     _, _, axes = np.linalg.svd(used - centre, full_matrices=False)
     normal, axes = axes[2], axes[:2]
-    if np.abs((used - centre) @ normal).max() > FLAT:
+    if np.abs((used - centre) @ normal).max() > FLATNESS:
         return None
     place = used @ axes.T
     low, high = place.min(axis=0), place.max(axis=0)
@@ -207,7 +209,7 @@ def _mirror(
         return None
     offset = float(centre @ normal)
     height = float(viewpoint @ normal) - offset
-    if abs(height) < FLAT:
+    if abs(height) < FLATNESS:
         return None
     side = 1.0 if height > 0 else -1.0
     return Mirror(

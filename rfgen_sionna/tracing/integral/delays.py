@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
 
 
-def delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
+def propagation_delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
     """(tx, rx, place) [s] from elements `tx` (tx, 3) to elements `rx` (rx, 3) by way of `places` (place, 3) [m]."""
     count, shape = len(places), (len(tx), len(rx), len(places))
     if not count:
@@ -30,7 +30,7 @@ def delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
 
 
 def _delay(given: dict[str, Any], senders: int, receivers: int) -> None:
-    """The kernel of :func:`delays`."""
+    """The kernel of :func:`propagation_delays`."""
     dr, types = drjit_types()
     Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
     place = Array3(*(dr.gather(Float, given["places"], 3 * lane + axis) for axis in range(3)))
@@ -46,11 +46,12 @@ def _delay(given: dict[str, Any], senders: int, receivers: int) -> None:
     dr.eval(given["found"])
 
 
-_DELAYS = Frozen(_delay)
+_DELAYS = FrozenKernel(_delay)
 
 
-def rates(places: FloatArray, velocities: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
-    """(tx, rx, place) [s/s] by which :func:`delays` change as the places move with `velocities` (place, 3) [m/s]."""
+def delay_rates(places: FloatArray, velocities: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
+    """(tx, rx, place) [s/s] by which :func:`propagation_delays` change as the places move with `velocities` (place,
+    3) [m/s]."""
     place, speed = (np.ascontiguousarray(each.T) for each in (places, velocities))
     to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (tx, rx))
     return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)

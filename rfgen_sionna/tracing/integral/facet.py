@@ -15,7 +15,8 @@ small on a facet, but neighbouring facets repeat the same residue: a grating, wh
 quadratic part of the phase is kept to first order, with its variance, and the strength to second
 (:mod:`rfgen_sionna.tracing.integral.quadratic`), which leaves an error of second order.
 
-A bent facet is a quadratic patch (:mod:`rfgen_sionna.tracing.surface.bend`): its path length is quadratic all the
+A bent facet is a quadratic patch (:mod:`rfgen_sionna.tracing.surface.quadratic_patch`): its path length is quadratic
+all the
 same, and its vector element of area, slope and stretch in one, weighs the strength at its corners and in its middle.
 """
 
@@ -31,15 +32,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
-from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.integral.obliquity import Media, drift, media_of_lanes, media_tables
-from rfgen_sionna.tracing.integral.quadratic import Slopes, flattened, lattice_triangle, number_of_terms, summed
-from rfgen_sionna.tracing.integral.reflected import Via, Wall, wall_tables, walls_of_lanes
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.tracing.integral.obliquity import Media, dispersion, media_of_lanes, media_tables
+from rfgen_sionna.tracing.integral.quadratic import (
+    SlopeOrder,
+    flatten_terms,
+    lattice_triangle,
+    number_of_terms,
+    sum_terms,
+)
+from rfgen_sionna.tracing.integral.reflected import MirrorLanes, MirrorLegs, mirror_tables, mirrors_of_lanes
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.integral.slabs import Crossed, Screens, bulk_length, screen_tables, screens_of_lanes
-from rfgen_sionna.tracing.integral.triangle import Lanes, triangle
-from rfgen_sionna.tracing.surface.bend import Bend
+from rfgen_sionna.tracing.integral.slabs import (
+    SlabStackLanes,
+    SlabStacks,
+    slab_delay_length,
+    slab_stack_tables,
+    slab_stacks_of_lanes,
+)
+from rfgen_sionna.tracing.integral.triangle import FacetLanes, triangle_gain
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 
 @dataclass(frozen=True)
@@ -83,7 +96,7 @@ class FacetGains:
         return self.terms[1:]
 
 
-class Into:
+class GainBuffer:
     """Where the gains of `count` facets are written, those of some facets at a time."""
 
     def __init__(self, count: int) -> None:
@@ -94,8 +107,8 @@ class Into:
         self.tau: Any = None
 
 
-def by_curvature(
-    curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool, Into | None], FacetGains]
+def split_by_curvature(
+    curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool, GainBuffer | None], FacetGains]
 ) -> FacetGains:
     """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index, whether these are curved, and
     what they are written into.
@@ -104,10 +117,10 @@ def by_curvature(
     """
     if curved is None or curved.all() or not curved.any():
         return gains(slice(None), curved is not None and bool(curved.any()), None)
-    into = Into(len(curved))
+    buffer = GainBuffer(len(curved))
     for kind in (False, True):
-        into.index = np.flatnonzero(curved == kind)
-        found = gains(into.index, kind, into)
+        buffer.index = np.flatnonzero(curved == kind)
+        found = gains(buffer.index, kind, buffer)
     return found
 
 
@@ -120,17 +133,17 @@ def facet_gains(
     rx_field: FloatArray,
     parts: IntArray | None = None,
     monostatic: bool = False,
-    via: Via | None = None,
+    via: MirrorLegs | None = None,
     reference: FloatArray | None = None,
-    bend: Bend | None = None,
-    screens: tuple[Screens, Screens] | None = None,
+    patch: QuadraticPatch | None = None,
+    slab_stacks: tuple[SlabStacks, SlabStacks] | None = None,
     axes: FloatArray | None = None,
-    pull: FloatArray | None = None,
-    aim: FloatArray | None = None,
-    into: Into | None = None,
+    pattern_gradient: FloatArray | None = None,
+    gradient_origin: FloatArray | None = None,
+    buffer: GainBuffer | None = None,
     origin: FloatArray | None = None,
     steady: bool = False,
-    kinds: Slopes = Slopes.SECOND,
+    kinds: SlopeOrder = SlopeOrder.SECOND,
     outward: NDArray[np.bool_] | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
@@ -169,14 +182,14 @@ def facet_gains(
         Neither with mirrors nor with slabs.
     pull
         (facet, 3) by how much what the antennas make of a facet's points rises per metre, relative to what they make of
-        the point `aim` (facet, 3) [m], the centroid if it is None. None is that it does not. Neither with mirrors nor
-        with slabs.
+        the point `gradient_origin` (facet, 3) [m], the centroid if it is None. None is that it does not. Neither with
+        mirrors nor with slabs.
     into
         Other facets' gains, among which these are written; what is returned is all of them then. None is that there are
         no others.
     origin
-        (3,) [m] of the frame that nodes, mirrors and slabs are in, in that of corners, `reference` and `aim`. None is
-        that it is the same frame.
+        (3,) [m] of the frame that nodes, mirrors and slabs are in, in that of corners, `reference` and
+        `gradient_origin`. None is that it is the same frame.
     steady
         Whether what the materials reflect may be taken to change linearly from node to node, as it does in the middle
         of the facet. Where nodes are of one pair, with neither mirrors nor slabs, all but the integral over the phase
@@ -198,21 +211,21 @@ def facet_gains(
     shape = (len(nodes), len(corners))
     if 0 in shape:
         return FacetGains(np.zeros((number_of_terms(axes, kinds), *shape), np.complex128), np.zeros(shape))
-    into = into or Into(shape[1])
-    sizes = number_of_terms(axes, kinds), shape[0], into.count
-    if into.found is None:
-        into.found, into.tau = dr.empty(Float, 2 * prod(sizes)), dr.empty(Float, shape[0] * into.count)
+    buffer = buffer or GainBuffer(shape[1])
+    sizes = number_of_terms(axes, kinds), shape[0], buffer.count
+    if buffer.found is None:
+        buffer.found, buffer.tau = dr.empty(Float, 2 * prod(sizes)), dr.empty(Float, shape[0] * buffer.count)
     elements = [nodes.tx, nodes.rx, 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)[:, None]]
-    together = steady and via is None and screens is None and nodes.one_pair and not media.slabs
+    together = steady and via is None and slab_stacks is None and nodes.one_pair and not media.slabs
     if together:
         media = media.mean()
     given: dict[str, Any] = {
         "lanes": dr.arange(UInt32, (1 if together else shape[0]) * shape[1]),
         "facets": dr.opaque(UInt32, shape[1]),
-        "into": dr.opaque(UInt32, into.count),
-        "size": dr.opaque(UInt32, shape[0] * into.count),
-        "found": into.found,
-        "tau": into.tau,
+        "buffer": dr.opaque(UInt32, buffer.count),
+        "size": dr.opaque(UInt32, shape[0] * buffer.count),
+        "found": buffer.found,
+        "tau": buffer.tau,
         "nodes": upload(Float, np.hstack(elements)),
         "fields": upload(Float, np.stack([tx_field, rx_field])),
         "media": media_tables(dr, types, media),
@@ -221,13 +234,13 @@ def facet_gains(
     }
     arrays = {
         "reference": reference,
-        "aim": None if pull is None else aim,
-        "pull": pull,
+        "gradient_origin": None if pattern_gradient is None else gradient_origin,
+        "pattern_gradient": pattern_gradient,
         "origin": origin,
         "axes": axes,
     }
-    if bend is not None:
-        arrays |= {"rises": bend.rises, "lifts": bend.lifts}
+    if patch is not None:
+        arrays |= {"sagittas": patch.sagittas, "corner_offsets": patch.corner_offsets}
     given |= {name: upload(Float, values) for name, values in arrays.items() if values is not None and len(values)}
     if outward is not None and outward.any():
         given["outward"] = upload(UInt32, outward.astype(np.uint32))
@@ -239,16 +252,16 @@ def facet_gains(
     if (axes is not None or (together and len(nodes) > 1)) and (drifted := media.drifted) is not None:
         given["drifted"] = media_tables(dr, types, drifted)
     if via is not None:
-        given["via"] = wall_tables(dr, types, via)
-    if screens is not None:
-        given["screens"] = [
-            screen_tables(dr, types, each, nodes.frequency)
-            for each in (screens[:1] if via is None and screens[0] is screens[1] else screens)
+        given["via"] = mirror_tables(dr, types, via)
+    if slab_stacks is not None:
+        given["slab_stacks"] = [
+            slab_stack_tables(dr, types, each, nodes.frequency)
+            for each in (slab_stacks[:1] if via is None and slab_stacks[0] is slab_stacks[1] else slab_stacks)
         ]
-    if into.index is not None:
-        given["place"] = upload(UInt32, np.asarray(into.index, np.uint32))
+    if buffer.index is not None:
+        given["place"] = upload(UInt32, np.asarray(buffer.index, np.uint32))
     _INTEGRATED(given, monostatic, None if axes is None else len(axes), int(kinds), len(nodes) if together else 1)
-    found, tau = into.found.numpy(), into.tau.numpy()
+    found, tau = buffer.found.numpy(), buffer.tau.numpy()
     return FacetGains(found.view(np.complex128).reshape(sizes), tau.reshape(sizes[1:]))
 
 
@@ -283,58 +296,65 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
     field_of_tx, field_of_rx = vector("fields", UInt32(0)), vector("fields", UInt32(1))
     walls = None
     if "via" in given:
-        walls = first, last = walls_of_lanes(dr, types, given["via"], facet, node, wavenumber)
+        walls = first, last = mirrors_of_lanes(dr, types, given["via"], facet, node, wavenumber)
         if first is not None:
             t, field_of_tx = first.image(dr, t), first.turned(dr, field_of_tx)
         if last is not None:
             r, field_of_rx = last.image(dr, r), last.turned(dr, field_of_rx)
-    elif "screens" in given:
+    elif "slab_stacks" in given:
         walls = (None, None)
     middle = (p[0] + p[1] + p[2]) / 3.0
     through = placed("reference", facet) if "reference" in given else middle
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
     slopes = list[Any]()
-    if "screens" in given:
+    if "slab_stacks" in given:
         upright = cross / dr.maximum(dr.squared_norm(cross), 1e-300)
         slopes = [dr.cross(upright, p[(k + 2) % 3] - p[(k + 1) % 3]) for k in range(3)]
     # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
-    away = dr.dot(cross, middle if "rises" in given and "via" not in given else middle - t) > 0
+    away = dr.dot(cross, middle if "sagittas" in given and "via" not in given else middle - t) > 0
     if "outward" in given:
         away &= whole("outward", facet) == 0
     cross = dr.select(away, -cross, cross)
-    rises = None
-    if "rises" in given:
-        rises = [vector("rises", 3 * facet + edge) for edge in range(3)]
-        if "lifts" in given:
-            p = [corner + vector("lifts", 3 * facet + k) for k, corner in enumerate(p)]
-    crossed = Crossed([], []), Crossed([], [])
+    sagittas = None
+    if "sagittas" in given:
+        sagittas = [vector("sagittas", 3 * facet + edge) for edge in range(3)]
+        if "corner_offsets" in given:
+            p = [corner + vector("corner_offsets", 3 * facet + k) for k, corner in enumerate(p)]
+    crossed = SlabStackLanes([], []), SlabStackLanes([], [])
     turn, bulk = None, 0.0
-    if "screens" in given and walls is not None:
+    if "slab_stacks" in given and walls is not None:
 
-        def lanes(of: dict[str, Any], wall: Wall | None) -> Crossed:
+        def lanes(of: dict[str, Any], wall: MirrorLanes | None) -> SlabStackLanes:
             def mirrored(direction: Any) -> Any:
                 return direction if wall is None else wall.turned(dr, direction)
 
-            return screens_of_lanes(dr, types, of, mirrored, facet, node, wavenumber)
+            return slab_stacks_of_lanes(dr, types, of, mirrored, facet, node, wavenumber)
 
-        there, *back = given["screens"]
+        there, *back = given["slab_stacks"]
         crossed_there = lanes(there, walls[0])
         crossed = crossed_there, lanes(back[0], walls[1]) if back else crossed_there
         ways = dr.normalize(through - t), dr.normalize(r - through)
-        bulk = bulk_length(dr, crossed[0], ways[0]) + bulk_length(dr, crossed[1], ways[1])
+        bulk = slab_delay_length(dr, crossed[0], ways[0]) + slab_delay_length(dr, crossed[1], ways[1])
         sin, cos = dr.sincos(wavenumber * bulk)
         turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
-    pulled = None
-    if "pull" in given:
-        pulled = vector("pull", facet), placed("aim", facet) if "aim" in given else middle
-    surface = Lanes(cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, pulled)
+    with_pattern_gradient = None
+    if "pattern_gradient" in given:
+        with_pattern_gradient = (
+            vector("pattern_gradient", facet),
+            placed("gradient_origin", facet) if "gradient_origin" in given else middle,
+        )
+    surface = FacetLanes(
+        cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, with_pattern_gradient
+    )
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
-    if parts is None or rises is not None:
-        terms, excess = triangle(dr, Array3, Complex, surface, p, rises, wavenumbers, through, moved, kinds, parts)
-        if "reference" in given or "lifts" in given:
-            terms = [_carried(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
+    if parts is None or sagittas is not None:
+        terms, excess = triangle_gain(
+            dr, Array3, Complex, surface, p, sagittas, wavenumbers, through, moved, kinds, parts
+        )
+        if "reference" in given or "corner_offsets" in given:
+            terms = [_phase_shifted(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
     else:
         count = Float(parts)
 
@@ -348,36 +368,36 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
                 lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
                 lattice(last, column + 1.0),
             ]
-            terms, excess = triangle(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved, kinds)
-            carried = [_carried(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
+            terms, excess = triangle_gain(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved, kinds)
+            carried = [_phase_shifted(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
             found = [each.scaled(1.0 / (count * count)) for each in chain(*carried)]
-            return index + 1, *(a + b for a, b in zip(sums, flattened(found), strict=True))
+            return index + 1, *(a + b for a, b in zip(sums, flatten_terms(found), strict=True))
 
         several = number_of_terms(moved, kinds)
-        found = summed(dr, Float, parts * parts, step, several * together, dr.width(given["lanes"]))
+        found = sum_terms(dr, Float, parts * parts, step, several * together, dr.width(given["lanes"]))
         terms = [found[first : first + several] for first in range(0, len(found), several)]
     if "drifted" in given:  # integrals are those for media that stay as they are at the mean wavenumber
         normal = cross / dr.maximum(dr.norm(cross), 1e-30)
         known = node, material, wavenumber, normal, middle - 0.5 * (t + r)
         changing = given["media"], given["drifted"]
-        rate = drift(dr, types, changing, *known, (field_of_tx, field_of_rx))
-        terms = [_drifted(each, rate, there - wavenumber) for each, there in zip(terms, wavenumbers, strict=True)]
+        rate = dispersion(dr, types, changing, *known, (field_of_tx, field_of_rx))
+        terms = [_dispersed(each, rate, there - wavenumber) for each, there in zip(terms, wavenumbers, strict=True)]
     length = dr.norm(through - t) + dr.norm(r - through) + bulk
     # Written as NumPy's complex numbers lie in memory, which saves copying them.
-    place = node * given["into"] + (whole("place", facet) if "place" in given else facet)
+    place = node * given["buffer"] + (whole("place", facet) if "place" in given else facet)
     size = given["size"]
     for number, each in enumerate(terms):
-        there = place + number * given["into"]
-        for k, value in enumerate(flattened(each)):
+        there = place + number * given["buffer"]
+        for k, value in enumerate(flatten_terms(each)):
             dr.scatter(given["found"], value, 2 * (there + k // 2 * size) + k % 2, mode=dr.ReduceMode.Permute)
         dr.scatter(given["tau"], length / SPEED_OF_LIGHT, there, mode=dr.ReduceMode.Permute)
     dr.eval(given["found"], given["tau"])
 
 
-_INTEGRATED = Frozen(_integrate)
+_INTEGRATED = FrozenKernel(_integrate)
 
 
-def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:
+def _phase_shifted(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:
     """Gain and slopes of a point whose path exceeds that of the point of reference by `excess` [m], from there."""
     sin, cos = dr.sincos(-wavenumber * excess)
     carrier = ComplexPair(cos, sin)
@@ -386,7 +406,7 @@ def _carried(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) ->
     return [each.times(carrier) for each in terms]
 
 
-def _drifted(terms: list[ComplexPair], rate: ComplexPair, beyond: Any) -> list[ComplexPair]:
+def _dispersed(terms: list[ComplexPair], rate: ComplexPair, beyond: Any) -> list[ComplexPair]:
     """Gain and slopes where the media have changed at a `rate` [m], relative to the gain, over wavenumbers `beyond`
     [rad/m] that for which they are."""
     gain = ComplexPair(1.0 + rate.re * beyond, rate.im * beyond)

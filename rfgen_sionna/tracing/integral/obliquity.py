@@ -14,19 +14,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.arrays import drjit_types
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import drjit_types
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 
 MAX_FRINGE = 3.0
 """Phase [rad] that half the band may turn the echo of a slab's back face by, against its front's."""
 
-STEP = 1e-4
+FREQUENCY_STEP = 1e-4
 """Share of the frequency over which the change of what is reflected is differenced."""
-_TELLING = 0.01
+_SIGNIFICANT = 0.01
 """Share of what a facet's obliquity might be above which its change over itself tells anything."""
-_ALONG = 1e-36
+_MIN_ACROSS = 1e-36
 """Squares of the sines of the angles to the elements' fields, multiplied, up to which there is no direction across: for
 like fields 1e-9 rad."""
 _NEAREST = 1e-4
@@ -47,7 +47,7 @@ class Media:
     smoothness: FloatArray
     """(material,) share sqrt(1 - S^2) of the reflected field that stays coherent on a rough surface."""
     raised: ComplexArray | None = None
-    """(node, material) relative permittivity at frequencies higher by `STEP`; None is that it is the same."""
+    """(node, material) relative permittivity at frequencies higher by `FREQUENCY_STEP`; None is that it is the same."""
 
     @staticmethod
     def at(materials: Sequence[Material], frequencies: FloatArray, half_band: float = 0.0) -> Media:
@@ -68,7 +68,7 @@ class Media:
             # A band may end where what is known does.
             beyond = replace(material, outside="extrapolate") if material.outside == "raise" else material
             permittivity[0, :, number] = material.relative_permittivity(frequencies)
-            permittivity[1, :, number] = beyond.relative_permittivity((1.0 + STEP) * np.asarray(frequencies))
+            permittivity[1, :, number] = beyond.relative_permittivity((1.0 + FREQUENCY_STEP) * np.asarray(frequencies))
         thickness = np.array([np.inf if each.thickness is None else each.thickness for each in materials])
         if len(frequencies):
             index = np.sqrt(np.abs(permittivity[0, 0]) * np.abs(permeability[0]))  # either may be infinite
@@ -98,7 +98,8 @@ class Media:
 
     @property
     def drifted(self) -> Media | None:
-        """What they are at frequencies higher by `STEP`; None where what they reflect stays the same over the band, as
+        """What they are at frequencies higher by `FREQUENCY_STEP`; None where what they reflect stays the same over
+        the band, as
         permittivities do and there are no slabs."""
         if self.raised is not None:
             return replace(self, permittivity=self.raised)
@@ -162,7 +163,7 @@ def media_of_lanes(dr: Any, types: Any, media: dict[str, Any], node: Any, materi
     )
 
 
-class Way:
+class ScatteredWave:
     """A plane wave of unit field `e_in` along `k_in` on a facet, received along `k_out` by an element of field `e_out`.
 
     Holds half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))) for the incident wave and for reflected ones
@@ -214,7 +215,7 @@ def backscatter(
     # Of the transverse parts of the fields, as long as these and turned by 90 degrees: their product is the same.
     e, f = dr.cross(tx_field, k), dr.cross(rx_field, k)
     squares = dr.squared_norm(e) * dr.squared_norm(f)
-    size = dr.select(squares > _ALONG, 1.0 / dr.sqrt(dr.maximum(squares, _ALONG)), 0.0)
+    size = dr.select(squares > _MIN_ACROSS, 1.0 / dr.sqrt(dr.maximum(squares, _MIN_ACROSS)), 0.0)
     along_s = dr.dot(tx_field, across) * dr.dot(rx_field, across) / dr.maximum(sin2, 1e-18)
     along_p = dr.dot(e, f) - along_s
     scale = cos * size * dr.square(dr.minimum(inverse, nearest))
@@ -223,7 +224,7 @@ def backscatter(
     )
 
 
-def drift(
+def dispersion(
     dr: Any,
     types: Any,
     media: tuple[dict[str, Any], dict[str, Any]],
@@ -236,16 +237,16 @@ def drift(
 ) -> ComplexPair:
     """By how much :func:`backscatter` changes over the wavenumber, over itself [m], for what the media are made of
     alone: permittivities change, and slabs get thicker. `media` are those of :func:`media_tables`, as they are and at
-    frequencies higher by `STEP`."""
+    frequencies higher by `FREQUENCY_STEP`."""
     found = []
-    for each, by in zip(media, (1.0, 1.0 + STEP), strict=True):
+    for each, by in zip(media, (1.0, 1.0 + FREQUENCY_STEP), strict=True):
         medium = media_of_lanes(dr, types, each, node, material, by * wavenumber)
         found.append(backscatter(dr, types.Complex2f64, medium, normal, offset, *fields, 1.0 / _NEAREST))
     now, then = found
     size = now.re * now.re + now.im * now.im
     # Obliquity over the square of the distance is one over that at most.
-    telling = size * dr.square(dr.maximum(dr.squared_norm(offset), _NEAREST**2)) > _TELLING**2
-    inverse = dr.select(telling, 1.0 / dr.select(telling, size, 1.0), 0.0) / (STEP * wavenumber)
+    representative = size * dr.square(dr.maximum(dr.squared_norm(offset), _NEAREST**2)) > _SIGNIFICANT**2
+    inverse = dr.select(representative, 1.0 / dr.select(representative, size, 1.0), 0.0) / (FREQUENCY_STEP * wavenumber)
     return (then - now).times(ComplexPair(now.re * inverse, -now.im * inverse))
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import ComplexArray, FloatArray
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
 
 
 def phasors(cycles: FloatArray) -> ComplexArray:
@@ -31,4 +31,4 @@ def _turn(given: dict[str, Any]) -> None:
     dr.eval(given["found"])
 
 
-_TURN = Frozen(_turn)
+_TURN = FrozenKernel(_turn)

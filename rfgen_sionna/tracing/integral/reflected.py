@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.device_transfer import upload
 from rfgen_sionna.tracing.integral.obliquity import Media, Medium, media_of_lanes, media_tables, reflection, transverse
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.integral.slabs import Crossed, screened
+from rfgen_sionna.tracing.integral.slabs import SlabStackLanes, transmitted_field
 
 
-class Planes(NamedTuple):
+class MirrorPlanes(NamedTuple):
     """Mirrors."""
 
     normal: FloatArray
@@ -36,12 +36,12 @@ class Planes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Via:
+class MirrorLegs:
     """By which mirrors facets are lit and looked at."""
 
-    mirrors: Planes
+    mirrors: MirrorPlanes
     """Those next to the facets."""
-    before: Planes | None
+    before: MirrorPlanes | None
     """Of each the one that comes before it, seen from the elements; None where there is none."""
     tx: IntArray | None
     """(facet,) index of the mirror by which the way from Tx goes; None is straight."""
@@ -49,13 +49,13 @@ class Via:
     """(facet,) that of the way to Rx."""
 
 
-class Wall(NamedTuple):
+class MirrorLanes(NamedTuple):
     """The mirror of each lane, and the one that comes before it, seen from the elements, if any does."""
 
     normal: Any
     offset: Any
     medium: Medium
-    before: Wall | None = None
+    before: MirrorLanes | None = None
 
     def image(self, dr: Any, point: Any) -> Any:
         """The image of an element."""
@@ -90,11 +90,11 @@ class _Field(NamedTuple):
         )
 
 
-def wall_tables(dr: Any, types: Any, via: Via) -> dict[str, Any]:
-    """`via` on the device, for :func:`walls_of_lanes`."""
+def mirror_tables(dr: Any, types: Any, via: MirrorLegs) -> dict[str, Any]:
+    """`via` on the device, for :func:`mirrors_of_lanes`."""
     Float, UInt32 = types.Float64, types.UInt32
 
-    def table(planes: Planes) -> dict[str, Any]:
+    def table(planes: MirrorPlanes) -> dict[str, Any]:
         return {
             "normal": upload(Float, planes.normal),
             "offset": upload(Float, planes.offset),
@@ -108,28 +108,28 @@ def wall_tables(dr: Any, types: Any, via: Via) -> dict[str, Any]:
     return found | {name: upload(UInt32, np.asarray(way, np.uint32)) for name, way in ways.items() if way is not None}
 
 
-def walls_of_lanes(
+def mirrors_of_lanes(
     dr: Any, types: Any, via: dict[str, Any], facet: Any, node: Any, wavenumber: Any
-) -> tuple[Wall | None, Wall | None]:
-    """The mirrors of Tx and Rx, from :func:`wall_tables`."""
+) -> tuple[MirrorLanes | None, MirrorLanes | None]:
+    """The mirrors of Tx and Rx, from :func:`mirror_tables`."""
 
-    def wall(way: str) -> Wall | None:
+    def wall(way: str) -> MirrorLanes | None:
         if way not in via:
             return None
         mirror = dr.gather(types.UInt32, via[way], facet)
 
-        def of(planes: dict[str, Any], before: Wall | None) -> Wall:
+        def of(planes: dict[str, Any], before: MirrorLanes | None) -> MirrorLanes:
             normal = (dr.gather(types.Float64, planes["normal"], mirror * 3 + axis) for axis in range(3))
             offset = dr.gather(types.Float64, planes["offset"], mirror)
             medium = media_of_lanes(dr, types, planes["media"], node, mirror, wavenumber)
-            return Wall(types.Array3f64(*normal), offset, medium, before)
+            return MirrorLanes(types.Array3f64(*normal), offset, medium, before)
 
         return of(via["mirrors"], of(via["before"], None) if "before" in via else None)
 
     return wall("tx"), wall("rx")
 
 
-class Strength:
+class ReflectedStrength:
     """Obliquity over the product of the distances, at the points of a facet; `surface` holds the elements' images.
 
     The Fresnel coefficients of wall and facet are those at the `centre`, where it has this `normal`: how they change
@@ -147,7 +147,7 @@ class Strength:
 
         k_in, k_out, _ = self._ways(centre)
 
-        def by(wall: Wall | None, k: Any) -> list[tuple[Any, Any, Any]]:
+        def by(wall: MirrorLanes | None, k: Any) -> list[tuple[Any, Any, Any]]:
             surfaces = [] if wall is None else wall.surfaces(dr)
             return [(across, *coefficients(medium, k, across)) for across, medium in surfaces]
 
@@ -168,12 +168,12 @@ class Strength:
 
         weights = [1.0 / 3.0 + dr.dot(slope, point - surface.middle) for slope in surface.slopes]  # as slabs need
 
-        def field(of_element: Any, k: Any, by: list[tuple[Any, Any, Any]], crossed: Crossed) -> _Field:
+        def field(of_element: Any, k: Any, by: list[tuple[Any, Any, Any]], crossed: SlabStackLanes) -> _Field:
             own = transverse(dr, of_element, k), self._vector(0, 0, 0)
-            own = screened(dr, self._complex, crossed.before, weights, k, *own)
+            own = transmitted_field(dr, self._complex, crossed.before, weights, k, *own)
             for across, r_s, r_p in by:
                 own = _reflected(dr, _Field(*own), dr.cross(k, across), r_s, r_p)
-            return _Field(*screened(dr, self._complex, crossed.behind, weights, k, *own))
+            return _Field(*transmitted_field(dr, self._complex, crossed.behind, weights, k, *own))
 
         e_tx = field(surface.tx_field, k_in, self._walls_in, surface.crossed[0])
         e_rx = field(surface.rx_field, k_out, self._walls_out, surface.crossed[1])

@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.device_transfer import upload
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.scene.transfer import upload
 from rfgen_sionna.tracing.integral.obliquity import MAX_FRINGE
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 
 NO_SLAB = -1
-LATE = 0.02
+LATE_ECHO = 0.02
 """Echo of a slab's back face over its front's, above which it is told that it is left out."""
 _LOG = logging.getLogger(__name__)
 
@@ -117,14 +117,14 @@ def late_echoes(materials: Sequence[Material], centre: float, half_band: float) 
 
 
 def warn_of_late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> None:
-    """Tell of slabs whose back face's echo is more than `LATE` and left out, each once in a process."""
+    """Tell of slabs whose back face's echo is more than `LATE_ECHO` and left out, each once in a process."""
     for material, share in zip(materials, late_echoes(materials, centre, half_band).tolist(), strict=True):
-        if share > LATE:
-            _tell(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
+        if share > LATE_ECHO:
+            _warn_once(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
 
 
 @cache
-def _tell(name: str, millimetres: str, percent: int) -> None:
+def _warn_once(name: str, millimetres: str, percent: int) -> None:
     _LOG.warning(
         "the back face of %s mm of %s returns an echo of its own, up to %d %% of the front's, which is left out, as is "
         "what it adds to what is seen through it", millimetres, name, percent,
@@ -132,8 +132,8 @@ def _tell(name: str, millimetres: str, percent: int) -> None:
 
 
 @dataclass(frozen=True)
-class Slabs:
-    """Slabs on a leg of the way to each facet."""
+class SlabStack:
+    """SlabStack on a leg of the way to each facet."""
 
     table: SlabTable
     crossed: IntArray
@@ -147,16 +147,16 @@ class Slabs:
 
 
 @dataclass(frozen=True)
-class Screens:
-    """Slabs between an element and each facet."""
+class SlabStacks:
+    """SlabStack between an element and each facet."""
 
-    before: Slabs | None
+    before: SlabStack | None
     """Those between the element and the mirror by way of which it sees the facet."""
-    behind: Slabs | None
+    behind: SlabStack | None
     """Those between the mirror, or the element itself where there is none, and the facet."""
 
 
-def over_instants(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
+def normals_over_time(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
     """(entry, ..., 3) unit normals of `count` entries at each instant: a slab may turn.
 
     `sums` (row, ..., 3) are theirs at each instant, of any length, of which `places` (row,) counts out the entries;
@@ -164,9 +164,9 @@ def over_instants(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray]
     """
     shape = (len(places), count, *sums[0].shape[1:])
     total, there = np.zeros(shape), np.zeros(shape[:2], np.bool_)
-    for own, seen, place, each in zip(total, there, places, sums, strict=True):
+    for own, visible, place, each in zip(total, there, places, sums, strict=True):
         np.add.at(own, place[place >= 0], each[place >= 0])
-        seen[place[place >= 0]] = True
+        visible[place[place >= 0]] = True
     total /= np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
     entry, gaps = np.arange(count), np.arange(len(places))
     found = []
@@ -176,13 +176,13 @@ def over_instants(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray]
     return found
 
 
-def turned(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
+def interpolated_normals(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
     """(..., 3) unit normals a `share` of the way from those `before` to those `after`."""
     between = before + share * (after - before)
     return np.asarray(between / np.maximum(np.linalg.norm(between, axis=-1, keepdims=True), 1e-12))
 
 
-class Slab(NamedTuple):
+class SlabLanes(NamedTuple):
     """One slab of each lane."""
 
     normals: list[Any]
@@ -205,20 +205,20 @@ class Slab(NamedTuple):
         return total / dr.maximum(dr.norm(total), 1e-12)  # of no slab it is nothing
 
 
-class Crossed(NamedTuple):
-    """:class:`Screens` of each lane, those before the mirror as mirror images: where the element's image is."""
+class SlabStackLanes(NamedTuple):
+    """:class:`SlabStacks` of each lane, those before the mirror as mirror images: where the element's image is."""
 
-    before: list[Slab]
-    behind: list[Slab]
+    before: list[SlabLanes]
+    behind: list[SlabLanes]
 
 
-def screen_tables(dr: Any, types: Any, screens: Screens, frequencies: FloatArray) -> dict[str, Any]:
-    """`screens` on the device, at nodes of these `frequencies` (node,) [Hz], for :func:`screens_of_lanes`."""
-    sides = {"before": screens.before, "behind": screens.behind}
+def slab_stack_tables(dr: Any, types: Any, slab_stacks: SlabStacks, frequencies: FloatArray) -> dict[str, Any]:
+    """`slab_stacks` on the device, at nodes of these `frequencies` (node,) [Hz], for :func:`slab_stacks_of_lanes`."""
+    sides = {"before": slab_stacks.before, "behind": slab_stacks.behind}
     return {name: _slab_tables(dr, types, slabs, frequencies) for name, slabs in sides.items() if slabs is not None}
 
 
-def _slab_tables(dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray) -> dict[str, Any]:
+def _slab_tables(dr: Any, types: Any, slabs: SlabStack, frequencies: FloatArray) -> dict[str, Any]:
     Float, UInt32 = types.Float64, types.UInt32
     table = slabs.table
     eps = np.stack([each.relative_permittivity(frequencies) for each in table.materials], axis=1)
@@ -245,25 +245,27 @@ def _slab_tables(dr: Any, types: Any, slabs: Slabs, frequencies: FloatArray) -> 
     }
 
 
-def screens_of_lanes(
+def slab_stacks_of_lanes(
     dr: Any,
     types: Any,
-    screens: dict[str, Any],
+    slab_stacks: dict[str, Any],
     mirrored: Callable[[Any], Any],
     facet: Any,
     node: Any,
     wavenumber: Any,
-) -> Crossed:
-    """Slabs of each lane, from :func:`screen_tables`; `mirrored` makes the mirror image of a direction."""
+) -> SlabStackLanes:
+    """Slabs of each lane, from :func:`slab_stack_tables`; `mirrored` makes the mirror image of a direction."""
 
-    def of(side: str) -> list[Slab]:
-        return _slabs_of_lanes(dr, types, screens[side], facet, node, wavenumber) if side in screens else []
+    def of(side: str) -> list[SlabLanes]:
+        return _slabs_of_lanes(dr, types, slab_stacks[side], facet, node, wavenumber) if side in slab_stacks else []
 
     before = [slab._replace(normals=[mirrored(each) for each in slab.normals]) for slab in of("before")]
-    return Crossed(before, of("behind"))
+    return SlabStackLanes(before, of("behind"))
 
 
-def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, node: Any, wavenumber: Any) -> list[Slab]:
+def _slabs_of_lanes(
+    dr: Any, types: Any, tables: dict[str, Any], facet: Any, node: Any, wavenumber: Any
+) -> list[SlabLanes]:
     def values(numbers: Any, index: Any) -> Any:
         return dr.gather(types.Float64, numbers, index)
 
@@ -273,7 +275,7 @@ def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, nod
         entry = node * tables["count"] + material
         thickness = values(tables["thickness"], material) * there
         found.append(
-            Slab(
+            SlabLanes(
                 [
                     types.Array3f64(*(values(level["normals"], facet * 9 + 3 * corner + axis) for axis in range(3)))
                     for corner in range(3)
@@ -290,7 +292,7 @@ def _slabs_of_lanes(dr: Any, types: Any, tables: dict[str, Any], facet: Any, nod
     return found
 
 
-def bulk_length(dr: Any, crossed: Crossed, k: Any) -> Any:
+def slab_delay_length(dr: Any, crossed: SlabStackLanes, k: Any) -> Any:
     """Delay in slabs [m] along unit vectors `k`."""
     total = 0.0
     for slab in (*crossed.before, *crossed.behind):
@@ -300,7 +302,7 @@ def bulk_length(dr: Any, crossed: Crossed, k: Any) -> Any:
     return total
 
 
-def _coefficients(dr: Any, complex_type: Any, slab: Slab, across: Any) -> tuple[Any, Any]:
+def _coefficients(dr: Any, complex_type: Any, slab: SlabLanes, across: Any) -> tuple[Any, Any]:
     """T of s and p polarisation for a wave along k, with `across` = k x n; 1 where there is no slab."""
     sin2 = dr.minimum(dr.dot(across, across), 1.0)
     cos = dr.maximum(dr.sqrt(1.0 - sin2), 1e-9)
@@ -318,7 +320,7 @@ def _coefficients(dr: Any, complex_type: Any, slab: Slab, across: Any) -> tuple[
     return found[0], found[1]
 
 
-def _passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
+def _transmit(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
     """A wave's field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
     both = t_s - t_p
     share = ComplexPair(dr.dot(field_re, across), dr.dot(field_im, across))
@@ -329,13 +331,13 @@ def _passed(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: A
     )
 
 
-def screened(
-    dr: Any, complex_type: Any, slabs: list[Slab], weights: Sequence[Any], k: Any, field_re: Any, field_im: Any
+def transmitted_field(
+    dr: Any, complex_type: Any, slabs: list[SlabLanes], weights: Sequence[Any], k: Any, field_re: Any, field_im: Any
 ) -> tuple[Any, Any]:
     """A wave's field, real and imaginary part, after slabs that it goes through along `k`, to or from the barycentric
     coordinates `weights` of the facet."""
     for slab in slabs:
         across = dr.cross(k, slab.across(dr, weights))
         t_s, t_p = _coefficients(dr, complex_type, slab, across)
-        field_re, field_im = _passed(dr, field_re, field_im, across, t_s, t_p)
+        field_re, field_im = _transmit(dr, field_re, field_im, across, t_s, t_p)
     return field_re, field_im

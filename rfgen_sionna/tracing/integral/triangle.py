@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from rfgen_sionna.tracing.integral.obliquity import Medium, Way, backscatter, transverse
-from rfgen_sionna.tracing.integral.quadratic import Detour, Quadratic, Slopes, pairs
-from rfgen_sionna.tracing.integral.reflected import Strength, Wall
+from rfgen_sionna.tracing.integral.obliquity import Medium, ScatteredWave, backscatter, transverse
+from rfgen_sionna.tracing.integral.quadratic import PathVariation, Quadratic, SlopeOrder, variation_pairs
+from rfgen_sionna.tracing.integral.reflected import MirrorLanes, ReflectedStrength
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.integral.slabs import Crossed
+from rfgen_sionna.tracing.integral.slabs import SlabStackLanes
 
-MOST_PULL = 1.0
+MAX_PATTERN_GRADIENT = 1.0
 """Logarithm of the ratio by which the antennas' gain may change over a facet: patterns are not as steep for long."""
 
 
 _STEP = 1e-3
 """Share of a displacement over which the change of a strength is differenced."""
-_TELLING = 0.01
+_SIGNIFICANT = 0.01
 """Share of what a strength might be above which its change over itself tells anything."""
 
 
-class Lanes(NamedTuple):
+class FacetLanes(NamedTuple):
     """A facet and the elements that look at it, lane by lane."""
 
     cross: Any
@@ -34,27 +34,27 @@ class Lanes(NamedTuple):
     tx_field: Any
     rx_field: Any
     monostatic: bool
-    walls: tuple[Wall | None, Wall | None] | None
+    walls: tuple[MirrorLanes | None, MirrorLanes | None] | None
     """By way of which Tx and Rx look at it: `tx` and `rx` with their fields are images then."""
     middle: Any
     """Of the facet [m]."""
     slopes: list[Any]
     """How its barycentric coordinates rise from there [1/m]; none where nobody looks through anything."""
-    crossed: tuple[Crossed, Crossed]
+    crossed: tuple[SlabStackLanes, SlabStackLanes]
     """Through what Tx and Rx look at it."""
     turn: ComplexPair | None
     """What takes the phase of the slabs' bulk away, as delays hold it."""
-    pulled: tuple[Any, Any] | None
+    with_pattern_gradient: tuple[Any, Any] | None
     """How the antennas' gain rises from a point on [1/m], and that point."""
 
 
-def triangle(
+def triangle_gain(
     dr: Any,
     vector: Any,
     complex_type: Any,
-    surface: Lanes,
+    surface: FacetLanes,
     p: list[Any],
-    rises: list[Any] | None,
+    sagittas: list[Any] | None,
     wavenumbers: list[Any],
     reference: Any,
     axes: list[Any] | None,
@@ -62,8 +62,10 @@ def triangle(
     parts: Any = None,
 ) -> tuple[list[list[ComplexPair]], Any]:
     """At each of the `wavenumbers` the gain of a triangle `p` as if it were the whole facet, with its slopes if there
-    are `axes`, those that `slopes` say (one of :class:`Slopes`), and by how much its centroid's path exceeds that by
-    way of the `reference` point [m]. `rises` are those of its edges, if it is bent; it may be integrated in `parts` to
+    are `axes`, those that `slopes` say (one of :class:`SlopeOrder`), and by how much its centroid's path exceeds that
+    by
+    way of the `reference` point [m]. `sagittas` are those of its edges, if it is bent; it may be integrated in `parts`
+    to
     an edge then."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
@@ -81,7 +83,7 @@ def triangle(
         product = dr.dot(offset, from_t + base_t) * back + dr.dot(offset, from_r + base_r) * there
         return product / (there * back)
 
-    middle = centre if rises is None else centre + (4 / 9) * (rises[0] + rises[1] + rises[2])
+    middle = centre if sagittas is None else centre + (4 / 9) * (sagittas[0] + sagittas[1] + sagittas[2])
     from_tx, to_rx = middle - t, r - middle
     distance_tx, distance_rx = dr.norm(from_tx), dr.norm(to_rx)
     usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
@@ -89,20 +91,22 @@ def triangle(
     k_in, k_out = (
         way * (1.0 / dr.maximum(size, 1e-30)) for way, size in ((from_tx, distance_tx), (to_rx, distance_rx))
     )
-    if rises is None or surface.walls is not None:  # an element in the facet's plane, the other behind it
+    if sagittas is None or surface.walls is not None:  # an element in the facet's plane, the other behind it
         usable &= (dr.dot(normal, r - centre) > 0) & (dr.dot(normal, centre - t) < 0)
 
     lengths = [excess(corner, centre) for corner in p]
     # By how much a linear phase through the corners lies above the true one in the middle of each edge.
     edges = [0.5 * (p[(i + 1) % 3] + p[(i + 2) % 3]) for i in range(3)]
-    if rises is not None:
-        edges = [edge + rise for edge, rise in zip(edges, rises, strict=True)]
-    sags = [0.5 * (lengths[(i + 1) % 3] + lengths[(i + 2) % 3]) - excess(edge, centre) for i, edge in enumerate(edges)]
+    if sagittas is not None:
+        edges = [edge + rise for edge, rise in zip(edges, sagittas, strict=True)]
+    length_sagittas = [
+        0.5 * (lengths[(i + 1) % 3] + lengths[(i + 2) % 3]) - excess(edge, centre) for i, edge in enumerate(edges)
+    ]
     # Where the strength is found, with the normal there and by how much the area is that of the flat facet.
     places, facing = [(corner, normal, None) for corner in p], normal
-    if rises is not None:
+    if sagittas is not None:
         sign = dr.select(surface.turned, -inverse, inverse)
-        elements = [sign * _element(dr, p, rises, weight) for weight in _NODES]
+        elements = [sign * _element(dr, p, sagittas, weight) for weight in _NODES]
         sizes = [dr.norm(element) for element in elements]
         facing, *tips = [each * (1.0 / dr.maximum(size, 1e-9)) for each, size in zip(elements, sizes, strict=True)]
         places = list(zip([*p, *edges], tips, sizes[1:], strict=True))
@@ -117,54 +121,74 @@ def triangle(
         return backscatter(dr, complex_type, surface.medium, normal, point - element, *fields, nearest)
 
     def everywhere(strength: Callable[[Any, Any], ComplexPair]) -> list[ComplexPair]:
-        found = [(strength(point, normal), stretch) for point, normal, stretch in places]
-        return [each if stretch is None else each.scaled(stretch) for each, stretch in found]
+        found = [(strength(point, normal), interval) for point, normal, interval in places]
+        return [each if interval is None else each.scaled(interval) for each, interval in found]
 
     if surface.walls is not None:  # the images may lie in very different directions
-        by_wall = Strength(dr, vector, complex_type, surface, middle, facing)
+        by_wall = ReflectedStrength(dr, vector, complex_type, surface, middle, facing)
         strengths = everywhere(by_wall.at)
-        swells = _swells(strengths, None if rises is not None else by_wall.at(middle, normal))
+        strength_sagittas = _strength_sagittas(strengths, None if sagittas is not None else by_wall.at(middle, normal))
     else:
         strengths = everywhere(at)
-        half_way = None if rises is not None and surface.monostatic else at(middle, facing)
-        swells = _swells(strengths, None if rises is not None else half_way)
+        half_way = None if sagittas is not None and surface.monostatic else at(middle, facing)
+        strength_sagittas = _strength_sagittas(strengths, None if sagittas is not None else half_way)
         if surface.monostatic:
             ratio = dr.square(dr.norm(middle - element)) / spread
-            strengths, swells = ([each.scaled(ratio) for each in some] for some in (strengths, swells))
+            strengths, strength_sagittas = (
+                [each.scaled(ratio) for each in some] for some in (strengths, strength_sagittas)
+            )
             half_way = None if half_way is None else half_way.scaled(ratio)
         elif half_way is not None:
             e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
-            there = Way(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(dr, complex_type, surface.medium)
-            back = Way(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(dr, complex_type, surface.medium)
+            there = ScatteredWave(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(
+                dr, complex_type, surface.medium
+            )
+            back = ScatteredWave(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(
+                dr, complex_type, surface.medium
+            )
             more = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread) - half_way
-            if rises is not None:
+            if sagittas is not None:
                 faced = (dr.dot(facing, k_in) < 0) & (dr.dot(facing, k_out) > 0)
                 more = ComplexPair(dr.select(faced, more.re, 0.0), dr.select(faced, more.im, 0.0))
             strengths = [
-                each + (more if stretch is None else more.scaled(stretch))
-                for each, (_, _, stretch) in zip(strengths, places, strict=False)
+                each + (more if interval is None else more.scaled(interval))
+                for each, (_, _, interval) in zip(strengths, places, strict=False)
             ]
             half_way = half_way + more
-        if surface.pulled is not None:
-            (slope, aim), points = surface.pulled, [middle, *(point for point, _, _ in places)]
-            raised = [dr.exp(dr.clip(dr.dot(slope, each - aim), -MOST_PULL, MOST_PULL)) for each in points]
+        if surface.with_pattern_gradient is not None:
+            (slope, gradient_origin), points = (
+                surface.with_pattern_gradient,
+                [middle, *(point for point, _, _ in places)],
+            )
+            raised = [
+                dr.exp(dr.clip(dr.dot(slope, each - gradient_origin), -MAX_PATTERN_GRADIENT, MAX_PATTERN_GRADIENT))
+                for each in points
+            ]
             strengths = [each.scaled(rise) for each, rise in zip(strengths, raised[1:], strict=True)]
-            swells = _swells(strengths, None if half_way is None or rises is not None else half_way.scaled(raised[0]))
-    quadratic = Quadratic(lengths, sags, strengths[:3], swells)
-    ways, bows = None, list[Detour]()
+            strength_sagittas = _strength_sagittas(
+                strengths, None if half_way is None or sagittas is not None else half_way.scaled(raised[0])
+            )
+    quadratic = Quadratic(lengths, length_sagittas, strengths[:3], strength_sagittas)
+    ways, path_curvatures = None, list[PathVariation]()
     if axes is not None:
         # Path lengths at the corners, beyond that by way of the point of reference, per unit of each displacement.
-        looks = [dr.normalize(point - element) for point in (reference, *p)]
-        ways = [Detour([dr.dot(axis, looks[0] - look) for look in looks[1:]]) for axis in axes]
-        if rises is not None:
+        occluders = [dr.normalize(point - element) for point in (reference, *p)]
+        ways = [PathVariation([dr.dot(axis, occluders[0] - look) for look in occluders[1:]]) for axis in axes]
+        if sagittas is not None:
             beside = [dr.normalize(edge - element) for edge in edges]
-            over = [0.5 * (looks[1 + (i + 1) % 3] + looks[1 + (i + 2) % 3]) - look for i, look in enumerate(beside)]
-            ways = [
-                way._replace(rises=[dr.dot(axis, each) for each in over]) for way, axis in zip(ways, axes, strict=True)
+            over = [
+                0.5 * (occluders[1 + (i + 1) % 3] + occluders[1 + (i + 2) % 3]) - look for i, look in enumerate(beside)
             ]
-        if slopes == Slopes.BOWED:
+            ways = [
+                way._replace(sagittas=[dr.dot(axis, each) for each in over])
+                for way, axis in zip(ways, axes, strict=True)
+            ]
+        if slopes == SlopeOrder.BOWED:
             far = [dr.norm(point - element) for point in (reference, *p)]
-            bows = [_bows(dr, axes[one], axes[other], looks, far) for one, other in pairs(len(axes))]
+            path_curvatures = [
+                _path_curvatures(dr, axes[one], axes[other], occluders, far)
+                for one, other in variation_pairs(len(axes))
+            ]
     factor = dr.select(usable, twice_area / (8.0 * dr.pi), 0.0)
     rates = None
     if axes is not None:  # nearer is stronger, and so is what looks at the elements
@@ -172,14 +196,14 @@ def triangle(
 
     def at_wavenumber(wavenumber: Any) -> list[ComplexPair]:
         if parts is None:
-            terms = quadratic.mean(dr, wavenumber, ways, slopes, bows)
+            terms = quadratic.mean(dr, wavenumber, ways, slopes, path_curvatures)
         else:
-            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways, slopes, bows)
+            terms = quadratic.mean_in_parts(dr, wavenumber, parts, ways, slopes, path_curvatures)
         if rates is not None:
             count = len(rates)
             first = terms[2 : 2 + count]
             terms[2 : 2 + count] = [each + terms[0].times(rate) for each, rate in zip(first, rates, strict=True)]
-            for k, (one, other) in enumerate(pairs(count) if slopes >= Slopes.SECOND else (), 2 + count):
+            for k, (one, other) in enumerate(variation_pairs(count) if slopes >= SlopeOrder.SECOND else (), 2 + count):
                 terms[k] = terms[k] + first[one].times(rates[other]) + first[other].times(rates[one])
         turned = [each.turned() for each in terms]
         return [
@@ -190,15 +214,16 @@ def triangle(
     return [at_wavenumber(each) for each in wavenumbers], excess(centre, reference)
 
 
-def _bows(dr: Any, one: Any, other: Any, looks: list[Any], far: list[Any]) -> Detour:
+def _path_curvatures(dr: Any, one: Any, other: Any, occluders: list[Any], far: list[Any]) -> PathVariation:
     """Second slopes of path lengths at the corners over two displacements of Tx and Rx together, or, as they are the
-    same, of Tx from Rx; beyond that by way of the point of reference, which comes first among the `looks`, unit vectors
+    same, of Tx from Rx; beyond that by way of the point of reference, which comes first among the `occluders`, unit
+    vectors
     from the elements, and distances `far` [m]."""
     first, *corners = (
         (dr.dot(one, other) - dr.dot(one, look) * dr.dot(other, look)) / (2.0 * dr.maximum(size, 1e-30))
-        for look, size in zip(looks, far, strict=True)
+        for look, size in zip(occluders, far, strict=True)
     )
-    return Detour([each - first for each in corners])
+    return PathVariation([each - first for each in corners])
 
 
 def _rates(
@@ -208,8 +233,8 @@ def _rates(
     of the axes, over itself; where there is next to none, as that of what is nearer alone."""
     here = strength(offset)
     size = here.re * here.re + here.im * here.im
-    telling = size > dr.square(_TELLING * dr.square(0.5 * nearest))  # that is 1 over the distance
-    inverse = dr.select(telling, 1.0 / dr.select(telling, size, 1.0), 0.0)
+    representative = size > dr.square(_SIGNIFICANT * dr.square(0.5 * nearest))  # that is 1 over the distance
+    inverse = dr.select(representative, 1.0 / dr.select(representative, size, 1.0), 0.0)
     square = dr.maximum(dr.squared_norm(offset), 1e-30)
     found = []
     for axis in axes:
@@ -217,11 +242,11 @@ def _rates(
         there = strength(offset - (0.5 * _STEP) * axis)
         rate = (there - here).times(ComplexPair(here.re * inverse, -here.im * inverse)).scaled(1.0 / _STEP)
         nearer = dr.dot(offset, axis) / square
-        found.append(ComplexPair(dr.select(telling, rate.re, nearer), dr.select(telling, rate.im, 0.0)))
+        found.append(ComplexPair(dr.select(representative, rate.re, nearer), dr.select(representative, rate.im, 0.0)))
     return found
 
 
-def _swells(strengths: list[ComplexPair], middle: ComplexPair | None) -> list[ComplexPair]:
+def _strength_sagittas(strengths: list[ComplexPair], middle: ComplexPair | None) -> list[ComplexPair]:
     """By how much the strength rises in the middle of the edge opposite each corner: from that at corners and middles
     of edges, or all alike, from that in the `middle` of the facet."""
     if middle is not None:
@@ -235,8 +260,11 @@ _NODES = ((1 / 3, 1 / 3, 1 / 3), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0.5, 0.5),
 """Barycentric coordinates of the middle of a facet, of its corners and of the middles of the edges opposite them."""
 
 
-def _element(dr: Any, p: list[Any], rises: list[Any], weight: tuple[float, float, float]) -> Any:
-    """Vector element of area of the patch with corners `p` and `rises`, at barycentric coordinates `weight`, as long as
+def _element(dr: Any, p: list[Any], sagittas: list[Any], weight: tuple[float, float, float]) -> Any:
+    """Vector element of area of the patch with corners `p` and `sagittas`, at barycentric coordinates `weight`, as
+    long as
     twice a flat facet's area."""
-    slope = [sum(4 * weight[3 - i - k] * rises[k] for k in range(3) if k != i and weight[3 - i - k]) for i in range(3)]
+    slope = [
+        sum(4 * weight[3 - i - k] * sagittas[k] for k in range(3) if k != i and weight[3 - i - k]) for i in range(3)
+    ]
     return dr.cross(p[1] - p[0] + (slope[1] - slope[0]), p[2] - p[0] + (slope[2] - slope[0]))

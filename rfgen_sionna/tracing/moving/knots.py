@@ -18,16 +18,16 @@ MIN_SPACING = 0.125e-3
 """Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 700 Hz still gets its knots."""
 FIRST_COUNT = 4
 """Knots to begin with: a cubic's."""
-TELLING = 4096
+MAX_REPRESENTATIVES = 4096
 """Vertices of a mesh that tell how it moves, at most."""
-ENOUGH = 40
+ENOUGH_POINTS = 40
 """Knots from which on more are no use to the gain unless they halve what is missed of it, which is nothing smooth."""
-AIMED = 32
+PATTERN_POINTS = 32
 """Vertices of a mesh that tell how it passes the antennas, at most."""
-RIM_ERROR, INNER_ERROR = 0.02, 0.005
+TERMINATOR_ERROR, INNER_ERROR = 0.02, 0.005
 """Errors (root mean square over time) of a not-a-knot cubic spline through a phasor whose phase swings by 1 rad between
 knots: of the cubic through four knots, and through more of them. They grow with the swing's fourth power."""
-RIM_GAPS = 5
+TERMINATOR_GAPS = 5
 """Gaps up to which a spline errs as at its rim."""
 QUIET_GAPS, QUIET_ERROR = 2, 0.046
 """The fewest gaps that gains are known over, and what the parabola through three instants errs by for a swing of 1 rad
@@ -35,7 +35,7 @@ between them [root mean square over time]; it grows with the swing's third power
 PAIR_ERROR = 0.091
 """What a line between two instants errs by for a swing of 1 rad from one to the other: an eighth of the swing's square
 half way, times the root of 8 / 15."""
-SPLINED = 5e-4
+SPLINE_PHASE_ERROR = 5e-4
 """What positions by a spline may be off by [m], a fraction of what shadows' edges are seen to."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
@@ -64,7 +64,8 @@ def choose_knots(
 ) -> Knots:
     """Knots between which a spline follows the delay of every vertex to every element, and the gain in its direction.
 
-    Of very many vertices some tell of all (:func:`telling`). Knots are doubled until the spline through them foretells
+    Of very many vertices some tell of all (:func:`representative`). Knots are doubled until the spline through them
+    foretells
     the two-way phase between them to `tolerance` in each mesh's root mean square, which is the relative error of its
     sum, at any instant to three times that, as a spline errs most at its ends, and any vertex's to ten times that.
     About a radar that turns distances stay while all else passes: the spline through each mesh's gains is to be as near
@@ -100,15 +101,17 @@ def choose_knots(
     sizes = [len(points) for points in positions(start)]
     if not sum(sizes):
         return Knots(np.array([start]), 0.0)
-    counts = np.minimum(sizes, TELLING)
+    counts = np.minimum(sizes, MAX_REPRESENTATIVES)
     borders = np.cumsum(counts)[:-1]
-    aimed = [np.linspace(0, count, min(count, AIMED), endpoint=False).astype(np.intp) for count in counts.tolist()]
+    aimed = [
+        np.linspace(0, count, min(count, PATTERN_POINTS), endpoint=False).astype(np.intp) for count in counts.tolist()
+    ]
     chosen = np.concatenate([first + own for first, own in zip([0, *borders], aimed, strict=True)])
     parts = np.cumsum([len(own) for own in aimed])[:-1]
 
     def known(times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(time, vertex) phases [rad], and (time, vertex, 3) unit vectors to those that tell of directions."""
-        offsets = [np.concatenate([telling(each) for each in positions(float(t))]) - viewpoint for t in times]
+        offsets = [np.concatenate([representative(each) for each in positions(float(t))]) - viewpoint for t in times]
         distances = np.stack([lengths(each) for each in offsets])
         towards = np.stack([np.take(each, chosen, axis=0) for each in offsets])
         return wavenumber * distances, towards / np.maximum(distances[:, chosen], 1e-12)[..., None]
@@ -139,7 +142,7 @@ def choose_knots(
         off = np.stack([phase, wavenumber * reach * turn, missed / np.maximum(whole, 1e-300)])
         spacing = times[1] - times[0]
         # Of a pattern that jumps, as tables may behind the radar, no number of knots is enough.
-        stalled = count > ENOUGH and off[2].max() > 0.5 * gain_off
+        stalled = count > ENOUGH_POINTS and off[2].max() > 0.5 * gain_off
         gain_off = float(off[2].max())
         fine = off[:2].max() <= tolerance and (stalled or gain_off <= tolerance)
         fine = fine and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
@@ -160,17 +163,17 @@ def _rms(values: FloatArray, borders: NDArray[np.intp]) -> FloatArray:
     return np.sqrt(np.stack([np.mean(part**2, axis=1) for part in np.split(values, borders, axis=1)]))
 
 
-def telling(points: FloatArray) -> FloatArray:
+def representative(points: FloatArray) -> FloatArray:
     """(some, 3) of the positions (vertex, 3) of a mesh, from all over it: the same ones whenever there are so many."""
-    return points if len(points) <= TELLING else np.take(points, _some(len(points)), axis=0)
+    return points if len(points) <= MAX_REPRESENTATIVES else np.take(points, _spread_indices(len(points)), axis=0)
 
 
 @cache
-def _some(count: int) -> NDArray[np.intp]:
-    return np.sort(np.random.default_rng(count).permutation(count)[:TELLING])
+def _spread_indices(count: int) -> NDArray[np.intp]:
+    return np.sort(np.random.default_rng(count).permutation(count)[:MAX_REPRESENTATIVES])
 
 
-class Splined:
+class SplinedPositions:
     """Positions [m] of meshes between `knots` [s], by splines through those there, several times quicker to have than
     where bodies are posed anew. Knots follow distances: what spins across the view is posed anew all the same."""
 
@@ -183,7 +186,7 @@ class Splined:
             truth = positions(tried)
             self.look_up(np.array([tried]))
             missed = [lengths(each - own).max(initial=0.0) for each, own in zip(self._known[tried], truth, strict=True)]
-            self._right = max(missed, default=0.0) <= SPLINED
+            self._right = max(missed, default=0.0) <= SPLINE_PHASE_ERROR
 
     def __call__(self, t: float) -> Sequence[FloatArray]:
         """(vertex, 3) of each mesh at a time [s]; it is kept in mind."""
@@ -211,14 +214,14 @@ def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
     mean square over time."""
     if gaps <= QUIET_GAPS:
         return np.asarray(QUIET_ERROR * swing**3)
-    return np.asarray((RIM_ERROR if gaps <= RIM_GAPS else INNER_ERROR) * swing**4)
+    return np.asarray((TERMINATOR_ERROR if gaps <= TERMINATOR_GAPS else INNER_ERROR) * swing**4)
 
 
-def most_swing(tolerance: float, gaps: int) -> float:
+def max_phase_step(tolerance: float, gaps: int) -> float:
     """Phase [rad] by which a phasor may swing from instant to instant for a spline with so many gaps to err by
     `tolerance` at most."""
     if gaps == 1:
         return float((tolerance / PAIR_ERROR) ** 0.5)
     if gaps <= QUIET_GAPS:
         return float((tolerance / QUIET_ERROR) ** (1 / 3))
-    return float((tolerance / RIM_ERROR) ** 0.25)
+    return float((tolerance / TERMINATOR_ERROR) ** 0.25)

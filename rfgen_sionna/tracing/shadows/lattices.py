@@ -13,7 +13,7 @@ from rfgen_sionna._types import FloatArray
 SPACINGS = (1, 2, 4, 8, 16, 32)
 """Cells along a facet's edge, level by level."""
 INSET = 5e-4
-_AIM = np.array([0.36, 0.31, 0.33])
+_INSET_CENTRE = np.array([0.36, 0.31, 0.33])
 """Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
 it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
 
@@ -36,10 +36,10 @@ class Lattice(NamedTuple):
 
 
 @cache
-def aimed(level: int, share: float) -> FloatArray:
+def inset_lattice(level: int, share: float) -> FloatArray:
     """(point, 3) where rays go that look at the points of the lattice of a `level`, by that share nearer to the
     middle."""
-    return inset(lattice_of(level).points, share)
+    return inset_points(lattice_of(level).points, share)
 
 
 @cache
@@ -68,13 +68,13 @@ def lattice_of(level: int) -> Lattice:
     return Lattice(points / n, index, edges, sides, beside, rim, points.argmax(axis=0))
 
 
-class Group(NamedTuple):
+class LatticeGroup(NamedTuple):
     """Facets of one level that are seen in part."""
 
     facets: NDArray[np.intp]
     lattice: Lattice
     level: int
-    lit: NDArray[np.bool_]
+    unoccluded: NDArray[np.bool_]
     """(facet, point)"""
     corners: tuple[NDArray[np.bool_], ...]
     """(facet, cell) whether the first, the second and the third corner of each cell is seen."""
@@ -83,16 +83,16 @@ class Group(NamedTuple):
     edge: NDArray[np.intp]
 
     @staticmethod
-    def of(facets: NDArray[np.intp], level: int, lit: NDArray[np.bool_]) -> Group:
+    def of(facets: NDArray[np.intp], level: int, unoccluded: NDArray[np.bool_]) -> LatticeGroup:
         lattice = lattice_of(level)
-        corners = tuple(np.take(lit, each, axis=1) for each in lattice.cells.T)
-        first, second = (np.take(lit, each, axis=1) for each in lattice.edges.T)
-        return Group(facets, lattice, level, lit, corners, *np.nonzero(first != second))
+        corners = tuple(np.take(unoccluded, each, axis=1) for each in lattice.cells.T)
+        first, second = (np.take(unoccluded, each, axis=1) for each in lattice.edges.T)
+        return LatticeGroup(facets, lattice, level, unoccluded, corners, *np.nonzero(first != second))
 
 
-def inset(places: FloatArray, share: float = INSET) -> FloatArray:
+def inset_points(places: FloatArray, share: float = INSET) -> FloatArray:
     """Barycentric coordinates of where rays go that look at `places` (ray, 3)."""
-    return np.asarray(places + share * (_AIM - places))
+    return np.asarray(places + share * (_INSET_CENTRE - places))
 
 
 def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.transfer import upload
 
-WIDEST = 0.25
+MAX_BOUNDARY_WIDTH = 0.25
 """Width of strips beside shadows' edges, over the root of wavelength times distance, up to which they count as a whole;
 at twice that not at all: what casts the shadow is close to the radar, and who knows what the surface is so far
 aside."""
@@ -26,7 +26,7 @@ def corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
     ]
 
 
-def returns_at_most(
+def max_returns(
     corners: FloatArray, wavenumber: float, other: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
@@ -48,13 +48,13 @@ def returns_at_most(
     }
     if other is not None:
         given["other"] = upload(types.Float64, other)
-    _AT_MOST(given)
+    _RETURN_BOUNDS(given)
     most, cut, width = (each.numpy() for each in found)
     return most, cut, width
 
 
-def _at_most(given: dict[str, Any]) -> None:
-    """The kernel of :func:`returns_at_most`."""
+def _bound_returns(given: dict[str, Any]) -> None:
+    """The kernel of :func:`max_returns`."""
     dr, _ = drjit_types()
     lane = given["lanes"]
     angles, ways = [], []
@@ -74,17 +74,17 @@ def _at_most(given: dict[str, Any]) -> None:
     dr.eval(*given["found"])
 
 
-_AT_MOST = Frozen(_at_most)
+_RETURN_BOUNDS = FrozenKernel(_bound_returns)
 
 
-def strips_at_most(
+def max_boundary_returns(
     offset: FloatArray, width: FloatArray, reach: float, nearest: float, wavenumber: float
 ) -> FloatArray:
-    """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`returns_at_most`: seen
+    """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`max_returns`: seen
     from `reach` [m] aside past what is no nearer than `nearest` [m]. `offset` (facet, corner, 3) [m] is from the
     viewpoint, `width` (facet,) the phase between ends [rad]."""
     distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
     wide = reach * np.maximum(distance / max(nearest, 1e-9) - 1.0, 0.0)
-    wide = np.minimum(wide, 2.0 * WIDEST * np.sqrt(2 * np.pi / wavenumber * distance))
+    wide = np.minimum(wide, 2.0 * MAX_BOUNDARY_WIDTH * np.sqrt(2 * np.pi / wavenumber * distance))
     long = lengths(offset - offset[:, [1, 2, 0]]).max(axis=1)
     return np.asarray(2.0 * wide * long / distance**2 / (1.0 + 0.5 * width))

@@ -20,18 +20,18 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.scene.arrays import drjit_types
+from rfgen_sionna.scene.kernels import drjit_types
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.scene.ray_layer import Layer
-from rfgen_sionna.tracing.integral.obliquity import Media, Way, media_of_lanes, media_tables
+from rfgen_sionna.scene.ray_layer import MeshLayer
+from rfgen_sionna.tracing.integral.obliquity import Media, ScatteredWave, media_of_lanes, media_tables
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.simplex import moments
 
-_GUIDE = ((2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
+_GUIDE_POINTS = ((2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
 _CLEARANCE = 1e-5  # of the mesh's size: how far off a surface its shadow rays start
 
 
-class Body:
+class ScatteringMesh:
     """A mesh of one material: its facets in the order of the pieces that they belong to, and what hides what."""
 
     def __init__(
@@ -49,7 +49,7 @@ class Body:
         self.starts = np.searchsorted(piece, np.arange(int(piece.max()) + 2))
         self.material = material
         self.frequency = frequency
-        self.layer = Layer([(vertices, faces)], np.zeros(3), moving=False)
+        self.layer = MeshLayer([(vertices, faces)], np.zeros(3), moving=False)
         self.clearance = _CLEARANCE * float(np.abs(vertices).max())
         dr.eval(self.corners)
 
@@ -62,7 +62,7 @@ class ScatteringPoint:
     doing of its mesh in Sionna's scene.
     """
 
-    def __init__(self, body: Body, piece: int, place: FloatArray) -> None:
+    def __init__(self, body: ScatteringMesh, piece: int, place: FloatArray) -> None:
         dr, types = drjit_types()
         self._body = body
         # Evaluated numbers, not constants of the kernel: all points of a body then share one.
@@ -132,13 +132,17 @@ class ScatteringPoint:
             normal = cross / dr.maximum(twice_area, 1e-30)
             normal = dr.select(dr.dot(normal, k_in) > 0, -normal, normal)
             facing = (twice_area > 0) & (dr.dot(normal, k_in) < 0) & (dr.dot(normal, k_out) > 0)
-            seen = self._seen(corners, normal, k_in, k_out, facing)
+            visible = self._seen(corners, normal, k_in, k_out, facing)
             phases = tuple(dr.dot(change, corner - self._place) for corner in corners)
-            mean = moments(dr, phases).mean.scaled(0.5 * twice_area * seen)
+            mean = moments(dr, phases).mean.scaled(0.5 * twice_area * visible)
             out = []
             for number, (e_out, e_in) in enumerate((o, i) for o in outgoing for i in incoming):
-                there = Way(dr, Array3, normal, k_in, e_in, k_out, e_out).obliquity(dr, types.Complex2f64, medium)
-                back = Way(dr, Array3, normal, -k_out, e_out, -k_in, e_in).obliquity(dr, types.Complex2f64, medium)
+                there = ScatteredWave(dr, Array3, normal, k_in, e_in, k_out, e_out).obliquity(
+                    dr, types.Complex2f64, medium
+                )
+                back = ScatteredWave(dr, Array3, normal, -k_out, e_out, -k_in, e_in).obliquity(
+                    dr, types.Complex2f64, medium
+                )
                 term = (there + back).scaled(0.5).times(mean)
                 out += [sums[2 * number] + term.re, sums[2 * number + 1] + term.im]
             return (index + 1, *out)
@@ -158,7 +162,7 @@ class ScatteringPoint:
 
         mi: Any = mitsuba
         total = 0.0
-        for weights in _GUIDE:
+        for weights in _GUIDE_POINTS:
             point = sum(weight * corner for weight, corner in zip(weights, corners, strict=True))
             point = mi.Point3f(point + self._body.clearance * normal)
             free = mi.Bool(active)

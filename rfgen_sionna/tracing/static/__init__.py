@@ -4,13 +4,13 @@
 module            what
 ================  ========================================
 `facets`          its facets
-`dimmed`          what actors leave of facets
+`static_visibility`          what actors leave of facets
 `trace`           its direct returns
 `shadows`         what actors take from its paths
-`glances`         looks between instants at what they hide
+`refinement`         looks between instants at what they hide
 `bounces`         what its flat parts show of one another
 `round_bounces`   what its bent surfaces do
-`veils`           what of it is seen through slabs
+`transmission_tracer`           what of it is seen through slabs
 `veiled_bounces`  by flat parts as well
 ================  ========================================
 """

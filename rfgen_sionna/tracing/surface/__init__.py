@@ -5,7 +5,7 @@ module        what
 ============  ============================================================
 `surfaces`    the surfaces of a scene, static and moving
 `smooth`      normals at the corners of a mesh's faces
-`bend`        how faces leave their flat triangles, and pieces of them
+`patch`        how faces leave their flat triangles, and pieces of them
 `fineness`    how small facets have to be
 `tessellate`  faces split into facets
 `placing`     where they are at several times, and which look at the radar

@@ -11,7 +11,7 @@ LEAST_AREA = 1e-9
 """Pieces smaller than this, against the triangle that they are cut from, are dropped."""
 
 
-def cut(
+def clip_triangles(
     corners: FloatArray,
     owner: NDArray[np.intp],
     sides: FloatArray,
@@ -23,7 +23,7 @@ def cut(
 
     Returns triangles and the `owner` of each, those of the triangle that it is cut from.
     """
-    size = areas(corners)
+    size = triangle_areas(corners)
     least = np.zeros(int(owner.max(initial=-1)) + 1)
     np.maximum.at(least, owner, LEAST_AREA * size)
     for number, (side, offset) in enumerate(zip(sides, offsets, strict=True)):
@@ -33,11 +33,11 @@ def cut(
         if spared is not None:
             height[spared[owner] == number] = 1.0
         corners, owner = _halve(corners, owner, height)
-    kept = areas(corners) > least[owner]
+    kept = triangle_areas(corners) > least[owner]
     return corners[kept], owner[kept]
 
 
-def areas(corners: FloatArray) -> FloatArray:
+def triangle_areas(corners: FloatArray) -> FloatArray:
     """(triangle,) [m^2]."""
     edges = corners[:, 1:] - corners[:, :1]
     return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
-from rfgen_sionna.records import PathKind, RadarPaths, knot_weights, through_knots
-from rfgen_sionna.scene.mesh import lengths, middles, widest
-from rfgen_sionna.scene.transfer import joined
-from rfgen_sionna.tracing.surface.bend import QUARTERS, Bend, divided, pieces
-from rfgen_sionna.tracing.surface.placing import Placed, place_facets
+from rfgen_sionna.records import PathKind, RadarPaths, interpolate_knots, knot_weights
+from rfgen_sionna.scene.device_transfer import concatenate_aligned
+from rfgen_sionna.scene.mesh import lengths, max_component, triangle_centroids
+from rfgen_sionna.tracing.surface.facet_positions import PlacedFacets, place_facets
+from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, QuadraticPatch, split_facets, split_values
 from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
@@ -26,7 +26,7 @@ RATE_STEP = 0.5e-3
 """Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
 
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
-_IF_THERE = ("curved", "pull", "aim", "grain", "outward")
+_OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain", "outward")
 
 
 @dataclass(frozen=True)
@@ -48,19 +48,20 @@ class Facets:
     place: IntArray
     """(facet,) number that tells the facets of a face apart, or its grains where it has any, the same for as long as
     they stay the same."""
-    bend: Bend | None = field(default=None, kw_only=True)
+    patch: QuadraticPatch | None = field(default=None, kw_only=True)
     """How the facets are bent; None where all are flat."""
     curved: NDArray[np.bool_] | None = field(default=None, kw_only=True)
     """(facet,) which facets are bent; None where none is."""
-    pull: FloatArray | None = field(default=None, kw_only=True)
+    pattern_gradient: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 3) by how much the antennas' two-way gain rises per metre, relative to that towards the point that a path
     goes by; None where it is the same all over each facet, or taken for it."""
-    aim: FloatArray | None = field(default=None, kw_only=True)
+    gradient_origin: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 3) that point [m]; None: the centroids."""
-    loud: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.surface.aslant.loudness`; None where nobody
+    return_estimate: FloatArray | None = field(default=None, kw_only=True)
+    """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.surface.return_estimates.estimate_returns`;
+    None where nobody
     told."""
-    loudest: FloatArray | None = field(default=None, kw_only=True)
+    return_bound: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) the same of what each may return, bent as it is."""
     turn: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) by how much normals lean from the flat facet's at some corner, as a chord; None where nobody told."""
@@ -70,7 +71,7 @@ class Facets:
 
     outward: NDArray[np.bool_] | None = field(default=None, kw_only=True)
     """(facet,) which of those that look away return what of them does not, bent as they are
-    (:mod:`rfgen_sionna.tracing.shadows.horizon`); None where none does."""
+    (:mod:`rfgen_sionna.tracing.shadows.terminator`); None where none does."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -82,7 +83,7 @@ class Facets:
     @staticmethod
     def taken(every: Sequence[Facets], index: NDArray[np.intp]) -> list[Facets]:
         """:meth:`take` of the same facets at several times: an array that stays the same object from one time to the
-        next does so then. How :attr:`loud` they are is left out."""
+        next does so then. How :attr:`return_estimate` they are is left out."""
         shared: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {}
 
         def some(each: Facets, name: str) -> Any:
@@ -95,22 +96,22 @@ class Facets:
 
         taken = []
         for each in every:
-            columns = {name: some(each, name) for name in ("corners", *_COLUMNS, *_IF_THERE)}
-            found = Facets(bend=None if each.bend is None else each.bend.take(index), **columns)
+            columns = {name: some(each, name) for name in ("corners", *_COLUMNS, *_OPTIONAL_COLUMNS)}
+            found = Facets(patch=None if each.patch is None else each.patch.take(index), **columns)
             if "centroids" in each.__dict__:  # they are known
                 found.__dict__["centroids"] = some(each, "centroids")
             taken.append(found)
         return taken
 
-    def pulled(self, pull: FloatArray | None) -> Facets:
-        """The same facets with this :attr:`pull`, by way of their centroids."""
-        return self._with(pull=pull, aim=None)
+    def with_pattern_gradient(self, pattern_gradient: FloatArray | None) -> Facets:
+        """The same facets with this :attr:`pattern_gradient`, by way of their centroids."""
+        return self._with(pattern_gradient=pattern_gradient, gradient_origin=None)
 
-    def bent(self, bend: Bend) -> Facets:
-        """The same facets with this :attr:`bend`."""
-        return self._with(bend=bend)
+    def bent(self, patch: QuadraticPatch) -> Facets:
+        """The same facets with this :attr:`patch`."""
+        return self._with(patch=patch)
 
-    def round_the_rim(self, outward: NDArray[np.bool_]) -> Facets:
+    def with_outward(self, outward: NDArray[np.bool_]) -> Facets:
         """The same facets, of which these are :attr:`outward`."""
         return self._with(outward=outward)
 
@@ -122,67 +123,81 @@ class Facets:
 
     def finer(self) -> tuple[Facets, NDArray[np.intp]]:
         """The same surface in facets half as wide where it is bent, and in twice as many parts where it is flat; and
-        which facet each of them is of. They are not :meth:`pulled`."""
+        which facet each of them is of. They are not :meth:`with_pattern_gradient`."""
         split = np.zeros(len(self), np.bool_) if self.curved is None else self.curved
-        flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
-        index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
+        flat, with_patches = np.flatnonzero(~split), np.flatnonzero(split)
+        index = np.concatenate([flat, np.repeat(with_patches, len(QUARTERS))])
         count = len(flat)
-        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None, pull=None, aim=None, grain=None).take(
-            index
-        )
+        found = replace(
+            self,
+            corners=np.zeros((len(self), 0, 3)),
+            patch=None,
+            pattern_gradient=None,
+            gradient_origin=None,
+            grain=None,
+        ).take(index)
         corners = np.empty((len(index), 3, 3))
         np.take(self.corners, flat, axis=0, out=corners[:count])
         found.parts[:count] *= 2
-        bend = None
-        if self.bend is not None:
-            own = self.bend.take(bent).divided(QUARTERS)
-            corners[count:] = divided(QUARTERS, np.take(self.corners, bent, axis=0))
-            bend = own if not count else own.after(count)
-        return replace(found, corners=corners, bend=bend), index
+        patch = None
+        if self.patch is not None:
+            own = self.patch.take(with_patches).divided(QUARTERS)
+            corners[count:] = split_values(QUARTERS, np.take(self.corners, with_patches, axis=0))
+            patch = own if not count else own.after(count)
+        return replace(found, corners=corners, patch=patch), index
 
     @staticmethod
     def joined(parts: Sequence[Facets]) -> Facets:
         """One after the other, of the same surfaces."""
         if len(parts) == 1:
             return parts[0]
-        bends = [each.bend for each in parts if each.bend is not None]
+        patches = [each.patch for each in parts if each.patch is not None]
         found = Facets(
-            joined([each.corners for each in parts]),
+            concatenate_aligned([each.corners for each in parts]),
             *(np.concatenate([getattr(each, name) for each in parts]) for name in _COLUMNS),
-            bend=Bend.stack(bends) if bends else None,
-            curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if bends else None,
-            pull=_filled(parts, "pull", lambda each: np.zeros((len(each), 3))),
-            aim=_filled(parts, "aim", lambda each: each.centroids),
-            grain=_filled(parts, "grain", lambda each: _alone(len(each))),
+            patch=QuadraticPatch.stack(patches) if patches else None,
+            curved=np.concatenate([each.curved for each in parts if each.curved is not None]) if patches else None,
+            pattern_gradient=_filled(parts, "pattern_gradient", lambda each: np.zeros((len(each), 3))),
+            gradient_origin=_filled(parts, "gradient_origin", lambda each: each.centroids),
+            grain=_filled(parts, "grain", lambda each: _own_grains(len(each))),
             outward=_filled(parts, "outward", lambda each: np.zeros(len(each), np.bool_)),
         )
         if all("centroids" in each.__dict__ for each in parts):  # they are known
             found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])
         return found
 
-    def at(self, corners: FloatArray, bend: Bend | None) -> Facets:
+    def at(self, corners: FloatArray, patch: QuadraticPatch | None) -> Facets:
         """The same facets at several times, one time's after the other's, with their `corners` (time, facet, 3, 3) [m]
-        and `bend` there."""
+        and `patch` there."""
         index = np.tile(np.arange(len(self)), len(corners))
-        return replace(self.take(index), corners=corners.reshape(-1, 3, 3), bend=bend)
+        return replace(self.take(index), corners=corners.reshape(-1, 3, 3), patch=patch)
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
         """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
         counts out; integrated in so many parts that theirs are as small as the facets' are. Their paths go by the
         facets' points."""
-        corners, bend, width = pieces(self.corners, self.bend, owner, weights)
-        found = replace(self, corners=np.zeros((len(self), 0, 3)), bend=None, grain=None).take(owner)
+        corners, patch, width = split_facets(self.corners, self.patch, owner, weights)
+        found = replace(self, corners=np.zeros((len(self), 0, 3)), patch=None, grain=None).take(owner)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
-        place = _places_within(found.place, weights)
-        aim = None
-        if self.pull is not None:
-            aim = np.take(self.centroids, owner, axis=0) if found.aim is None else found.aim
-        return replace(found, corners=corners, bend=bend, parts=np.maximum(parts, 1), place=place, aim=aim)
+        place = _piece_keys(found.place, weights)
+        gradient_origin = None
+        if self.pattern_gradient is not None:
+            gradient_origin = (
+                np.take(self.centroids, owner, axis=0) if found.gradient_origin is None else found.gradient_origin
+            )
+        return replace(
+            found,
+            corners=corners,
+            patch=patch,
+            parts=np.maximum(parts, 1),
+            place=place,
+            gradient_origin=gradient_origin,
+        )
 
     @cached_property
     def centroids(self) -> FloatArray:
         """(facet, 3) the points that delays go by [m]"""
-        return middles(self.corners)
+        return triangle_centroids(self.corners)
 
     def directions(self, viewpoint: FloatArray, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray:
         """(facet, 3) unit vectors from the viewpoint to the centroids, of the facets that `chosen` counts out."""
@@ -190,7 +205,7 @@ class Facets:
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
 
 
-def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
+def sum_by_surface(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
     """(probe, count) sums over the facets of each surface, of `values` (probe, facet)."""
     return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])
 
@@ -198,14 +213,14 @@ def sums(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
 def curvature(facets: Facets) -> FloatArray:
     """(facet,) about how much facets are curved at most [1/m]: an edge of length L whose middle rises by h is an arc of
     curvature 8 h / L^2."""
-    if facets.bend is None:
+    if facets.patch is None:
         return np.zeros(len(facets))
     edges = facets.corners[:, [1, 2, 0]] - facets.corners[:, [2, 0, 1]]
     square = np.maximum(np.einsum("fei,fei->fe", edges, edges), 1e-18)
-    return widest(8.0 * lengths(facets.bend.rises) / square)
+    return max_component(8.0 * lengths(facets.patch.sagittas) / square)
 
 
-def _alone(count: int) -> FloatArray:
+def _own_grains(count: int) -> FloatArray:
     """:attr:`Facets.grain` of so many facets that scatter each by itself."""
     return np.tile([1.0, 1 / 3, 1 / 3, 1 / 3], (count, 1))
 
@@ -215,32 +230,35 @@ def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], ND
     own = [getattr(each, name) for each in parts]
     if all(each is None for each in own):
         return None
-    return joined([otherwise(part) if each is None else each for part, each in zip(parts, own, strict=True)])
+    return concatenate_aligned(
+        [otherwise(part) if each is None else each for part, each in zip(parts, own, strict=True)]
+    )
 
 
 def stack_facets(
     surfaces: Sequence[Surface],
-    pieces: Sequence[Tessellation],
+    split_facets: Sequence[Tessellation],
     vertices: Sequence[Sequence[FloatArray]],
     viewpoint: FloatArray,
     wavenumber: float,
     parts_of: Sequence[IntArray] | None = None,
     turns: Sequence[FloatArray] | None = None,
 ) -> list[Facets]:
-    """All pieces of all surfaces, in their order, at every time, for the vertices [m] given, left flat: :func:`bent`
+    """All pieces of all surfaces, in their order, at every time, for the vertices [m] given, left flat:
+    :func:`with_patches`
     smooth them. They are integrated in `parts_of` (facet,) each surface; None: as many as they are made for. How loud
     they are is that at a `wavenumber` [rad/m], by the `turns` (face,) of each surface
-    (:meth:`rfgen_sionna.tracing.surface.smooth.Smoothing.turn`); None: as if they were flat."""
+    (:meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn`); None: as if they were flat."""
     curved = any(surface.smooth is not None for surface in surfaces)
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
-    smooth, placed = [np.zeros(0, np.bool_)], list[Placed]()
-    grains = [_alone(len(each.face)) if each.shares is None else each.shares for each in pieces]
-    grain = np.concatenate(grains) if any(each.shares is not None for each in pieces) else None
-    for position, (surface, piece) in enumerate(zip(surfaces, pieces, strict=True)):
+    smooth, placed = [np.zeros(0, np.bool_)], list[PlacedFacets]()
+    grains = [_own_grains(len(each.face)) if each.shares is None else each.shares for each in split_facets]
+    grain = np.concatenate(grains) if any(each.shares is not None for each in split_facets) else None
+    for position, (surface, piece) in enumerate(zip(surfaces, split_facets, strict=True)):
         count = len(piece.face)
         points = [there[position] for there in vertices]
-        bow = turns[position] if turns is not None and surface.smooth is not None else None
-        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, bow))
+        edge_curvature = turns[position] if turns is not None and surface.smooth is not None else None
+        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, edge_curvature))
         smooth.append(np.full(count, surface.smooth is not None))
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
@@ -248,32 +266,32 @@ def stack_facets(
         place.append(piece.places)
         index.append(np.full(count, position, dtype=np.int32))
     numbers, of_faces, positions, in_parts, places = (_stacked(each) for each in (number, face, index, parts, place))
-    bends, found, turned = _stacked(smooth) if curved else None, [], None
+    patches, found, turned = _stacked(smooth) if curved else None, [], None
     if turns is not None:
-        turned = _stacked([np.zeros(0), *(own[each.face] for own, each in zip(turns, pieces, strict=True))])
+        turned = _stacked([np.zeros(0), *(own[each.face] for own, each in zip(turns, split_facets, strict=True))])
     for k in range(len(vertices)):
         facing = [
             each.towards[k] if own.closed else np.ones(len(each.towards[k]), np.bool_)
             for own, each in zip(surfaces, placed, strict=True)
         ]
-        corners, centroids, loud, loudest = (
+        corners, centroids, return_estimate, return_bound = (
             _stacked([np.zeros((0, *shape)), *(getattr(each, name)[k] for each in placed)])
-            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("loud", ()), ("loudest", ()))
+            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("return_estimate", ()), ("return_bound", ()))
         )
         looking = _stacked([np.zeros(0, np.bool_), *facing])
         there = Facets(
             corners, numbers, of_faces, positions, looking, in_parts, places,
-            curved=bends, loud=loud, loudest=loudest, turn=turned, grain=grain,
+            curved=patches, return_estimate=return_estimate, return_bound=return_bound, turn=turned, grain=grain,
         )  # fmt: skip
         there.__dict__["centroids"] = centroids
         found.append(there)
     return found
 
 
-def bent(
+def with_patches(
     facets: Sequence[Facets],
     surfaces: Sequence[Surface],
-    pieces: Sequence[Tessellation],
+    split_facets: Sequence[Tessellation],
     vertices: Sequence[Sequence[FloatArray]],
     chosen: NDArray[np.intp] | None = None,
 ) -> list[Facets]:
@@ -281,13 +299,13 @@ def bent(
     (vertex, 3) [m] then; others than those that `chosen` counts out, ascending, may be left flat."""
     if facets[0].curved is None:
         return list(facets)
-    bends, first = [], 0
-    for surface, piece, points in zip(surfaces, pieces, zip(*vertices, strict=True), strict=True):
+    patches, first = [], 0
+    for surface, piece, points in zip(surfaces, split_facets, zip(*vertices, strict=True), strict=True):
         last = first + len(piece.face)
         mine = None if chosen is None else chosen[slice(*np.searchsorted(chosen, [first, last]))] - first
-        bends.append(piece.bends(points, surface.faces, surface.smooth, mine))
+        patches.append(piece.patches(points, surface.faces, surface.smooth, mine))
         first = last
-    every = [own[0] if len(own) == 1 else Bend.stack(own) for own in zip(*bends, strict=True)]
+    every = [own[0] if len(own) == 1 else QuadraticPatch.stack(own) for own in zip(*patches, strict=True)]
     return [each.bent(own) for each, own in zip(facets, every, strict=True)]
 
 
@@ -298,20 +316,21 @@ def _stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 def over_time(
     knots: FloatArray,
-    instants: FloatArray,
+    sample_times: FloatArray,
     gains: ComplexArray,
     delays: Callable[[float], FloatArray],
     rates: Callable[[float], FloatArray] | None = None,
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Gain coefficients (order, tx, rx, facet, time), delays and their rates (tx, rx, facet, time) at the knots.
 
-    `gains` (order, tx, rx, facet, instant) are those at the `instants` [s], `delays` gives them (tx, rx, facet) at a
+    `gains` (order, tx, rx, facet, instant) are those at the `sample_times` [s], `delays` gives them (tx, rx, facet) at
+    a
     time; it is called for every knot. `rates` gives those of a single knot, if they are known: else delays just before
     and after it tell.
     """
     coefficients = gains
-    if len(knots) > len(instants):
-        coefficients = through_knots(knot_weights(instants, knots), coefficients)
+    if len(knots) > len(sample_times):
+        coefficients = interpolate_knots(knot_weights(sample_times, knots), coefficients)
     tau = np.stack([delays(float(t)) for t in knots], axis=-1)
     if len(knots) > 1:
         return coefficients, tau, tau @ knot_weights(knots, knots, 1).T
@@ -364,15 +383,15 @@ def facet_paths(
     )
 
 
-def _places_within(place: IntArray, weights: FloatArray) -> IntArray:
+def _piece_keys(place: IntArray, weights: FloatArray) -> IntArray:
     """(piece,) numbers by which pieces of facets of the numbers `place` (piece,) draw phases of their own, with corners
     at barycentric coordinates `weights` (piece, 3, 3): mixed, as sums of a few would fall together."""
     middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.uint64)
     z = place.astype(np.uint32).astype(np.uint64) << np.uint64(32) | middle[:, 0] << np.uint64(16) | middle[:, 1]
-    return np.asarray((mixed(z) >> np.uint64(32)).astype(np.uint32).view(np.int32))
+    return np.asarray((mix_bits(z) >> np.uint64(32)).astype(np.uint32).view(np.int32))
 
 
-def mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Numbers of which every bit depends on all bits of each `key`: the finaliser of SplitMix64 (G. L. Steele, D. Lea
     and C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014)."""
     with np.errstate(over="ignore"):

@@ -13,12 +13,12 @@ from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.scene.mesh import columns
-from rfgen_sionna.tracing.surface.smooth import Smoothing, smoothing
+from rfgen_sionna.scene.mesh import corner_columns
+from rfgen_sionna.tracing.surface.smoothing import Smoothing, find_smoothing
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene
-    from rfgen_sionna.tracing.relative import Seen
+    from rfgen_sionna.tracing.relative import RelativeObject
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Surfaces:
     part_names: tuple[str, ...]
 
 
-def lots(surfaces: Sequence[Surface]) -> IntArray:
+def tolerance_groups(surfaces: Sequence[Surface]) -> IntArray:
     """(surface,) what shares one tolerance: each actor by itself, and all that stays in the world, which is many
     surfaces to a radar that moves; each lot has the number of its first."""
     still = np.array([each.still for each in surfaces], np.bool_)
@@ -71,20 +71,20 @@ def is_closed(faces: IntArray) -> bool:
     return bool(np.array_equal(forward, np.sort(end * size + start)) and len(np.unique(forward)) == len(forward))
 
 
-def look_outward(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
+def outward_faces(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
     """(face,) which faces of a closed mesh, of vertices (vertex, 3) [m], are of connected parts of positive volume."""
     links = coo_array(
         (np.ones(2 * len(faces), np.int8), (np.tile(faces[:, 0], 2), faces[:, 1:].T.ravel())),
         shape=(len(vertices), len(vertices)),
     )
     count, part = connected_components(links, directed=False)
-    a, b, c = np.moveaxis(columns(vertices - vertices.mean(axis=0), faces), 1, 0)
+    a, b, c = np.moveaxis(corner_columns(vertices - vertices.mean(axis=0), faces), 1, 0)
     volume = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3))
     own = part[faces[:, 0]]
     return np.asarray((np.bincount(own, volume, count) > 0)[own])
 
 
-def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Seen]) -> Surfaces:
+def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | RelativeObject]) -> Surfaces:
     """Number the objects and parts of a scene and its actors."""
     part_names: dict[str, int] = {}
 
@@ -109,7 +109,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Seen
                 # A room may look inwards or outwards: rays alone decide which of its faces are seen.
                 closed=False,
                 outward=np.zeros(len(thing.faces), np.bool_),
-                smooth=smoothing(np.asarray(thing.vertices, dtype=np.float64), thing.faces),
+                smooth=find_smoothing(np.asarray(thing.vertices, dtype=np.float64), thing.faces),
                 still=True,
             )
         )
@@ -129,8 +129,8 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Seen
                 parts=labels[actor.face_parts],
                 first_facet=facets,
                 closed=closed,
-                outward=look_outward(points, actor.faces) if closed else np.zeros(len(actor.faces), np.bool_),
-                smooth=smoothing(points, actor.faces),
+                outward=outward_faces(points, actor.faces) if closed else np.zeros(len(actor.faces), np.bool_),
+                smooth=find_smoothing(points, actor.faces),
                 still=still,
             )
         )

@@ -1,4 +1,4 @@
-"""Splitting faces into facets that are as fine as :mod:`rfgen_sionna.tracing.surface.fineness` asks for."""
+"""Splitting faces into facets that are as fine as :mod:`rfgen_sionna.tracing.surface.resolution` asks for."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.arrays import Frozen, drjit_types
-from rfgen_sionna.scene.mesh import corners_of, lengths, middles, widest
-from rfgen_sionna.scene.transfer import joined, upload
-from rfgen_sionna.tracing.surface.bend import Bend
-from rfgen_sionna.tracing.surface.fineness import MAX_PARTS, SmoothPieces, demand
-from rfgen_sionna.tracing.surface.smooth import Smoothing
+from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.mesh import face_corners, lengths, max_component, triangle_centroids
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
+from rfgen_sionna.tracing.surface.resolution import MAX_PARTS, SmoothPieces, required_splits
+from rfgen_sionna.tracing.surface.smoothing import Smoothing
 
-_ALIKE = 1e-9
+_EQUAL = 1e-9
 """Edges whose lengths differ by less, relative to them, are as long as each other: which is halved is not rounding's to
 tell."""
 _MAX_SPLITS = 64
@@ -37,7 +37,7 @@ class Tessellation:
     """(facet,) number of parts that the integral divides each edge into."""
     flat_parts: IntArray | None = None
     """(facet,) those that would do if it were flat; None: `parts`."""
-    bent_parts: FloatArray | None = None
+    curved_parts: FloatArray | None = None
     """(facet,) those that the surface's height over it asks for where it is seen straight on, not rounded."""
     grains: FloatArray | None = None
     """(facet, 3, 3) corners, likewise, of the grain that each facet is of: what scatters as one, however finely it is
@@ -46,9 +46,9 @@ class Tessellation:
     def parts_seen(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
         """(facet,) `parts` that will do for what is seen from the viewpoint in each of the `poses`, (vertex, 3) [m]:
         aslant, a surface's height makes less of a difference to the path."""
-        if self.flat_parts is None or self.bent_parts is None or not self.bent_parts.any():
+        if self.flat_parts is None or self.curved_parts is None or not self.curved_parts.any():
             return self.parts
-        found = np.ceil(self.bent_parts * _straightness(poses, faces, viewpoint)[self.face])
+        found = np.ceil(self.curved_parts * _straightness(poses, faces, viewpoint)[self.face])
         return np.maximum(self.flat_parts, found.astype(np.int32))
 
     @cached_property
@@ -76,7 +76,7 @@ class Tessellation:
     @cached_property
     def _middles(self) -> FloatArray:
         """(facet, 3) barycentric coordinates of the facets' middles."""
-        return middles(self.weights)
+        return triangle_centroids(self.weights)
 
     def are_the_faces(self, count: int) -> bool:
         """Whether facets and the `count` faces are the same, one by one."""
@@ -90,39 +90,39 @@ class Tessellation:
         """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions; those of the facets that `chosen`
         counts out."""
         if chosen is not None:
-            return np.asarray(self.weights[chosen] @ corners_of(vertices, faces[self.face[chosen]]), dtype=np.float64)
-        corners = corners_of(vertices, faces if self.are_the_faces(len(faces)) else faces[self.face])
+            return np.asarray(self.weights[chosen] @ face_corners(vertices, faces[self.face[chosen]]), dtype=np.float64)
+        corners = face_corners(vertices, faces if self.are_the_faces(len(faces)) else faces[self.face])
         pieces = self.pieces  # few, where a mesh is fine
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
 
-    def bends(
+    def patches(
         self,
         vertices: Sequence[FloatArray],
         faces: IntArray,
         smooth: Smoothing | None,
         chosen: NDArray[np.intp] | None = None,
-    ) -> list[Bend]:
+    ) -> list[QuadraticPatch]:
         """How the facets are bent at several times, for the mesh's (vertex, 3) positions [m] then; others than those
         that `chosen` counts out may be left flat."""
         count, pieces = len(self.face), self.pieces
         if smooth is None or not count:
-            return [Bend(np.zeros((count, 3, 3))) for _ in vertices]
+            return [QuadraticPatch(np.zeros((count, 3, 3))) for _ in vertices]
         whole = self.are_the_faces(len(faces))
-        shown = chosen
+        any_visible = chosen
         if not whole and chosen is not None:
             there = np.zeros(len(faces), np.bool_)
             there[self.face[chosen]] = True
-            shown = np.flatnonzero(there)
-        found = smooth.bends(vertices, faces, shown)
+            any_visible = np.flatnonzero(there)
+        found = smooth.patches(vertices, faces, any_visible)
         if not whole:
-            found = [bend.take(self.face) for bend in found]
+            found = [patch.take(self.face) for patch in found]
         if len(pieces):
             weights = self.weights[pieces]
-            for number, bend in enumerate(found):
-                own, lifts = bend.take(pieces).within(weights), np.zeros((count, 3, 3))
-                bend.rises[pieces], lifts[pieces] = own.rises, own.lifts
-                found[number] = Bend(bend.rises, lifts)
+            for number, patch in enumerate(found):
+                own, corner_offsets = patch.take(pieces).within(weights), np.zeros((count, 3, 3))
+                patch.sagittas[pieces], corner_offsets[pieces] = own.sagittas, own.corner_offsets
+                found[number] = QuadraticPatch(patch.sagittas, corner_offsets)
         return found
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
@@ -140,7 +140,7 @@ def _straightness(poses: Sequence[FloatArray], faces: IntArray, viewpoint: Float
     given = {
         "lanes": dr.arange(types.UInt32, len(faces)),
         "faces": upload(types.UInt32, faces),
-        "vertices": upload(types.Float64, joined(poses)),
+        "vertices": upload(types.Float64, concatenate_aligned(poses)),
         "points": dr.opaque(types.UInt32, len(poses[0])),
         "poses": dr.opaque(types.UInt32, len(poses)),
         "viewpoint": upload(types.Float64, viewpoint),
@@ -157,7 +157,7 @@ def _straighten(given: dict[str, Any]) -> None:
     ends = [dr.gather(UInt32, given["faces"], 3 * lane + k) for k in range(3)]
     eye = Array3(*(dr.gather(Float, given["viewpoint"], UInt32(axis)) for axis in range(3)))
 
-    def seen(pose: Any, most: Any) -> tuple[Any, Any]:
+    def visible(pose: Any, most: Any) -> tuple[Any, Any]:
         first = [3 * (pose * given["points"] + each) for each in ends]
         a, b, c = (Array3(*(dr.gather(Float, given["vertices"], k + axis) for axis in range(3))) for k in first)
         cross = dr.cross(b - a, c - a)
@@ -166,15 +166,15 @@ def _straighten(given: dict[str, Any]) -> None:
         return pose + 1, dr.maximum(most, abs(dr.dot(cross, offset)) / dr.maximum(size, 1e-300))
 
     begun = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane))
-    most = dr.while_loop(begun, lambda pose, _: pose < given["poses"], seen)[1]
+    most = dr.while_loop(begun, lambda pose, _: pose < given["poses"], visible)[1]
     dr.scatter(given["found"], dr.sqrt(dr.minimum(most, 1.0)), lane, mode=dr.ReduceMode.Permute)
     dr.eval(given["found"])
 
 
-_STRAIGHTNESS = Frozen(_straighten)
+_STRAIGHTNESS = FrozenKernel(_straighten)
 
 
-NOTHING = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))
+NO_FACETS = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))
 """No facets of a surface."""
 
 
@@ -184,7 +184,7 @@ def tessellate(
     viewpoint: FloatArray,
     frequency: float,
     rtol: float,
-    importance: Callable[[FloatArray], FloatArray] | None = None,
+    pattern_gain: Callable[[FloatArray], FloatArray] | None = None,
     max_range: float = np.inf,
     half_band: float = 0.0,
     limit: int = 5_000_000,
@@ -233,11 +233,11 @@ def tessellate(
         If the tolerance would take more than `limit` facets.
     """
     face = np.arange(len(faces), dtype=np.int32)
-    height, rises = np.zeros(len(faces)), None
+    height, sagittas = np.zeros(len(faces)), None
     if smooth is not None:
         # In the middle of a face 4/9 of what its edges rise.
-        rises = smooth.bend(vertices, faces).rises
-        height = lengths(rises).sum(axis=1) * (4 / 9)
+        sagittas = smooth.patch(vertices, faces).sagittas
+        height = lengths(sagittas).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     grains = np.full(weights.shape, np.nan)
     done_grains: list[FloatArray] = []
@@ -249,25 +249,29 @@ def tessellate(
     for times in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
         if np.isfinite(max_range):
-            centre = middles(corners)
-            radius = widest(lengths(corners - centre[:, None]))
+            centre = triangle_centroids(corners)
+            radius = max_component(lengths(corners - centre[:, None]))
             near = lengths(centre - viewpoint) - radius < max_range
             if not near.all():
                 face, weights, grains, corners = face[near], weights[near], grains[near], corners[near]
         # It goes with the square of a piece's edges, as its area does.
-        bend = None
-        if rises is not None:
-            bend = SmoothPieces(height[face] * 0.5**times, weights, rises[face])
-        coarse, parts, high = demand(corners, viewpoint, frequency, rtol, importance, half_band, bend, still)
+        patch = None
+        if sagittas is not None:
+            patch = SmoothPieces(height[face] * 0.5**times, weights, sagittas[face])
+        coarse, parts, high = required_splits(
+            corners, viewpoint, frequency, rtol, pattern_gain, half_band, patch, still
+        )
         for mirrored, tolerance in images:
-            seen = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
-            shown = None if bend is None else replace(bend, rises=None)
-            more = demand(seen, viewpoint, frequency, tolerance, importance, half_band, shown, still)
+            visible = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
+            any_visible = None if patch is None else replace(patch, sagittas=None)
+            more = required_splits(
+                visible, viewpoint, frequency, tolerance, pattern_gain, half_band, any_visible, still
+            )
             coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         sides = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]])  # opposite corner
         # Of edges alike one, and those as long as a grain, whatever rounding says: the same from any side.
         if grain is not None:
-            fresh = np.isnan(grains[:, 0, 0]) & (widest(sides) <= (1.0 + _ALIKE) * grain)
+            fresh = np.isnan(grains[:, 0, 0]) & (max_component(sides) <= (1.0 + _EQUAL) * grain)
             grains[fresh] = weights[fresh]
             coarse |= np.isnan(grains[:, 0, 0])
         done_face.append(face[~coarse])
@@ -284,7 +288,7 @@ def tessellate(
                 f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
                 "near surfaces that the radar does not need to see"
             )
-        longest = sides >= (1.0 - _ALIKE) * widest(sides)[:, None]
+        longest = sides >= (1.0 - _EQUAL) * max_component(sides)[:, None]
         edge = longest.argmax(axis=1) if grain is not None else 2 - longest[:, ::-1].argmax(axis=1)
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]

@@ -30,7 +30,7 @@ class Cut(NamedTuple):
     """(piece,) the tube it is of."""
     off: NDArray[np.float64]
     """(tube,) by how much rims may be off the cut, relative to the tube's width; 1 where it isn't clear."""
-    rims: Rims
+    terminator: Rims
     """Where one thing is before another."""
     rim_of: Index
     """(rim,) the tube that each is in."""
@@ -54,20 +54,20 @@ def cut(hits: Hits, corners: lattice.Nodes, sign: NDArray[np.int64], halvings: N
     kept = plain[sign[plain, 6] != 0]
     pieces, signs, tubes = [with_middles(corners[kept])], [sign[kept, 6]], [kept]
     tube = np.flatnonzero(alone >= 0)
-    rims, rim_of = _between_three(hits, corners, ends, halvings)
+    terminator, rim_of = _between_three(hits, corners, ends, halvings)
     if len(tube):
         own_corner, halvings = alone[tube], halvings[tube]
         a, b, c = (corners[tube, (own_corner + step) % 3] for step in range(3))
         own, others = sign[tube, own_corner], sign[tube, (own_corner + 1) % 3]
-        near_b, far_b = _rim(hits, a, b, own, halvings)
-        near_c, far_c = _rim(hits, a, c, own, halvings)
+        near_b, far_b = _terminator_error(hits, a, b, own, halvings)
+        near_c, far_c = _terminator_error(hits, a, c, own, halvings)
         # Half way along the cut: how far off is the rim there, on the way from the lone corner?
         foot = lattice.middle(near_b, near_c)
-        near, far = _rim(hits, a, _beyond(a, foot, 2.0), own, halvings)
+        near, far = _terminator_error(hits, a, _beyond(a, foot, 2.0), own, halvings)
         width = np.maximum(np.maximum(_span(b, c), np.maximum(_span(a, b), _span(a, c))), 1)
-        bow = _span(near, foot) / width
+        edge_curvature = _span(near, foot) / width
         # A straight edge of a mesh is one but for the last halving.
-        straight = bow < 2.0 ** (2.0 - halvings)
+        straight = edge_curvature < 2.0 ** (2.0 - halvings)
         near, far = (np.where(straight[:, None], lattice.middle(*pair), bent)
                      for pair, bent in (((near_b, near_c), near), ((far_b, far_c), far)))  # fmt: skip
         # Plane pieces end between the last ray that hits and the first one that doesn't; round ones at the former, as
@@ -88,17 +88,19 @@ def cut(hits: Hits, corners: lattice.Nodes, sign: NDArray[np.int64], halvings: N
                 for p, q, m in ((near_b, near_c, near), (far_b, far_c, far))
             ]
             more, line = Rims.between(hits, a[lane], *lines)
-            rims, rim_of = Rims.joined([rims, more]), np.concatenate([rim_of, tube[lane[line]]])
+            terminator, rim_of = Rims.joined([terminator, more]), np.concatenate([rim_of, tube[lane[line]]])
         # What the other rays hit must be one of both.
         seven = sign[tube]
         known = ((seven == own[:, None]) | (seven == others[:, None])).all(axis=1)
         clear[tube] = known
         for each in (far_b, far_c):
             clear[tube] &= hits.sign[hits.rows(each)] == others
-        off[tube] = np.where(known, np.minimum(2.0**-halvings + np.where(straight, 0.0, 2.0 * bow**2), 1.0), 1.0)
+        off[tube] = np.where(
+            known, np.minimum(2.0**-halvings + np.where(straight, 0.0, 2.0 * edge_curvature**2), 1.0), 1.0
+        )
     piece, found, tube_of = np.concatenate(pieces), np.concatenate(signs), np.concatenate(tubes)
     kept = np.flatnonzero(found != 0)
-    return Cut(piece[kept], found[kept], tube_of[kept], off, rims, rim_of, clear)
+    return Cut(piece[kept], found[kept], tube_of[kept], off, terminator, rim_of, clear)
 
 
 def _between_three(
@@ -110,10 +112,10 @@ def _between_three(
     leg = hits.leg[hits.rows(corners[tube].reshape(-1, 3))].reshape(-1, 3)
     own = np.argmin(np.where(ends[tube] != 0, leg, np.inf), axis=1)
     a, b, c = (corners[tube, (own + step) % 3] for step in range(3))
-    sides = [_rim(hits, a, each, ends[tube, own], halvings[tube]) for each in (b, c)]
+    sides = [_terminator_error(hits, a, each, ends[tube, own], halvings[tube]) for each in (b, c)]
     near, far = (np.stack([side[which] for side in sides], axis=1) for which in (0, 1))
-    rims, line = Rims.between(hits, a, near, far)
-    return rims, tube[line]
+    terminator, line = Rims.between(hits, a, near, far)
+    return terminator, tube[line]
 
 
 def _ended(
@@ -121,7 +123,7 @@ def _ended(
 ) -> list[lattice.Nodes]:
     """Where pieces end whose rays hit what those through `inside` do, at the `last` of them and not `beyond`."""
     rows = hits.rows(inside)
-    plane = (hits.bend[rows] == 0).all(axis=(1, 2))[:, None]
+    plane = (hits.patch[rows] == 0).all(axis=(1, 2))[:, None]
     return [np.where(plane, lattice.middle(*pair), pair[0]) for pair in zip(last, beyond, strict=True)]
 
 
@@ -131,7 +133,7 @@ def with_middles(corners: lattice.Nodes) -> lattice.Nodes:
     return np.stack([a, b, c, lattice.middle(b, c), lattice.middle(c, a), lattice.middle(a, b)], axis=1)
 
 
-def _rim(
+def _terminator_error(
     hits: Hits, start: lattice.Nodes, end: lattice.Nodes, own: NDArray[np.int64], halvings: NDArray[np.int64]
 ) -> tuple[lattice.Nodes, lattice.Nodes]:
     """Nodes to both sides of the place between `start`, where rays hit `own`, and `end` where that changes."""

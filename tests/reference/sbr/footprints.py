@@ -20,17 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.arrays import drjit_types, exact_division
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import drjit_types, exact_division
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.scene.transfer import upload
-from rfgen_sionna.tracing.curved.media import bases, reflected
-from rfgen_sionna.tracing.curved.passage import Arrival, Mirror
+from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, CurvedMirror
+from rfgen_sionna.tracing.curved.media import polarisation_bases, reflected
 from rfgen_sionna.tracing.integral.quadratic import lattice_triangle
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.simplex import moments
 from tests.reference.sbr.hits import Hits
 from tests.reference.sbr.media import SlabOptics
-from tests.reference.sbr.passage import Slab, SlabRoute, arrive, polarised
+from tests.reference.sbr.passage import Slab, SlabRoute, arriving_wave, polarised_field
 
 SAG = 0.03
 """Phase [rad] by which a part of a footprint may be bent: first order of it is kept."""
@@ -85,7 +85,7 @@ class Integrals:
 def landed(hits: Hits, rows: NDArray[np.intp]) -> Landed:
     """Footprints whose nodes are `rows` (footprint, 6) of `hits`."""
     lane = rows.reshape(-1)
-    mirrors: list[Mirror] = []
+    mirrors: list[CurvedMirror] = []
     legs: list[list[Slab]] = [[]]
     row, own, chain = lane, hits, []
     while own.before is not None:
@@ -96,7 +96,7 @@ def landed(hits: Hits, rows: NDArray[np.intp]) -> Landed:
         if through:
             legs[-1].append(Slab(each.normal[at], each.surface[at]))
         else:
-            mirrors.append(Mirror(each.point[at], each.normal[at], each.bend[at], each.surface[at]))
+            mirrors.append(CurvedMirror(each.point[at], each.normal[at], each.patch[at], each.surface[at]))
             legs.append([])
     start = own.ray[row] @ own.setting.rotation
     point = hits.point[lane]
@@ -114,13 +114,13 @@ def landed(hits: Hits, rows: NDArray[np.intp]) -> Landed:
     angle = np.abs(np.einsum("li,li->l", place, np.cross(slopes[:, 0], slopes[:, 1]))) / lengths(place) ** 3
     cos = np.abs(np.einsum("li,li->l", hits.ray[lane], hits.normal[lane]))
     by_angle = angle * hits.length[lane] ** 2 / np.maximum(cos, _GRAZING)
-    share = np.where((hits.bend[lane] == 0).all(axis=(1, 2)), 1.0, np.clip(5.0 * cos - 1.0, 0.0, 1.0))
+    share = np.where((hits.patch[lane] == 0).all(axis=(1, 2)), 1.0, np.clip(5.0 * cos - 1.0, 0.0, 1.0))
     # Tubes stay within a face of the octahedron, strips beside rims need not.
     sides = place.reshape(-1, 6, 3)
     folded = ((sides.min(axis=1) < -_EDGE) & (sides.max(axis=1) > _EDGE)).any(axis=1)
     share[np.repeat(folded, 6)] = 0.0
     for mirror in mirrors:
-        share = np.where((mirror.bend == 0).all(axis=(1, 2)), share, 0.0)
+        share = np.where((mirror.patch == 0).all(axis=(1, 2)), share, 0.0)
     area = share * by_angle + (1.0 - share) * area
     return Landed(
         SlabRoute(tuple(mirrors), point, tuple(tuple(each) for each in legs)),
@@ -164,21 +164,23 @@ def integrate(
     count = len(found)
     direct = not found.route.mirrors
     elements = [*tx, *rx]
-    by_tube = [arrive(each, found.route, optics) for each in elements]
-    straight = by_tube if direct else [arrive(each, found.back, optics) for each in elements]
+    by_tube = [arriving_wave(each, found.route, optics) for each in elements]
+    straight = by_tube if direct else [arriving_wave(each, found.back, optics) for each in elements]
     first, last = slice(0, len(tx)), slice(len(tx), None)
     gains: list[list[ComplexArray]] = [[], []]
     there, back = _lengths(by_tube[first], straight[last], count), _lengths(straight[first], by_tube[last], count)
     for frequency in frequencies:
         field_of = [fields[0]] * len(tx) + [fields[1]] * len(rx)
-        waves = [polarised(f, each, found.route, optics, frequency) for f, each in zip(field_of, by_tube, strict=True)]
-        looks = waves
+        waves = [
+            polarised_field(f, each, found.route, optics, frequency) for f, each in zip(field_of, by_tube, strict=True)
+        ]
+        occluders = waves
         if not direct:
-            looks = [polarised(f, each, found.back, optics, frequency)
+            occluders = [polarised_field(f, each, found.back, optics, frequency)
                      for f, each in zip(field_of, straight, strict=True)]  # fmt: skip
         made = [_wave(found, optics, *each, frequency) for each in zip(waves, by_tube, strict=True)]
-        seen = [_look(found, *each) for each in zip(looks, straight, strict=True)]
-        strength = [_strengths(made[first], seen[last]), _strengths(made[last], seen[first]).swapaxes(0, 1)]
+        visible = [_visibility(found, *each) for each in zip(occluders, straight, strict=True)]
+        strength = [_strengths(made[first], visible[last]), _strengths(made[last], visible[first]).swapaxes(0, 1)]
         k = 2 * np.pi * frequency / SPEED_OF_LIGHT
         if direct:
             strength = [0.5 * (strength[0] + strength[1])]
@@ -192,7 +194,7 @@ def integrate(
     return results[0], None if direct else results[1]
 
 
-def _lengths(one: Sequence[Arrival], other: Sequence[Arrival], count: int) -> FloatArray:
+def _lengths(one: Sequence[ArrivingWave], other: Sequence[ArrivingWave], count: int) -> FloatArray:
     """(tx, rx, footprint, 6) [m]"""
     tx, rx = (np.stack([each.length for each in part]).reshape(len(part), count, 6) for part in (one, other))
     return np.asarray(tx[:, None] + rx)
@@ -203,15 +205,15 @@ def _middle(values: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(4 / 9 * values[..., 3:].sum(axis=-1) - values[..., :3].sum(axis=-1) / 9)
 
 
-def _wave(found: Landed, optics: SlabOptics, field: ComplexArray, arrival: Arrival, frequency: float) -> _Wave:
-    cos, _, _ = bases(arrival.ray, found.normal)
+def _wave(found: Landed, optics: SlabOptics, field: ComplexArray, arrival: ArrivingWave, frequency: float) -> _Wave:
+    cos, _, _ = polarisation_bases(arrival.ray, found.normal)
     pair = optics.reflection(found.surface, cos, frequency)
     after, ray = reflected(field, arrival.ray, found.normal, *pair)
     magnetic = np.cross(arrival.ray, field) + np.cross(ray, after)
     return _Wave(field + after, magnetic, -np.einsum("li,li->l", arrival.ray, found.normal))
 
 
-def _look(found: Landed, field: ComplexArray, arrival: Arrival) -> _Look:
+def _visibility(found: Landed, field: ComplexArray, arrival: ArrivingWave) -> _Look:
     away = -arrival.ray
     return _Look(
         np.cross(found.normal, np.cross(field, away)),
@@ -220,14 +222,14 @@ def _look(found: Landed, field: ComplexArray, arrival: Arrival) -> _Look:
     )
 
 
-def _strengths(waves: Sequence[_Wave], looks: Sequence[_Look]) -> ComplexArray:
+def _strengths(waves: Sequence[_Wave], occluders: Sequence[_Look]) -> ComplexArray:
     """(wave, look, lane) F"""
-    found = np.empty((len(waves), len(looks), len(waves[0].towards)), np.complex128)
+    found = np.empty((len(waves), len(occluders), len(waves[0].towards)), np.complex128)
     for i, wave in enumerate(waves):
-        for j, look in enumerate(looks):
-            value = np.einsum("li,li->l", wave.electric, look.of_electric)
-            value += np.einsum("li,li->l", wave.magnetic, look.of_magnetic)
-            found[i, j] = np.where((wave.towards > 0) & (look.facing > 0), 0.5 * value, 0.0)
+        for j, sampler in enumerate(occluders):
+            value = np.einsum("li,li->l", wave.electric, sampler.of_electric)
+            value += np.einsum("li,li->l", wave.magnetic, sampler.of_magnetic)
+            found[i, j] = np.where((wave.towards > 0) & (sampler.facing > 0), 0.5 * value, 0.0)
     return found
 
 
@@ -237,8 +239,10 @@ def _mean(k: float, ways: FloatArray, strength: ComplexArray) -> ComplexArray:
     shape = ways.shape[:-1]
     phase = (k * (ways - _middle(ways)[..., None])).reshape(-1, 6)
     strength = strength.reshape(-1, 6)
-    sags = np.stack([0.5 * (phase[:, i] + phase[:, j]) - phase[:, 3 + m] for m, (i, j) in enumerate(ENDS)])
-    parts = np.clip(np.ceil(np.sqrt(np.abs(sags).max(axis=0, initial=0.0) / SAG)), 1, MOST_PARTS).astype(np.uint32)
+    length_sagittas = np.stack([0.5 * (phase[:, i] + phase[:, j]) - phase[:, 3 + m] for m, (i, j) in enumerate(ENDS)])
+    parts = np.clip(np.ceil(np.sqrt(np.abs(length_sagittas).max(axis=0, initial=0.0) / SAG)), 1, MOST_PARTS).astype(
+        np.uint32
+    )
     out = np.zeros(len(phase), np.complex128)
     order = np.argsort(parts, kind="stable")  # alike ones side by side
     order = order[np.abs(strength[order]).max(axis=1, initial=0.0) > 0]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.curved.media import mirrored
+from rfgen_sionna.tracing.curved.media import reflected_direction
 from tests.reference.sbr import lattice
 from tests.reference.sbr.hits import Hits
 from tests.reference.sbr.skin import RaySkin
@@ -79,7 +79,7 @@ class Marks:
         rows = np.where(there, corner, one).reshape(-1)
         ray, point = before.ray[rows], before.point[rows]
         if not hits.through:
-            ray = mirrored(ray, before.normal[rows])
+            ray = reflected_direction(ray, before.normal[rows])
         ray, point = ray.reshape(-1, 3, 3), point.reshape(-1, 3, 3)
         start, axis = point.mean(axis=1), ray.mean(axis=1)
         axis /= np.maximum(lengths(axis), 1e-9)[:, None]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
-from rfgen_sionna.tracing.curved.media import bases, mirrored
-from rfgen_sionna.tracing.veils.veils import MOST_SLABS
+from rfgen_sionna.tracing.curved.media import polarisation_bases, reflected_direction
+from rfgen_sionna.tracing.transmission.transmission import MAX_SLABS
 from tests.reference.sbr import lattice
 from tests.reference.sbr.media import SlabOptics
 from tests.reference.sbr.skin import RaySkin
@@ -27,8 +27,8 @@ _STRETCH = 4.0
 """Surfaces are extended to at most this many times the distance: at grazing incidence a tangent plane runs away."""
 NOTHING = -1
 _COLUMNS = (
-    "parent", "point", "flat", "normal", "ray", "bend", "weights", "leg", "length", "power", "facet", "surface",
-    "chain", "sign", "lit", "out", "out_normal",
+    "parent", "point", "flat", "normal", "ray", "patch", "weights", "leg", "length", "power", "facet", "surface",
+    "chain", "sign", "unoccluded", "out", "out_normal",
 )  # fmt: skip
 Index = NDArray[np.intp]
 
@@ -79,16 +79,16 @@ class Hits:
         """(row,) row of the hit before."""
         self.point, self.flat, self.normal, self.ray = (np.zeros((0, 3)) for _ in range(4))
         """(row, 3) place on the smooth surface and on the mesh [m], normal towards the ray, and the ray's direction."""
-        self.bend = np.zeros((0, 3, 3))
+        self.patch = np.zeros((0, 3, 3))
         self.weights = np.zeros((0, 3))
         self.leg, self.length, self.power = (np.zeros(0) for _ in range(3))
         """(row,) from the hit before, and from the source [m]; share of the power that surfaces have left."""
         self.facet, self.surface = np.zeros(0, np.int64), np.zeros(0, np.int32)
         self.chain, self.sign = np.zeros(0, np.int64), np.zeros(0, np.int64)
         """(row,) what was hit all the way; and with how the radar sees it. 0 is nothing."""
-        self.lit = np.zeros(0, np.bool_)
+        self.unoccluded = np.zeros(0, np.bool_)
         """(row,) whether the source sees the point directly."""
-        self.out, self.out_normal = np.zeros((0, MOST_SLABS), np.int32), np.zeros((0, MOST_SLABS, 3))
+        self.out, self.out_normal = np.zeros((0, MAX_SLABS), np.int32), np.zeros((0, MAX_SLABS, 3))
         """(row, slab) slabs between the point and the source, and their normals."""
 
     @property
@@ -129,45 +129,45 @@ class Hits:
             left, length, chain = before.facet[parent], before.length[parent], before.chain[parent]
             power = self._left(parent)
             if not self.through:
-                ray = mirrored(ray, before.normal[parent])
+                ray = reflected_direction(ray, before.normal[parent])
             alive = np.flatnonzero((chain != 0) & (power > setting.least))
         found = _Found(count)
         if len(alive):
             self._first(alive, start[alive], ray[alive], left[alive], found)
         there = np.flatnonzero(found.facet >= 0)
         met = setting.skin.meet(start[there], ray[there], found.facet[there], found.weights[there])
-        point, normal, bend, weights = (
+        point, normal, patch, weights = (
             np.zeros((count, 3)),
             np.zeros((count, 3)),
             np.zeros((count, 3, 3)),
             found.weights,
         )
-        point[there], normal[there], bend[there], weights[there] = met.point, met.normal, met.bend, met.weights
+        point[there], normal[there], patch[there], weights[there] = met.point, met.normal, met.patch, met.weights
         leg = lengths(point - start)
         length = length + leg
         facet = np.where((found.facet >= 0) & (length < setting.longest), found.facet, NOTHING)
         sheet = np.where(facet >= 0, setting.skin.sheet[facet] + 1, 0).astype(np.int64)
         chain = np.where(facet >= 0, chain * 1_000_003 + sheet * 2 + self.through, 0)
-        lit = facet >= 0
-        out, out_normal = np.full((count, MOST_SLABS), NOTHING, np.int32), np.zeros((count, MOST_SLABS, 3))
+        unoccluded = facet >= 0
+        out, out_normal = np.full((count, MAX_SLABS), NOTHING, np.int32), np.zeros((count, MAX_SLABS, 3))
         if self.before is not None:
             if self.reflections:
-                lit &= np.einsum("ri,ri->r", setting.source - point, normal) > 0
-                self._look(lit, found.flat, facet, out, out_normal)
+                unoccluded &= np.einsum("ri,ri->r", setting.source - point, normal) > 0
+                self._visibility(unoccluded, found.flat, facet, out, out_normal)
             else:  # straight: what was gone through on the way there
                 for depth, hits in enumerate(self.before.ancestors):
                     row = _up(self.before, parent, len(self.before.ancestors) - 1 - depth)
                     out[:, depth], out_normal[:, depth] = hits.surface[row], hits.normal[row]
         sign = chain.copy()
-        for depth in range(MOST_SLABS):
+        for depth in range(MAX_SLABS):
             sign = sign * 1_000_003 + out[:, depth] + 2
-        sign = np.where(facet >= 0, sign * 2 + lit, 0)
+        sign = np.where(facet >= 0, sign * 2 + unoccluded, 0)
         setting.met += int((facet >= 0).sum())
         surface = np.where(facet >= 0, setting.surface[facet], NOTHING).astype(np.int32)
         new = {
-            "parent": parent, "point": point, "flat": found.flat, "normal": normal, "ray": ray, "bend": bend,
+            "parent": parent, "point": point, "flat": found.flat, "normal": normal, "ray": ray, "patch": patch,
             "weights": weights, "leg": leg, "length": length, "power": power, "facet": facet, "surface": surface,
-            "chain": chain, "sign": sign, "lit": lit, "out": out, "out_normal": out_normal,
+            "chain": chain, "sign": sign, "unoccluded": unoccluded, "out": out, "out_normal": out_normal,
         }  # fmt: skip
         self._add(new)
 
@@ -183,14 +183,14 @@ class Hits:
             ray, start = self.before.ray[parent], self.before.point[parent]
             length = self.before.length[parent]
             if not self.through:
-                ray = mirrored(ray, self.before.normal[parent])
-        normal, bend = self.normal[like], self.bend[like]
+                ray = reflected_direction(ray, self.before.normal[parent])
+        normal, patch = self.normal[like], self.patch[like]
         facing = np.einsum("ri,ri->r", ray, normal)
         facing = np.where(np.abs(facing) < 1e-9, -1e-9, facing)
         leg = np.einsum("ri,ri->r", self.point[like] - start, normal) / facing
         leg = np.clip(leg, self.leg[like] / _STRETCH, self.leg[like] * _STRETCH)
         offset = start + leg[:, None] * ray - self.point[like]
-        turn = np.einsum("rij,rj->ri", bend, offset)
+        turn = np.einsum("rij,rj->ri", patch, offset)
         turn *= np.minimum(1.0, 0.5 / np.maximum(lengths(turn), 1e-12))[:, None]
         leg = leg - np.clip(0.5 * np.einsum("ri,ri->r", turn, offset) / facing, -0.5 * leg, 0.5 * leg)
         normal = normal + turn
@@ -233,7 +233,12 @@ class Hits:
         """Have rays of `row` (row,), straight from the source, meet `facet` at barycentric coordinates `weights`."""
         skin, source = self.setting.skin, self.setting.source
         met = skin.meet(np.broadcast_to(source, (len(row), 3)), self.ray[row], facet, weights)
-        self.point[row], self.normal[row], self.bend[row], self.weights[row] = met.point, met.normal, met.bend, weights
+        self.point[row], self.normal[row], self.patch[row], self.weights[row] = (
+            met.point,
+            met.normal,
+            met.patch,
+            weights,
+        )
         self.flat[row] = np.einsum("rc,rci->ri", weights, skin.corners[facet])
         self.leg[row] = self.length[row] = lengths(met.point - source)
         self.facet[row] = facet
@@ -255,7 +260,7 @@ class Hits:
             power[lane[~optics.penetrable[surface]]] = 0.0
             lane, row = (each[optics.penetrable[surface]] for each in (lane, row))
             surface = before.surface[row]
-        cos, _, _ = bases(before.ray[row], before.normal[row])
+        cos, _, _ = polarisation_bases(before.ray[row], before.normal[row])
         pair = (optics.transmission if self.through else optics.reflection)(surface, cos, optics.centre)
         power[lane] *= np.maximum(np.abs(pair[0]), np.abs(pair[1])) ** 2
         return power
@@ -265,7 +270,7 @@ class Hits:
         setting = self.setting
         skip = np.zeros(len(lane))
         if self.before is not None:
-            rise = np.abs(setting.skin.rises[np.maximum(left, 0)]).max(axis=(1, 2))
+            rise = np.abs(setting.skin.sagittas[np.maximum(left, 0)]).max(axis=(1, 2))
             skip = _GAP * lengths(start - setting.rays.origin) + 1e-6 + 2.0 * rise
         gap = skip.copy()
         open_ = np.arange(len(lane))
@@ -294,27 +299,28 @@ class Hits:
         depth = self.reflections + 1
         setting.by_depth[depth] = setting.by_depth.get(depth, 0) + rays
 
-    def _look(
+    def _visibility(
         self,
-        lit: NDArray[np.bool_],
+        unoccluded: NDArray[np.bool_],
         target: FloatArray,
         facet: NDArray[np.int64],
         out: NDArray[np.int32],
         normals: FloatArray,
     ) -> None:
-        """Whether the source sees points, and through what slabs; `lit`, `out` and `normals` are changed in place."""
+        """Whether the source sees points, and through what slabs; `unoccluded`, `out` and `normals` are changed in
+        place."""
         setting = self.setting
-        lane = np.flatnonzero(lit)
+        lane = np.flatnonzero(unoccluded)
         if not setting.transmission:
             if len(lane):
-                lit[lane] = ~setting.rays.occluded(setting.source, target[lane], facet[lane])
+                unoccluded[lane] = ~setting.rays.occluded(setting.source, target[lane], facet[lane])
                 self.count(len(lane))
             return
         span = target - setting.source
         reach = np.maximum(lengths(span), 1e-12)
         ray = span / reach[:, None]
-        begun = np.zeros(len(lit))
-        for depth in range(MOST_SLABS + 1):
+        begun = np.zeros(len(unoccluded))
+        for depth in range(MAX_SLABS + 1):
             if len(lane) == 0:
                 return
             hits = setting.rays.first_hit(setting.source + begun[lane, None] * ray[lane], ray[lane])
@@ -322,8 +328,8 @@ class Hits:
             at = begun[lane] + hits.distance
             arrived = (hits.facet < 0) | (hits.facet == facet[lane]) | (at > (1.0 - BLIND_GAP) * reach[lane])
             lane, hits, at = lane[~arrived], hits.take(~arrived), at[~arrived]
-            open_ = setting.optics.penetrable[hits.object] & (depth < MOST_SLABS)
-            lit[lane[~open_]] = False
+            open_ = setting.optics.penetrable[hits.object] & (depth < MAX_SLABS)
+            unoccluded[lane[~open_]] = False
             lane, hits, at = lane[open_], hits.take(open_), at[open_]
             if len(lane):
                 out[lane, depth] = hits.object

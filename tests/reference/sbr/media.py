@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.curved.media import Optics, bases
+from rfgen_sionna.tracing.curved.media import SurfaceOptics, polarisation_bases
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.slabs import SlabTable, transmission
 
 
-class SlabOptics(Optics):
+class SlabOptics(SurfaceOptics):
     """Materials of all surfaces, slabs that are seen through among them."""
 
     @staticmethod
@@ -51,10 +51,10 @@ class SlabOptics(Optics):
         return np.asarray((self.table.thickness > 0) & finite)
 
 
-def passed(
+def transmitted(
     field: ComplexArray, k: FloatArray, normal: FloatArray, t_s: ComplexArray, t_p: ComplexArray
 ) -> ComplexArray:
     """Field (lane, 3) behind a slab."""
-    _, s, p = bases(k, normal)
+    _, s, p = polarisation_bases(k, normal)
     along_s, along_p = np.einsum("li,li->l", field, s), np.einsum("li,li->l", field, p)
     return np.asarray((t_s * along_s)[:, None] * s + (t_p * along_p)[:, None] * p)

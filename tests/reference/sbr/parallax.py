@@ -61,43 +61,44 @@ class Strips:
         return Strips(self.rows[chosen], self.rim[chosen], self.more[..., chosen])
 
 
-def shifts(rims: Rims, normal: FloatArray, elements: FloatArray) -> FloatArray:
+def shifts(terminator: Rims, normal: FloatArray, elements: FloatArray) -> FloatArray:
     """(rim, 2, element) where elements (element, 3) [m] from the source see the ends of rims fall on what is hidden,
     planes with `normal` (rim, 2, 3): tangent of the angle from the rim, towards what is lit."""
-    place = rims.front[..., None] * rims.ends
-    height = rims.back * np.einsum("rki,rki->rk", rims.ends, normal)
+    place = terminator.front[..., None] * terminator.ends
+    height = terminator.back * np.einsum("rki,rki->rk", terminator.ends, normal)
     own = normal @ elements.T
     below = np.einsum("rki,rki->rk", place, normal)[..., None] - own
     times = (height[..., None] - own) / np.where(np.abs(below) > 1e-12, below, 1e-12)
-    straight = (rims.back / rims.front)[..., None]
+    straight = (terminator.back / terminator.front)[..., None]
     times = np.clip(times, 1.0, _ASLANT * straight)
     # From the element e by way of the rim: e + times (place - e).
-    across = (1.0 - times) * (rims.lit @ elements.T)[:, None]
-    along = times * rims.front[..., None] + (1.0 - times) * (rims.ends @ elements.T)
+    across = (1.0 - times) * (terminator.unoccluded @ elements.T)[:, None]
+    along = times * terminator.front[..., None] + (1.0 - times) * (terminator.ends @ elements.T)
     return np.asarray(np.clip(across / np.maximum(along, 1e-9), -_WIDEST, _WIDEST))
 
 
-def strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
-    """Beside `rims` of first hits, for elements `tx` (tx, 3) and `rx` (rx, 3) [m]. Where slabs are seen through, there
+def correction(hits: Hits, terminator: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
+    """Beside `terminator` of first hits, for elements `tx` (tx, 3) and `rx` (rx, 3) [m]. Where slabs are seen through,
+    there
     are none beside them: a strip of the light that they leave is no strip of light."""
-    setting, every = hits.setting, np.arange(len(rims))
+    setting, every = hits.setting, np.arange(len(terminator))
     if setting.transmission:
-        every = np.flatnonzero(~setting.optics.penetrable[hits.surface[rims.hider]])
+        every = np.flatnonzero(~setting.optics.penetrable[hits.surface[terminator.occluder]])
     some = max(1, _PAIRS // (len(tx) * len(rx) * 4 * (len(tx) + len(rx))))
     found = [Strips(np.zeros((0, 6), np.intp), every[:0], np.zeros((len(tx), len(rx), 0), np.int8))]
     for begun in range(0, len(every), some):
         chosen = every[begun : begun + some]
-        each = _strips(hits, rims.take(chosen), tx, rx)
+        each = _correction_error(hits, terminator.take(chosen), tx, rx)
         found.append(replace(each, rim=chosen[each.rim]))
     return Strips.joined(found)
 
 
-def _strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
-    """As :func:`strips`, of few and opaque ones."""
+def _correction_error(hits: Hits, terminator: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
+    """As :func:`correction`, of few and opaque ones."""
     source = hits.setting.source
     elements = np.concatenate([tx, rx])
-    moved = shifts(rims, hits.normal[rims.like], elements - source)
-    moved = _within(hits, rims, moved)
+    moved = shifts(terminator, hits.normal[terminator.like], elements - source)
+    moved = _within(hits, terminator, moved)
     bounds = np.concatenate([moved, np.zeros_like(moved[..., :1])], axis=2)
     bounds = np.sort(bounds, axis=2)
     width = np.diff(bounds, axis=2).mean(axis=1)
@@ -106,27 +107,27 @@ def _strips(hits: Hits, rims: Rims, tx: FloatArray, rx: FloatArray) -> Strips:
         return Strips(np.zeros((0, 6), np.intp), rim, np.zeros((len(tx), len(rx), 0), np.int8))
     low, high = bounds[rim, :, part], bounds[rim, :, part + 1]
     corner = [
-        rims.ends[rim, end] + each[:, end, None] * rims.lit[rim]
+        terminator.ends[rim, end] + each[:, end, None] * terminator.unoccluded[rim]
         for end, each in ((0, low), (1, low), (1, high), (0, high))
     ]
     triangles = [np.stack([corner[each] for each in three], axis=1) for three in ((0, 1, 2), (0, 2, 3))]
     ray = np.concatenate(triangles)
-    rim, lit = np.concatenate([rim, rim]), np.tile((low + high).sum(axis=1) > 0, 2)
+    rim, unoccluded = np.concatenate([rim, rim]), np.tile((low + high).sum(axis=1) > 0, 2)
     halves = [0.5 * (ray[:, i] + ray[:, j])[:, None] for i, j in ENDS]
     ray = np.concatenate([ray, *halves, ray.mean(axis=1)[:, None]], axis=1)
-    like = rims.like[rim, 0]
+    like = terminator.like[rim, 0]
     centre, there = hits.behind(_nodes(hits, ray[:, 6]), like)
     facet, target = hits.facet[centre], hits.flat[centre]
-    seen = np.zeros((len(elements), len(rim)), np.bool_)
+    visible = np.zeros((len(elements), len(rim)), np.bool_)
     lane = np.flatnonzero(there)
     for number, eye in enumerate(elements):
-        seen[number, lane] = ~hits.setting.rays.occluded(eye, target[lane], facet[lane])
+        visible[number, lane] = ~hits.setting.rays.occluded(eye, target[lane], facet[lane])
         hits.count(len(lane))
     # What the source sees was counted up to the rim as it was found, not as it is, where nothing else hides it.
     first, sheet = hits.facet[hits.rows(_nodes(hits, ray[:, 6]))], hits.setting.skin.sheet
-    alone = (sheet[first] == sheet[hits.facet[like]]) | (sheet[first] == sheet[hits.facet[rims.hider[rim]]])
-    counted = there & lit & alone & (first >= 0)
-    more = (seen[: len(tx), None] & seen[len(tx) :]).astype(np.int8) - counted.astype(np.int8)
+    alone = (sheet[first] == sheet[hits.facet[like]]) | (sheet[first] == sheet[hits.facet[terminator.occluder[rim]]])
+    counted = there & unoccluded & alone & (first >= 0)
+    more = (visible[: len(tx), None] & visible[len(tx) :]).astype(np.int8) - counted.astype(np.int8)
     used = np.flatnonzero((more != 0).any(axis=(0, 1)))
     rows, _ = hits.behind(_nodes(hits, ray[used, :6]).reshape(-1, 3), np.repeat(like[used], 6))
     return Strips(rows.reshape(-1, 6), rim[used], more[..., used])
@@ -154,21 +155,21 @@ def _nodes(hits: Hits, rays: FloatArray) -> lattice.Nodes:
     return lattice.nearest(rays @ hits.setting.rotation)
 
 
-def _within(hits: Hits, rims: Rims, moved: FloatArray) -> FloatArray:
+def _within(hits: Hits, terminator: Rims, moved: FloatArray) -> FloatArray:
     """`moved` (rim, 2, element) as far as the light or the shadow beside each rim reaches: of what another rim ends as
     well each has half, so that nothing counts twice."""
-    like, middle = rims.like[:, 0], rims.ends.mean(axis=1)
+    like, middle = terminator.like[:, 0], terminator.ends.mean(axis=1)
     limits = []
     for side, own, other in ((1.0, LIT, DARK), (-1.0, DARK, LIT)):
         widest = np.maximum(side * moved, 0.0).max(axis=(1, 2), initial=0.0)
         step = 2.0 * (np.arange(_LOOKS) + 1.0) / _LOOKS
 
         def state(share: FloatArray, lane: Index, side: float = side, widest: FloatArray = widest) -> NDArray[np.int8]:
-            rays = middle[lane] + (side * share * widest[lane])[:, None] * rims.lit[lane]
+            rays = middle[lane] + (side * share * widest[lane])[:, None] * terminator.unoccluded[lane]
             return _state(hits, _nodes(hits, rays), like[lane])
 
         lane = np.flatnonzero(widest > 0)
-        found = np.full((len(rims), _LOOKS), own, np.int8)
+        found = np.full((len(terminator), _LOOKS), own, np.int8)
         if len(lane):
             every = np.repeat(lane, _LOOKS)
             found[lane] = state(np.tile(step, len(lane)), every).reshape(-1, _LOOKS)
@@ -186,7 +187,7 @@ def _within(hits: Hits, rims: Rims, moved: FloatArray) -> FloatArray:
             now = state(half, ended)
             low, high = np.where(now == own, half, low), np.where(now == own, high, half)
             what = np.where(now == own, what, now)
-        limit = np.full(len(rims), np.inf)
+        limit = np.full(len(terminator), np.inf)
         limit[ended] = np.where(what == other, 0.5, 1.0) * 0.5 * (low + high) * widest[ended]
         limits.append(limit[:, None, None])
     return np.asarray(np.clip(moved, -limits[1], limits[0]))
@@ -196,9 +197,9 @@ def _state(hits: Hits, nodes: lattice.Nodes, like: Index) -> NDArray[np.int8]:
     """(node,) whether what rows `like` hit is seen from the source along nodes, hidden, or not there."""
     first = hits.rows(nodes)
     sheet, facet = hits.setting.skin.sheet, hits.facet[first]
-    lit = (facet >= 0) & (sheet[facet] == sheet[hits.facet[like]])
-    found = np.where(lit, LIT, ABSENT).astype(np.int8)
-    lane = np.flatnonzero(~lit & (facet >= 0))
+    unoccluded = (facet >= 0) & (sheet[facet] == sheet[hits.facet[like]])
+    found = np.where(unoccluded, LIT, ABSENT).astype(np.int8)
+    lane = np.flatnonzero(~unoccluded & (facet >= 0))
     _, there = hits.behind(nodes[lane], like[lane])
     found[lane[there]] = DARK
     return found

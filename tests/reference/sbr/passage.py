@@ -1,4 +1,5 @@
-"""Field and path length from an element to a point by way of bent mirrors (:mod:`rfgen_sionna.tracing.curved.passage`)
+"""Field and path length from an element to a point by way of bent mirrors
+(:mod:`rfgen_sionna.tracing.curved.arriving_waves`)
 and through slabs."""
 
 from __future__ import annotations
@@ -9,10 +10,10 @@ import numpy as np
 
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.curved import passage
-from rfgen_sionna.tracing.curved.media import bases, reflected
-from rfgen_sionna.tracing.curved.passage import Arrival
-from tests.reference.sbr.media import SlabOptics, passed
+from rfgen_sionna.tracing.curved import arriving_waves as passage
+from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave
+from rfgen_sionna.tracing.curved.media import polarisation_bases, reflected
+from tests.reference.sbr.media import SlabOptics, transmitted
 
 
 @dataclass(frozen=True)
@@ -33,21 +34,21 @@ class SlabRoute(passage.Route):
     """Of each leg: one more than mirrors."""
 
 
-def arrive(element: FloatArray, route: SlabRoute, optics: SlabOptics) -> Arrival:
+def arriving_wave(element: FloatArray, route: SlabRoute, optics: SlabOptics) -> ArrivingWave:
     """The wave of an `element` (3,), or (lane, 3) of one for each point, [m] at the route's points; the length includes
     the slabs' bulk."""
-    found = passage.arrive(element, route, optics)
+    found = passage.arriving_wave(element, route, optics)
     bulk = np.zeros(len(route.point))
     for leg, slabs in zip(found.legs, route.slabs, strict=True):
         for slab in slabs:
             there = np.flatnonzero(slab.surface >= 0)
-            cos, _, _ = bases(leg[there], slab.normal[there])
+            cos, _, _ = polarisation_bases(leg[there], slab.normal[there])
             bulk[there] += optics.bulk(slab.surface[there], cos)
     return replace(found, length=found.length + bulk)
 
 
-def polarised(
-    field: FloatArray, arrival: Arrival, route: SlabRoute, optics: SlabOptics, frequency: float
+def polarised_field(
+    field: FloatArray, arrival: ArrivingWave, route: SlabRoute, optics: SlabOptics, frequency: float
 ) -> ComplexArray:
     """(lane, 3) field at the points, without its phase by length, for an element whose field has direction `field`
     (3,); of unit strength one metre away in all directions."""
@@ -57,12 +58,12 @@ def polarised(
     for i, (leg, slabs) in enumerate(zip(arrival.legs, route.slabs, strict=True)):
         for slab in slabs:
             there = np.flatnonzero(slab.surface >= 0)
-            cos, _, _ = bases(leg[there], slab.normal[there])
+            cos, _, _ = polarisation_bases(leg[there], slab.normal[there])
             pair = optics.transmission(slab.surface[there], cos, frequency)
-            found[there] = passed(found[there], leg[there], slab.normal[there], *pair)
+            found[there] = transmitted(found[there], leg[there], slab.normal[there], *pair)
         if i < len(route.mirrors):
             normal = arrival.normals[i]
-            cos, _, _ = bases(leg, normal)
+            cos, _, _ = polarisation_bases(leg, normal)
             pair = optics.reflection(route.mirrors[i].surface, cos, frequency)
             found, _ = reflected(found, leg, normal, *pair)
     return np.asarray(found * arrival.spread[:, None])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.scene.mesh import unit
-from rfgen_sionna.tracing.curved.elements import Elements
+from rfgen_sionna.tracing.curved.array_elements import ArrayElements
 from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.sbr.hits import Hits, Index
@@ -85,7 +85,7 @@ class Scenery:
             half_band=self.half_band if order > 1 else 0.0,
         )
 
-    def none(self, elements: Elements) -> RadarPaths:
+    def none(self, elements: ArrayElements) -> RadarPaths:
         """No paths at all."""
         shape = (len(elements.tx), len(elements.rx), 0, 1)
         empty, nowhere = np.zeros(0, np.int32), np.zeros((0, 1, 3))

@@ -28,11 +28,11 @@ class Rims:
     """(rim, 2) how far what hides is there [m]."""
     back: FloatArray
     """(rim, 2) how far what is hidden is [m]."""
-    hider: Index
+    occluder: Index
     """(rim,) a row that hits what hides."""
     like: Index
     """(rim, 2) rows that hit what is hidden, just beside it."""
-    lit: FloatArray
+    unoccluded: FloatArray
     """(rim, 3) unit vector to the side on which that is seen."""
 
     def __len__(self) -> int:

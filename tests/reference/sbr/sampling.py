@@ -63,7 +63,7 @@ class Pieces:
     """(piece, 6) rows of the hits."""
     error: FloatArray
     """(piece,) estimated error of the return of each, absolute."""
-    rims: Rims
+    terminator: Rims
     """Where they end before one another."""
 
     def __len__(self) -> int:
@@ -77,7 +77,7 @@ class Pieces:
             np.concatenate([each.corners for each in parts]),
             np.concatenate([each.rows for each in parts]),
             np.concatenate([each.error for each in parts]),
-            Rims.joined([each.rims for each in parts]),
+            Rims.joined([each.terminator for each in parts]),
         )
 
 
@@ -111,7 +111,7 @@ class Sampler:
         for turn in range(MOST_ROUNDS):
             if len(cells) == 0:
                 break
-            found = self._look(hits, cells)
+            found = self._visibility(hits, cells)
             error = found.error
             if above is not None and len(above) * 4 == len(cells):
                 # What the division into four has changed tells what another one would.
@@ -160,7 +160,7 @@ class Sampler:
             cells = lattice.quarters(cells[again])
         return Pieces.joined(done)
 
-    def _look(self, hits: Hits, cells: lattice.Nodes) -> _Seen:
+    def _visibility(self, hits: Hits, cells: lattice.Nodes) -> _Seen:
         nodes = np.concatenate([with_middles(cells), lattice.centre(cells)[:, None]], axis=1)
         rows = hits.rows(nodes.reshape(-1, 3)).reshape(-1, 7)
         sign = hits.sign[rows]
@@ -246,11 +246,11 @@ class Sampler:
         kept = fine[tube]
         nodes, rows, tube = nodes[kept], rows[kept], tube[kept]
         share = error[tube] / np.maximum(np.bincount(tube, minlength=len(at))[tube], 1)
-        rims = Rims.none()
+        terminator = Rims.none()
         if hits.before is None:
-            rims = made.rims.take((fine & made.clear)[made.rim_of])
-            rims = Rims.joined([rims, self._closer(hits, cells[fine & ~made.clear])])
-        return Pieces(nodes[:, :3], rows, share, rims), fine
+            terminator = made.terminator.take((fine & made.clear)[made.rim_of])
+            terminator = Rims.joined([terminator, self._closer(hits, cells[fine & ~made.clear])])
+        return Pieces(nodes[:, :3], rows, share, terminator), fine
 
     def _closer(self, hits: Hits, cells: lattice.Nodes) -> Rims:
         """Rims in tubes where more than two things meet, which are narrow enough for what they return but not for what
@@ -267,12 +267,12 @@ class Sampler:
                 break
             made = cut(hits, cells[mixed], sign[mixed], np.full(len(mixed), _CLOSER_HALVINGS))
             clear = made.clear | (turn == _CLOSER - 1)
-            parts.append(made.rims.take(clear[made.rim_of]))
+            parts.append(made.terminator.take(clear[made.rim_of]))
             cells = lattice.quarters(cells[mixed[~clear]])
         return Rims.joined(parts)
 
     def _at_once(self, hits: Hits, cells: lattice.Nodes) -> Pieces:
-        found = self._look(hits, cells)
+        found = self._visibility(hits, cells)
         middle = found.whole | (found.sign[:, 6] != 0)
         return Pieces(cells[middle], found.rows[middle, :6], found.error[middle], Rims.none())
 
@@ -321,7 +321,7 @@ def _aslant(hits: Hits, rows: Index) -> FloatArray:
     towards their rim places change as roots do, which parabolas do not follow far."""
     cos = np.abs(np.einsum("tni,tni->tn", hits.ray[rows], hits.normal[rows]))
     change = np.ptp(cos, axis=1) / np.maximum(cos.mean(axis=1), 1e-3)
-    bent = (hits.bend[rows] != 0).any(axis=(1, 2, 3))
+    bent = (hits.patch[rows] != 0).any(axis=(1, 2, 3))
     return np.where(bent, RIM * np.minimum(0.5 * change, 1.0) ** 4, 0.0)
 
 

@@ -12,8 +12,8 @@ module          what
 `skin`          where rays meet the smooth surface under a mesh
 `hits`          rays followed from hit to hit, each traced once
 `sampling`      where more rays go: the tubes, cut where what they hit changes
-`rims`          where one thing ends before another: shadows' edges
-`parallax`      what pairs of elements see otherwise beside these than the phase centre
+`terminator`          where one thing ends before another: shadows' edges
+`boundary_correction`      what pairs of elements see otherwise beside these than the phase centre
 `media`         transmission through slabs, in NumPy
 `passage`       field and path length from an element to a point by way of bent mirrors and slabs
 `footprints`    integrals over where tubes land, for every element pair over the band
@@ -36,20 +36,20 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.tracing.bounces.roles import mirror_share
-from rfgen_sionna.tracing.curved.bands import band_nodes, over_band
-from rfgen_sionna.tracing.curved.elements import Elements
+from rfgen_sionna.tracing.curved.array_elements import ArrayElements
+from rfgen_sionna.tracing.curved.band_polynomials import band_nodes, fit_over_band
 from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weight
 from rfgen_sionna.tracing.relative import to_world
 from rfgen_sionna.tracing.tracer import Tracer
-from rfgen_sionna.tracing.veils.veils import MOST_SLABS
+from rfgen_sionna.tracing.transmission.transmission import MAX_SLABS
 from tests.reference.sbr import lattice
 from tests.reference.sbr.footprints import integrate, landed
 from tests.reference.sbr.guides import Marks
 from tests.reference.sbr.hits import Hits, Index, Setting
 from tests.reference.sbr.media import SlabOptics
 from tests.reference.sbr.memory import GAIN_BYTES, TUBE_BYTES, check_memory
-from tests.reference.sbr.parallax import doubts, strips
+from tests.reference.sbr.parallax import correction, doubts
 from tests.reference.sbr.paths import Scenery, ends
 from tests.reference.sbr.rims import Rims
 from tests.reference.sbr.sampling import Pieces, Sampler
@@ -130,7 +130,7 @@ def shoot(
     curvature, and integrated by physical optics towards all elements; where the tracer has `transmission` they also go
     through slabs. Paths have two ways round: Tx sends by way of the tube and Rx sees the footprint, and the other way
     round. Both count half, but where just one of the first and the last surface is plane the mirror is the plane one,
-    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.bounces.roles`).
+    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.reflectors.mirror_selection`).
 
     Tubes end sharply where mirrors do, however far from there they land. By way of three surfaces what lies between two
     walls is a mirror, too: of a plate, seen by a wall there and back, 7.9 dB (5 cm wide) to 2.5 dB (30 cm) too much
@@ -165,9 +165,9 @@ def shoot(
     max_bounces = tracer.max_bounces if max_bounces is None else max_bounces
     check_options(max_bounces, rtol, sampling, level)
     if not (tracer.surfaces.static or tracer.surfaces.moving):
-        nothing = Scenery.of(tracer, [], float(t)).none(Elements.of(tracer.radar))
+        nothing = Scenery.of(tracer, [], float(t)).none(ArrayElements.of(tracer.radar))
         return RayTrace(nothing, RayReport(0, 0, (0,) * max_bounces, 0, (0,) * max_bounces, 0.0))
-    found = _Shot(tracer, float(t), int(max_bounces), float(rtol), level, Elements.of(tracer.radar)).trace()
+    found = _Shot(tracer, float(t), int(max_bounces), float(rtol), level, ArrayElements.of(tracer.radar)).trace()
     if tracer.radar.trajectory is None:
         return found
     paths = found.paths
@@ -183,7 +183,7 @@ class _Shot:
         max_bounces: int,
         rtol: float,
         level: int | None,
-        eyes: Elements,
+        eyes: ArrayElements,
     ) -> None:
         rays, vertices, velocities = tracer.geometry(t)
         self.tracer, self.t, self.eyes = tracer, t, eyes
@@ -237,14 +237,14 @@ class _Shot:
             self.tubes[hits.reflections] += int((np.abs(a) > 0).sum())
             self._check_paths(int((np.abs(a) > 0).sum()) * (1 if hits.before is None else 2))
             found += self._paths(hits, pieces, a, scale[group])
-            if hits.before is None and len(pieces.rims):
-                beside, doubt = self._beside(hits, pieces.rims, scale)
+            if hits.before is None and len(pieces.terminator):
+                beside, doubt = self._beside(hits, pieces.terminator, scale)
                 found += beside
                 missed += doubt**2
             after = self.sampler.within(scale.copy()) if self.level is None else self.sampler
             if hits.reflections + 1 < self.max_bounces:
                 stages.append((Hits(self.setting, hits), pieces.corners, after))
-            if self.setting.transmission and hits.passages < MOST_SLABS:
+            if self.setting.transmission and hits.passages < MAX_SLABS:
                 open_ = self.setting.optics.penetrable[hits.surface[row]]
                 if open_.any():
                     stages.append((Hits(self.setting, hits, through=True), pieces.corners[open_], after))
@@ -280,7 +280,7 @@ class _Shot:
         share = np.where(skin.plane[mirror] == skin.plane[last], 0.5, np.where(skin.plane[mirror], 1.0, 0.0))
         both = np.flatnonzero(skin.plane[mirror] & skin.plane[last])
         area = np.maximum(skin.area, 1e-300)
-        share[both] = mirror_share(area[mirror[both]], area[last[both]])
+        share[both] = mirror_weight(area[mirror[both]], area[last[both]])
         return share
 
     def _unlike(self, hits: Hits, row: Index) -> FloatArray:
@@ -295,7 +295,7 @@ class _Shot:
         area, found = np.maximum(skin.area, 1e-300), np.zeros(len(row))
         ends = np.minimum(area[sheets[0]], area[sheets[-1]])
         for middle in sheets[1:-1]:
-            unlike = np.maximum(2.0 * mirror_share(ends, area[middle]) - 1.0, 0.0)
+            unlike = np.maximum(2.0 * mirror_weight(ends, area[middle]) - 1.0, 0.0)
             found = np.maximum(found, np.where(skin.plane[middle], unlike, 0.0))
         return np.where(skin.plane[sheets[0]] & skin.plane[sheets[-1]], found, 0.0)
 
@@ -312,19 +312,19 @@ class _Shot:
     def _level(self, hits: Hits, rows: Index) -> ComplexArray:
         """(tube,) what footprints return to the phase centre in the middle of the band, times the elements' pattern."""
         a = np.zeros(len(rows), np.complex128)
-        seen = np.flatnonzero(hits.lit[rows].any(axis=1) & (hits.facet[rows[:, 0]] >= 0))
-        weight = self._weight(hits, rows[seen, 0])
-        seen, weight = seen[weight > 0], weight[weight > 0]
+        visible = np.flatnonzero(hits.unoccluded[rows].any(axis=1) & (hits.facet[rows[:, 0]] >= 0))
+        weight = self._weight(hits, rows[visible, 0])
+        visible, weight = visible[weight > 0], weight[weight > 0]
         source, fields = self.setting.source[None], self.eyes.fields
-        for start in range(0, len(seen), 8 * _CHUNK):
-            at = seen[start : start + 8 * _CHUNK]
+        for start in range(0, len(visible), 8 * _CHUNK):
+            at = visible[start : start + 8 * _CHUNK]
             chosen = landed(hits, rows[at])
             there, back = integrate(chosen, self.setting.optics, source, source, fields, [self.centre])
             total = there.a[0, 0, 0] + (0.0 if back is None else back.a[0, 0, 0])
             total = total * phasors(self.centre * there.tau[0, 0])
             a[at] = total * (1.0 if back is None else weight[start : start + 8 * _CHUNK])
         first, last = ends(hits, rows)
-        return a * np.sqrt(self.eyes.importance(first) * self.eyes.importance(last))
+        return a * np.sqrt(self.eyes.pattern_gain(first) * self.eyes.pattern_gain(last))
 
     def _paths(self, hits: Hits, pieces: Pieces, a: ComplexArray, scale: FloatArray) -> list[RadarPaths]:
         """Of the pieces that matter, in chunks."""
@@ -342,10 +342,10 @@ class _Shot:
         small = np.cumsum(size[order]) <= _NEGLIGIBLE * self.rtol * float(scale.max(initial=0.0))
         return np.asarray(np.sort(order[~small & (size[order] > 0)]))
 
-    def _beside(self, hits: Hits, rims: Rims, scale: FloatArray) -> tuple[list[RadarPaths], FloatArray]:
-        """What pairs see beside `rims` and the phase centre doesn't, or the reverse; and what of it may be missed
+    def _beside(self, hits: Hits, terminator: Rims, scale: FloatArray) -> tuple[list[RadarPaths], FloatArray]:
+        """What pairs see beside `terminator` and the phase centre doesn't, or the reverse; and what of it may be missed
         (group,)."""
-        found = strips(hits, rims, self.eyes.tx, self.eyes.rx)
+        found = correction(hits, terminator, self.eyes.tx, self.eyes.rx)
         a = self._level(hits, found.rows)
         group = self.sampler.group[hits.surface[found.rows[:, 0]]]
         chosen = self._that_matter(a, scale)
@@ -363,10 +363,10 @@ class _Shot:
         there, back = integrate(landing, self.setting.optics, eyes.tx, eyes.rx, eyes.fields, frequencies)
         way = ends(hits, rows)
         if back is None:
-            gains = over_band(u, there.a)
+            gains = fit_over_band(u, there.a)
             return [self.scenery.paths(hits, rows, gains if more is None else gains * more, there.tau, way)]
         weight = self._weight(hits, rows[:, 0])
         return [
-            self.scenery.paths(hits, rows, over_band(u, each.a) * weight, each.tau, ways)
+            self.scenery.paths(hits, rows, fit_over_band(u, each.a) * weight, each.tau, ways)
             for each, ways in ((there, way), (back, way[::-1]))
         ]

@@ -1,8 +1,8 @@
 """Where rays meet the smooth surface under a mesh, its normal there and how it bends.
 
 Mitsuba gives the triangle that a ray hits in single precision. Here the ray meets the quadratic patch over that
-triangle (:mod:`rfgen_sionna.tracing.curved.skin`) in double precision. Tubes are whole where all of their rays hit the
-same sheets.
+triangle (:mod:`rfgen_sionna.tracing.curved.smoothed_surface`) in double precision. Tubes are whole where all of their
+rays hit the same sheets.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.curved.skin import Skin, corner_bends, tangential
+from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface, corner_curvatures, tangential
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 
 @dataclass(frozen=True)
-class Met:
+class SurfaceIntersections:
     """Where rays meet the smooth surface."""
 
     point: FloatArray
     """(ray, 3) [m]"""
     normal: FloatArray
     """(ray, 3) unit vector towards where the ray comes from."""
-    bend: FloatArray
+    patch: FloatArray
     """(ray, 3, 3) how the normal turns along the surface [1/m]: positive where it bulges towards the ray's source."""
     weights: FloatArray
     """(ray, 3) barycentric coordinates, which may lie a little outside of the face."""
 
 
 @dataclass(frozen=True)
-class RaySkin(Skin):
+class RaySkin(SmoothedSurface):
     """All faces of a scene at an instant, numbered as in the ray scene, for rays."""
 
-    bends: FloatArray
+    patches: FloatArray
     """(facet, 3, 3, 3) how the normal turns at each corner [1/m]."""
     size: FloatArray
     """(sheet,) its middle extent [m]: the width of what is long, the diameter of what is round."""
@@ -47,12 +47,12 @@ class RaySkin(Skin):
     @staticmethod
     def of(surfaces: Sequence[Surface], vertices: Sequence[FloatArray]) -> RaySkin:
         """Of `surfaces` whose vertices (vertex, 3) stand at `vertices` [m]."""
-        parts = [Skin.one(each, points) for each, points in zip(surfaces, vertices, strict=True)]
-        bends = [
-            corner_bends(each, part.corners, part.normals, np.arange(len(each.faces)))
+        parts = [SmoothedSurface.one(each, points) for each, points in zip(surfaces, vertices, strict=True)]
+        patches = [
+            corner_curvatures(each, part.corners, part.normals, np.arange(len(each.faces)))
             for each, part in zip(surfaces, parts, strict=True)
         ]
-        skin = Skin.joined(parts)
+        skin = SmoothedSurface.joined(parts)
         corners, sheet, count = skin.corners, skin.sheet, len(skin.plane)
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
         for corner in range(3):
@@ -61,16 +61,18 @@ class RaySkin(Skin):
         area = np.zeros(count)
         np.add.at(area, sheet, 0.5 * lengths(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])))
         return RaySkin(
-            *(corners, skin.normals, skin.rises, sheet, skin.plane),
-            bends=np.concatenate(bends),
+            *(corners, skin.normals, skin.sagittas, sheet, skin.plane),
+            patches=np.concatenate(patches),
             size=np.sort(high - low, axis=1)[:, 1],
             area=area,
         )
 
-    def meet(self, origins: FloatArray, rays: FloatArray, facet: NDArray[np.int64], weights: FloatArray) -> Met:
+    def meet(
+        self, origins: FloatArray, rays: FloatArray, facet: NDArray[np.int64], weights: FloatArray
+    ) -> SurfaceIntersections:
         """Where rays from `origins` (ray, 3) [m] along unit vectors (ray, 3) meet the patches of faces `facet` (ray,),
         which they hit at barycentric coordinates `weights` (ray, 3) in single precision."""
-        p, rise = self.corners[facet], self.rises[facet]
+        p, rise = self.corners[facet], self.sagittas[facet]
         w1, w2 = weights[:, 1].copy(), weights[:, 2].copy()
         start = np.einsum("rc,rci->ri", weights, p)
         t = np.einsum("ri,ri->r", start - origins, rays)
@@ -108,6 +110,9 @@ class RaySkin(Skin):
         side = -np.sign(np.einsum("ri,ri->r", normal, rays))
         side[side == 0] = 1.0
         normal = normal * side[:, None]
-        return Met(
-            point, normal, tangential(np.einsum("rc,rcij->rij", w, self.bends[facet]) * side[:, None, None], normal), w
+        return SurfaceIntersections(
+            point,
+            normal,
+            tangential(np.einsum("rc,rcij->rij", w, self.patches[facet]) * side[:, None, None], normal),
+            w,
         )

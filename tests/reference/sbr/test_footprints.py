@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.tracing.curved.bands import band_nodes, over_band
+from rfgen_sionna.tracing.curved.band_polynomials import band_nodes, fit_over_band
 from tests.reference.sbr.footprints import _mean
 
 
@@ -32,7 +32,7 @@ def test_a_few_frequencies_tell_the_band():
     u = band_nodes(0.05, 2e9, 1e-3)
     assert len(u) > 2
     x = 2 * np.pi * 2e9 * 0.025 / 299792458.0
-    found = over_band(u, np.exp(-1j * x * u)[:, None])[:, 0]
+    found = fit_over_band(u, np.exp(-1j * x * u)[:, None])[:, 0]
     places = np.linspace(-1, 1, 51)
     values = sum(c * places**k for k, c in enumerate(found))
     assert np.abs(values - np.exp(-1j * x * places)).max() < 1e-3

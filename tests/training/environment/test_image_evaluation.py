@@ -12,9 +12,9 @@ import torch
 import typer
 from typer.testing import CliRunner
 
-from rfgen_sionna.generative.environment.model import EnvironmentModel
-from rfgen_sionna.generative.environment.shooting import Ranges
+from rfgen_sionna.generative.environment.environment_model import EnvironmentModel
 from rfgen_sionna.generative.environment.torch_device import DeviceMemoryError
+from rfgen_sionna.generative.environment.viewpoints import ViewpointRanges
 from training.commands import plainly
 from training.environment import (
     control_training,
@@ -37,7 +37,7 @@ def test_views_of_another_kind_are_examined(tmp_path: Path) -> None:
     """Rolled equirectangular ones are drawn for their own captions; those of training layouts are refused."""
     data, rolled, out = (tmp_path / name for name in ("data", "rolled", "out"))
     render(data, Settings(seed=2, places=("open field",), views=1), 4)  # the first layout is for the test
-    kind = Ranges(roll_deg=(20, 40), projections=("equirectangular",))
+    kind = ViewpointRanges(roll_deg=(20, 40), projections=("equirectangular",))
     render(rolled, Settings(seed=78, places=("open field", "bedroom"), views=1, ranges=kind), 4)
     asked: dict[str, Any] = {"seeds": 0, "view_count": 0, "judge_steps": 2, "steps": 2, "each": 1, "threads": 1}
     main(data, out, other=[rolled], **asked)

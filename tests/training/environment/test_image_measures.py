@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.sampling import Sampler
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.image_sampling import ImageSampler
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
+from training.environment.classifier_training import train_classifier
 from training.environment.contact_sheets import completed_sheet, sheet
 from training.environment.image_evaluation import examine, halves
 from training.environment.image_metrics import (
@@ -26,7 +27,6 @@ from training.environment.image_metrics import (
     range_distance,
     smooth_share,
 )
-from training.environment.judge_training import train_judge
 from training.environment.path_evaluation import AffineBaseline, calibrated, examine_paths
 from training.environment.pir_data import split_of
 from training.environment.view_corpus import ViewCorpus
@@ -89,14 +89,17 @@ def test_splits_and_halves_share_no_room(corpus: ViewCorpus) -> None:
 
 
 def test_the_judge_tells_places_apart_and_an_examination_reports(corpus: ViewCorpus, model, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    judge = train_judge(corpus.images, corpus.places, corpus.views, steps=80, items=32)
-    chances = judge.look(corpus.images, corpus.views)[1]
-    assert judge.right(chances, corpus.places).mean() > 0.9
+    classifier = train_classifier(corpus.images, corpus.places, corpus.views, steps=80, items=32)
+    probabilities = classifier.classify(corpus.images, corpus.views)[1]
+    assert classifier.right(probabilities, corpus.places).mean() > 0.9
     pairs = np.arange(16) // 4  # two views of each place in each layout
-    assert judge.right(chances, corpus.places, pairs).mean() >= judge.right(chances, corpus.places).mean()
-    assert judge.right(np.array([[-1.0, -2.0], [-9.0, -1.0]]), np.array([0, 0]), np.array([5, 5])).sum() == 0
+    assert (
+        classifier.right(probabilities, corpus.places, pairs).mean()
+        >= classifier.right(probabilities, corpus.places).mean()
+    )
+    assert classifier.right(np.array([[-1.0, -2.0], [-9.0, -1.0]]), np.array([0, 0]), np.array([5, 5])).sum() == 0
     figures, images, which = examine(
-        model, corpus, np.arange(16), corpus.images, judge, sampler=Sampler("ddim", 2, 1.0), each=4, seed=0
+        model, corpus, np.arange(16), corpus.images, classifier, sampler=ImageSampler("ddim", 2, 1.0), each=4, seed=0
     )
     assert images.shape == (8, 3, 64, 64)
     assert figures["views"] == 8
@@ -121,7 +124,7 @@ def test_the_straight_line_finds_what_is_lost_and_fills_holes_where_that_helps(c
     assert np.allclose(line(level), -130.0, atol=0.1)
 
 
-@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.image_models.UnknownPlaceWarning")
 def test_path_diffusion_is_examined_beside_the_straight_line(
     corpus: ViewCorpus, model_folder: Path, tmp_path: Path
 ) -> None:
@@ -132,6 +135,6 @@ def test_path_diffusion_is_examined_beside_the_straight_line(
     assert low <= figures["against the incomplete image"]["fall"] <= high
     completed_sheet(corpus, refiner, tmp_path / "paths.png", strength=1.0)
     assert (tmp_path / "paths.png").stat().st_size > 10_000
-    doubt = calibrated(refiner, corpus, count=3, seed=0)
-    assert 0.0 <= doubt.share <= 1.0
-    assert doubt.judge is refiner.doubt.judge
+    confidence_gate = calibrated(refiner, corpus, count=3, seed=0)
+    assert 0.0 <= confidence_gate.share <= 1.0
+    assert confidence_gate.classifier is refiner.confidence_gate.classifier

@@ -9,16 +9,16 @@ from typing import Any
 import pytest
 import torch
 
-from rfgen_sionna.generative.environment.forward import make_scheduler
-from rfgen_sionna.generative.environment.model import (
+from rfgen_sionna.generative.environment.environment_model import (
     BASE_FILE,
     EnvironmentModel,
     ModelFileError,
-    Shape,
+    UNetShape,
     read_control,
     read_model,
 )
-from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from training.environment.control_training import ControlRecipe, diffuse_towards, train_control
 from training.environment.image_training import ImageRecipe, train
 from training.environment.place_text import train_text
@@ -65,7 +65,7 @@ def test_the_control_net_learns_and_the_base_stays(model: EnvironmentModel, corp
     assert own.control_facts["steps"] == 2
     assert len(own.control_facts["spread"]) == model.shape.latents
     assert any(float(b.weight.abs().max()) > 0 for b in own.control.controlnet_down_blocks), "zero convolutions moved"
-    shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
+    shape = UNetShape(channels=(16, 32, 32), latents=32, heads=2)
     other = _written(replace(model, shape=shape, unet=shape.unet()), tmp_path / "other")
     with pytest.raises(ModelFileError, match="another base model"):
         read_model(other, path)
@@ -110,7 +110,7 @@ def test_training_begins_with_what_a_trained_model_knows(
 
 
 def _written(model: EnvironmentModel, folder: Path) -> Path:
-    from rfgen_sionna.generative.environment.model import write_model
+    from rfgen_sionna.generative.environment.environment_model import write_model
 
     write_model(folder / BASE_FILE, model)
     return folder

@@ -11,10 +11,10 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraError, find_lora, read_facts
-from rfgen_sionna.generative.environment.backend import load_embedded
-from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, Shape, write_model
-from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.environment_model import BASE_FILE, CONTROL_FILE, UNetShape, write_model
+from rfgen_sionna.generative.environment.image_models import load_embedded
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from training.environment.lora_bases import EmbeddedBase, StableDiffusionBase
 from training.environment.lora_training import LoraRecipe, _spread_steps, choose_rate, train_lora
 from training.environment.view_corpus import ViewCorpus
@@ -100,7 +100,7 @@ def test_training_goes_on_where_it_was_stopped(corpus: ViewCorpus, model_folder:
 
 
 def test_a_lora_of_another_base_is_refused(lora: Path, model: Any, corpus: ViewCorpus, tmp_path: Path) -> None:
-    shape = Shape(channels=(16, 32, 32), latents=32, heads=2)
+    shape = UNetShape(channels=(16, 32, 32), latents=32, heads=2)
     write_model(tmp_path / BASE_FILE, replace(model, unet=shape.unet(), shape=shape))
     with pytest.raises(LoraError, match=r"another base.*own base"):
         EnvironmentDiffusion(tmp_path, lora)
@@ -135,7 +135,7 @@ def test_a_lora_s_word_is_said(corpus: ViewCorpus, model_folder: Path, tmp_path:
     for word in ("", "rfpir"):
         recipe = LoraRecipe(frames=8, steps=1, items=2, word=word)
         choose_rate(lambda: EmbeddedBase(model_folder, "cpu"), corpus, corpus, tmp_path / word, recipe, [1e-9])
-    own = [EnvironmentDiffusion(model_folder, tmp_path / word, steps=2, sketched=False) for word in ("", "rfpir")]
+    own = [EnvironmentDiffusion(model_folder, tmp_path / word, steps=2, use_layout_map=False) for word in ("", "rfpir")]
     silent, said = (each.generate("a bedroom", seed=1) for each in own)
     assert not np.array_equal(silent.energy, said.energy)
     np.testing.assert_array_equal(own[0].generate("rfpir a bedroom", seed=1).energy, said.energy)
@@ -183,7 +183,7 @@ def test_the_paper_is_the_preset_and_two_per_cent_are_trained() -> None:
     from training.environment.lora_training import add_lora
 
     assert (LoraRecipe.frames, LoraRecipe.steps, LoraRecipe.paper_rate) == (800, 100, 1e-4)
-    unet = Shape().unet()
+    unet = UNetShape().unet()
     everything = sum(p.numel() for p in unet.parameters())
     assert sum(p.numel() for p in add_lora(unet, LoraRecipe.rank)) < 0.02 * everything
 
@@ -194,7 +194,7 @@ def test_one_step_saving_and_loading_on_stable_diffusion(
 ) -> None:
     import torch
 
-    from rfgen_sionna.generative.environment.foreign import load_lora_into, load_pipeline
+    from rfgen_sionna.generative.environment.stable_diffusion import load_lora_into, load_pipeline
 
     folder = request.getfixturevalue(kind)
     recipe = LoraRecipe(frames=4, steps=1, items=1, text_encoder=True, word="rfpir")
@@ -221,7 +221,7 @@ def test_released_loras_draw_in_the_authors_convention(stable_diffusion: Path, t
     from safetensors.torch import save_file
 
     from rfgen_sionna._types import SPEED_OF_LIGHT
-    from rfgen_sionna.generative.environment.foreign import load_pipeline
+    from rfgen_sionna.generative.environment.stable_diffusion import load_pipeline
     from training.environment.lora_training import add_lora, lora_state
 
     pipeline = load_pipeline(str(stable_diffusion), torch.float32)
@@ -248,7 +248,7 @@ def test_an_embedded_lora_does_not_fit_stable_diffusion(lora: Path, stable_diffu
 
 def test_stable_diffusion_reads_no_sketches_and_wants_more_guidance(stable_diffusion: Path, model_folder: Path) -> None:
     with pytest.raises(ValueError, match="sketched: True"):
-        EnvironmentDiffusion(stable_diffusion, sketched=True)
+        EnvironmentDiffusion(stable_diffusion, use_layout_map=True)
     assert EnvironmentDiffusion(stable_diffusion).sampler.guidance == 7.5
     assert EnvironmentDiffusion(model_folder).sampler.guidance == 1.5
     assert EnvironmentDiffusion(model_folder, guidance=4.0).sampler.guidance == 4.0

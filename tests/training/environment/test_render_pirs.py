@@ -9,10 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.generative.environment.bricks import Place
-from rfgen_sionna.generative.environment.captions import NAMES
-from rfgen_sionna.generative.environment.shooting import Ranges
-from rfgen_sionna.generative.environment.sketch import shown
+from rfgen_sionna.generative.environment.layout_map import render_layout_map
+from rfgen_sionna.generative.environment.place_names import NAMES
+from rfgen_sionna.generative.environment.primitives import PrimitiveScene
+from rfgen_sionna.generative.environment.viewpoints import ViewpointRanges
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.scene import furnished as furnished_package
@@ -96,7 +96,7 @@ def test_conditions(folder):
 
 def test_roll_and_projection_are_conditions(tmp_path):
     """Drawn from their ranges, kept with each view, and what the images show."""
-    ranges = Ranges(roll_deg=(-60, 60), projections=("perspective", "equirectangular"), fov_deg=(60, 90))
+    ranges = ViewpointRanges(roll_deg=(-60, 60), projections=("perspective", "equirectangular"), fov_deg=(60, 90))
     settings = Settings(places=("bedroom", "office"), views=4, resolution=(12, 24), ranges=ranges)
     render(tmp_path, settings, 8)
     data = PirData.open(tmp_path)
@@ -104,7 +104,7 @@ def test_roll_and_projection_are_conditions(tmp_path):
     assert np.abs(data.roll).max() <= np.radians(60)
     assert len(np.unique(data.roll)) == 8
     assert data.take([3]).roll[0] == data.roll[3]
-    views = read_corpus(data, PirCodec(), sketched=True).views
+    views = read_corpus(data, PirCodec(), use_layout_map=True).views
     assert [(view.projection, view.roll) for view in views] == list(zip(data.projection, data.roll, strict=True))
     ranges_m = 0.5 * SPEED_OF_LIGHT * data.time_of_arrival()
     for k, facts in enumerate(views):
@@ -112,18 +112,20 @@ def test_roll_and_projection_are_conditions(tmp_path):
         assert shape == pytest.approx(0.5) if facts.projection == "equirectangular" else shape > 0.5
         position = tuple(data.position[k].tolist())
         view = View((12, 24), facts.fov_deg, position, (facts.yaw, facts.pitch, facts.roll), facts.projection)
-        built = Place.of(furnished(PLACES[data.places[k]], int(data.layout[k])))
+        built = PrimitiveScene.of(furnished(PLACES[data.places[k]], int(data.layout[k])))
         level = replace(view, orientation=(facts.yaw, facts.pitch, 0.0), projection="perspective")
-        right, wrong = (np.nanmean(np.abs(shown(built, each).range - ranges_m[k])) for each in (view, level))
+        right, wrong = (
+            np.nanmean(np.abs(render_layout_map(built, each).range - ranges_m[k])) for each in (view, level)
+        )
         # Bricks stand before what they stand for by decimetres; another roll or projection is off by more, unless it
         # turns no pixel by a third of a radian.
         assert right < 0.5
         assert right < 0.7 * wrong or np.allclose(view.directions, level.directions, atol=0.3)
     with pytest.raises(ValueError, match="projection is 'fisheye'"):
-        Ranges(projections=("fisheye",))
+        ViewpointRanges(projections=("fisheye",))
     with pytest.raises(ValueError, match="roll_deg is"):
-        Ranges(roll_deg=(-200, 0))
-    around = Ranges(projections=("equirectangular",), fov_deg=(180, 360))
+        ViewpointRanges(roll_deg=(-200, 0))
+    around = ViewpointRanges(projections=("equirectangular",), fov_deg=(180, 360))
     Settings(ranges=around, resolution=(16, 32))
     with pytest.raises(ValueError, match="360 degrees across are 360 from top to bottom with 16 x 16 square pixels"):
         Settings(ranges=around, resolution=(16, 16))
@@ -198,7 +200,7 @@ def test_folders_from_before_there_was_roll_go_on(tmp_path):
         shard.attrs["command"] = json.dumps(said, sort_keys=True)
     assert render(tmp_path, settings, 2) == 2
     with pytest.raises(DataError, match="made with other settings"):
-        render(tmp_path, replace(settings, ranges=Ranges(roll_deg=(0, 5))), 2)
+        render(tmp_path, replace(settings, ranges=ViewpointRanges(roll_deg=(0, 5))), 2)
 
 
 def test_interrupted_shards_leave_nothing(tmp_path, monkeypatch):
@@ -252,9 +254,9 @@ def test_command_line(tmp_path):
     wrong = runner.invoke(app, [*options, "--count", "4", "--seed", "1"])
     assert wrong.exit_code == 2
     assert "other settings" in wrong.output
-    shown = runner.invoke(app, ["--help"]).output
+    render_layout_map = runner.invoke(app, ["--help"]).output
     for word in ("--preset", "--kind", "--people", "--fov", "goes on"):
-        assert word in shown
+        assert word in render_layout_map
 
 
 @pytest.mark.parametrize(
@@ -275,7 +277,7 @@ def test_bad_settings(options, message):
 
 def test_bad_ranges_and_folders(tmp_path, folder):
     with pytest.raises(ValueError, match=r"height is \(2, 1\)"):
-        Ranges(height=(2, 1))
+        ViewpointRanges(height=(2, 1))
     with pytest.raises(DataError, match="holds no shards"):
         PirData.open(tmp_path)
     (tmp_path / "shard-00000.h5").write_bytes(b"no HDF5")

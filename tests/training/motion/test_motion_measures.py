@@ -14,7 +14,7 @@ from training.motion import motion_metrics as metrics
 from training.motion.motion_corpus import Entry, MotionCorpus, fit_hands
 from training.motion.motion_metrics import rhythm_score
 from training.motion.originality import originality
-from training.motion.recogniser import train_recogniser
+from training.motion.recogniser import train_action_classifier
 
 SOURCE = KinematicSource(20.0)
 WALK, JACKS, STANDING = (SOURCE(a, 6.0, 1) for a in ("walk", "jumping_jacks", "standing"))
@@ -103,8 +103,8 @@ def test_the_judge_tells_what_it_was_shown() -> None:
             rows.append(encode(SOURCE(action, 5.0, seed), HANDS))
             labels.append(action)
     keep = [k for k in range(len(rows)) if k % 5]
-    judge = train_recogniser([rows[k] for k in keep], [labels[k] for k in keep], steps=40)
-    assert judge.name([rows[k] for k in range(0, 15, 5)]) == ["push", "t_pose", "standing"]
-    look, chance = judge.look([rows[0][:30]])
-    assert np.isfinite(look).all()
+    classifier = train_action_classifier([rows[k] for k in keep], [labels[k] for k in keep], steps=40)
+    assert classifier.name([rows[k] for k in range(0, 15, 5)]) == ["push", "t_pose", "standing"]
+    classify, chance = classifier.classify([rows[0][:30]])
+    assert np.isfinite(classify).all()
     assert chance.sum() == pytest.approx(1.0)

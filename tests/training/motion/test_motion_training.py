@@ -12,12 +12,12 @@ import torch
 from rfgen_sionna.generative.diffusion import features as rows_of
 from rfgen_sionna.generative.diffusion.checkpoint import read_model
 from rfgen_sionna.generative.diffusion.features import PARTS, encode, joint_positions, replace_parts
-from rfgen_sionna.generative.diffusion.network import Shape
+from rfgen_sionna.generative.diffusion.network import NetworkShape
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.text import TextEncoder
+from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder
 from rfgen_sionna.generative.motion import MEAN_ADULT, PARENTS, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS
-from training.motion.batches import LENGTHS, Feeder, hide
+from training.motion.batches import LENGTHS, BatchSampler, hide
 from training.motion.joint_loss import geometric_loss
 from training.motion.joint_loss import joint_positions as torch_positions
 from training.motion.kinematic_clips import read_clips, synthesise
@@ -85,7 +85,11 @@ def test_the_geometric_loss_vanishes_at_the_truth_and_sees_each_fault() -> None:
     motion = KinematicSource(20.0)("standing", 2.0, 0)
     rows = torch.from_numpy(encode(motion, fit_hands([motion], [motion])))[None]
     none = float(geometric_loss(rows, rows))
-    for column, by in ((rows_of.ROOT.start, 0.1), (rows_of.PLACES.start, 0.1), (rows_of.LOCAL.start + 1, 0.5)):
+    for column, by in (
+        (rows_of.ROOT.start, 0.1),
+        (rows_of.TRACKED_POSITIONS.start, 0.1),
+        (rows_of.LOCAL.start + 1, 0.5),
+    ):
         wrong = rows.clone()
         wrong[..., column] += by
         assert float(geometric_loss(wrong, rows)) > none + 1e-3
@@ -131,8 +135,8 @@ def test_clips_are_split_by_name_alone() -> None:
 
 
 def test_batches_come_from_their_number(corpus: MotionCorpus) -> None:
-    feeder = Feeder(corpus, seed=1, items=4)
-    a, b, c = feeder.batch(3), Feeder(corpus, seed=1, items=4).batch(3), feeder.batch(4)
+    feeder = BatchSampler(corpus, seed=1, items=4)
+    a, b, c = feeder.batch(3), BatchSampler(corpus, seed=1, items=4).batch(3), feeder.batch(4)
     assert np.array_equal(a.clean, b.clean)
     assert a.prompts == b.prompts
     assert a.clean.shape[1] in LENGTHS
@@ -162,13 +166,16 @@ def test_arms_of_one_clip_go_on_another() -> None:
     places, plain = joint_positions(mixed), joint_positions(base)
     assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["head"], 2]).mean() > 0.6
     assert np.array_equal(places[:, JOINT["right_wrist"]], plain[:, JOINT["right_wrist"]])
-    assert np.allclose(encode(rows_of.decode(mixed, hands, 20.0), hands)[:, rows_of.PLACES], mixed[:, rows_of.PLACES])
+    assert np.allclose(
+        encode(rows_of.decode(mixed, hands, 20.0), hands)[:, rows_of.TRACKED_POSITIONS],
+        mixed[:, rows_of.TRACKED_POSITIONS],
+    )
 
 
 def test_a_stopped_run_is_taken_up_where_it_was(tmp_path: Path, corpus: MotionCorpus) -> None:
     torch.manual_seed(0)
     text = TextEncoder(tuple(CLAUSES)).eval().requires_grad_(False)
-    shape = Shape(channels=(16, 24, 32))
+    shape = NetworkShape(channels=(16, 24, 32))
     whole = train(corpus, text, tmp_path / "a", MotionRecipe(steps=4, items=2), shape=shape, save_every=2)
     seen: list[int] = []
     # a run of four steps that is stopped after two: the recipe is the same, so is its learning rate
@@ -204,7 +211,7 @@ def test_the_seed_decides_a_whole_training(tmp_path: Path, corpus: MotionCorpus)
             text = train_text([Captions("march", ("a person marches on",))], seed=seed, steps=20, batch=16)
             recipe = MotionRecipe(steps=20, items=4, seed=seed, movement_from=10)
             text = text.eval().requires_grad_(False)
-            path = train(corpus, text, tmp_path / name, recipe, shape=Shape(channels=(16, 24, 32)))
+            path = train(corpus, text, tmp_path / name, recipe, shape=NetworkShape(channels=(16, 24, 32)))
             model = read_model(path)
             return b"".join(v.numpy().tobytes() for m in (model.net, model.text) for v in m.state_dict().values())
 

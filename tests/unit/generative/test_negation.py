@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rfgen_sionna.generative.environment.wishes import check_words
+from rfgen_sionna.generative.environment.requested_objects import check_words
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
 

@@ -8,10 +8,10 @@ import trimesh
 from scipy.signal import get_window
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.pir.fused import Fusion
-from rfgen_sionna.pir.fusion import Refinement, image, together
-from rfgen_sionna.pir.rasterise import rasterise
-from rfgen_sionna.pir.surroundings import SOFT_EDGE, Surroundings
+from rfgen_sionna.pir.fused_tracer import FusedTracer
+from rfgen_sionna.pir.fusion import Refinement, concatenate_paths, image
+from rfgen_sionna.pir.image_surroundings import SOFT_EDGE, ImageSurroundings
+from rfgen_sionna.pir.rasterisation import rasterise
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, Pir
@@ -85,12 +85,12 @@ def test_rasterising_what_was_fused_gives_the_image_back(radar, ball, t, project
     """Every pixel: with an actor in front, without anything before, beside the actor; within 0.1 dB (here 1e-9)."""
     environment = wall(radar, projection=projection)
     environment.energy[:, :6] = 0.0  # nothing known there
-    fusion = Fusion(Simulator(None, radar, [ball]).tracer, environment, 1, Refine(added=3e-10))
+    fusion = FusedTracer(Simulator(None, radar, [ball]).tracer, environment, 1, Refine(added=3e-10))
     (mixed,) = fusion.images([t])
     (refined,) = Refine(added=3e-10).refine_sequence([mixed])
     limited = np.clip(refined.energy / np.where(mixed.energy > 0, mixed.energy, np.inf), 10**-1.5, 10**1.5)
     wanted = np.where(mixed.energy > 0, mixed.energy * limited, refined.energy)
-    paths = together(fusion.instant(t))
+    paths = concatenate_paths(fusion.instant(t))
     found = rasterise(paths, fusion.surroundings.view, t)
     np.testing.assert_allclose(found.energy, wanted, rtol=1e-9)
     np.testing.assert_allclose(found.time_of_arrival, refined.time_of_arrival, atol=2e-12)
@@ -152,9 +152,9 @@ def test_phases_are_drawn_once_for_each_pixel(radar):
     """The same from run to run and whatever else the image shows; another seed gives others."""
     whole, alone = wall(radar), single(wall(radar), 5, 7)
     at = 5 * PIXELS[1] + 7
-    first = Surroundings(whole, radar, 1).paths(np.zeros(1), np.ones((whole.energy.size, 1))).a[0, 0, at, 0]
-    again = Surroundings(alone, radar, 1).paths(np.zeros(1), np.ones((1, 1))).a[0, 0, 0, 0]
-    other = Surroundings(alone, radar, 2).paths(np.zeros(1), np.ones((1, 1))).a[0, 0, 0, 0]
+    first = ImageSurroundings(whole, radar, 1).paths(np.zeros(1), np.ones((whole.energy.size, 1))).a[0, 0, at, 0]
+    again = ImageSurroundings(alone, radar, 1).paths(np.zeros(1), np.ones((1, 1))).a[0, 0, 0, 0]
+    other = ImageSurroundings(alone, radar, 2).paths(np.zeros(1), np.ones((1, 1))).a[0, 0, 0, 0]
     assert first == again
     assert abs(np.angle(first / other)) > 1e-3
 
@@ -215,7 +215,7 @@ def test_who_comes_to_be_half_behind_the_surroundings_is_told(radar, recwarn):
 
 def test_what_goes_behind_the_surroundings_fades_smoothly(radar):
     """From 0 to `SOFT_EDGE` behind a wall, steadily, without steps."""
-    paths = Surroundings(wall(radar, 3.0), radar, 0)
+    paths = ImageSurroundings(wall(radar, 3.0), radar, 0)
     ahead = np.linspace(2.9, 3.1 + SOFT_EDGE, 200)
     weight = paths._fade(paths._distance, ahead, np.full(200, 11.3), np.full(200, 15.8))
     assert weight[0] == 1.0
@@ -229,7 +229,7 @@ def test_refinement_leaves_phases_and_delays_alone(radar, ball):
     environment, refiner = wall(radar), Refine()
     # At this tolerance facets are whole faces, whose paths can be told from frame to frame.
     plain, fusion = (
-        Fusion(Simulator(None, radar, [ball], rtol=1e-2).tracer, environment, 0, each) for each in (None, refiner)
+        FusedTracer(Simulator(None, radar, [ball], rtol=1e-2).tracer, environment, 0, each) for each in (None, refiner)
     )
     refinement = fusion.refinement(0.0, 1.0)
     levels = []
@@ -265,7 +265,7 @@ def test_a_moving_radar_sees_points_that_stay(radar):
     """Delays of the pixels follow the distances from where the elements are, also while the radar turns."""
     moving = replace(radar, trajectory=lambda t: ((0.4 * t, 0.2 * t, 1.0), (0.3 * t, 0.0, 0.0)))
     environment = wall(radar)
-    fusion = Fusion(Simulator(None, moving).tracer, environment, 0)
+    fusion = FusedTracer(Simulator(None, moving).tracer, environment, 0)
     start, stop = 0.2, 0.23
     (_, around) = fusion.trace(start, stop, fusion._tracer.follow(), None).parts
     view = View.of(environment)
@@ -329,7 +329,7 @@ def test_the_image_of_a_run_is_the_one_that_was_given(radar, projection):
     np.testing.assert_allclose(found.energy, environment.energy, rtol=1e-9)
     np.testing.assert_allclose(found.time_of_arrival, environment.time_of_arrival, atol=2e-12)
     twice = image(
-        [Surroundings(environment, radar, s).paths(np.zeros(1), np.ones((768, 1))) for s in (0, 1)],
+        [ImageSurroundings(environment, radar, s).paths(np.zeros(1), np.ones((768, 1))) for s in (0, 1)],
         View.of(environment),
         0.0,
     )
@@ -344,7 +344,7 @@ def test_surroundings_all_around_hide_without_a_seam(radar, direction):
         np.full(PIXELS, 1e-9), np.full(PIXELS, 2 * 3.0 / SPEED_OF_LIGHT), np.zeros(PIXELS), view.fov_deg,
         view.position, view.orientation, view.projection,
     )  # fmt: skip
-    surroundings = Surroundings(pir, radar, 0)
+    surroundings = ImageSurroundings(pir, radar, 0)
     unit = np.array(direction) / np.linalg.norm(direction)
     hidden = surroundings.occluded(np.zeros(3), np.asarray(radar.position) + np.array([[2.0], [5.0]]) * unit)
     np.testing.assert_allclose(hidden, [0.0, 1.0], atol=1e-12)
@@ -357,7 +357,7 @@ def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
     actors = [MeshActor.from_mesh(mesh, material="metal", name="ball", position=(1.1, 1.9, 1))]
     environment = wall(aimed, distance=6.0, fov=(170.0, 60.0), projection="equirectangular")
     environment.energy[:] = 0.0
-    fusions = [Fusion(Simulator(None, aimed, actors, rtol=rtol).tracer, environment, 1) for rtol in (0.1, 1e-3)]
+    fusions = [FusedTracer(Simulator(None, aimed, actors, rtol=rtol).tracer, environment, 1) for rtol in (0.1, 1e-3)]
     (found,), (wanted,) = (fusion.images([0.0]) for fusion in fusions)
     assert np.count_nonzero(wanted.energy) > 200
     assert np.array_equal(found.energy > 0, wanted.energy > 0)

@@ -17,7 +17,7 @@ from rfgen_sionna.processing import (
     select_slot,
     velocity_axis,
 )
-from rfgen_sionna.processing.profile_selection import separated
+from rfgen_sionna.processing.profile_selection import separate_bands
 from rfgen_sionna.radar import Radar, Slot
 
 
@@ -63,9 +63,9 @@ def test_doppler_bands_split_the_velocities(ddm):
 
 def test_bands_may_be_separated_before(ddm):
     cube = noise(ddm)
-    apart = separated(cube, ddm)
+    apart = separate_bands(cube, ddm)
     assert apart.shape == (32, 3, 4, 32)
-    assert separated(apart, ddm) is apart
+    assert separate_bands(apart, ddm) is apart
     np.testing.assert_allclose(range_doppler(apart, ddm).spectrum, range_doppler(cube, ddm).spectrum)
     with pytest.raises(ValueError, match="2 entries along 'tx'"):
         range_doppler(noise(ddm, 2), ddm)

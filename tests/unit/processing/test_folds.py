@@ -9,7 +9,7 @@ import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.processing import point_cloud, range_doppler, velocity_axis
-from rfgen_sionna.processing.focus import at_velocity
+from rfgen_sionna.processing.peak_focusing import at_velocity
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import PathKind, RadarPaths

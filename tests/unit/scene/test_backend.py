@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rfgen_sionna.scene import mitsuba_backend
-from rfgen_sionna.scene.errors import BackendError
+from rfgen_sionna.scene.scene_errors import BackendError
 
 
 @pytest.fixture(autouse=True)

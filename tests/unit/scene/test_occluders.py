@@ -49,11 +49,11 @@ def test_what_is_seen_at_several_times_is_what_each_time_shows(post: bool, movin
     number = occluders.numbered(first + face.astype(np.int32), len(times))
     together = occluders.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number, moving)
     every = (len(face) * np.arange(len(times))[:, None] + of).ravel()
-    found = together.seen(every, np.tile(places, (len(times), 1))).reshape(len(times), -1)
+    found = together.visible(every, np.tile(places, (len(times), 1))).reshape(len(times), -1)
 
     for k, t in enumerate(times):
         rays.update(placed(t))
-        alone = rays.targets(VIEWPOINT, corners[k], first + face, moving).seen(of, places)
+        alone = rays.targets(VIEWPOINT, corners[k], first + face, moving).visible(of, places)
         # Rays within 1e-5 of an edge may fall on either side of it: coordinates are float32.
         assert np.count_nonzero(found[k] != alone) <= 2
     assert 0.1 < found.mean() < 0.6
@@ -99,7 +99,7 @@ def test_the_same_kernel_serves_all_looks():
         corners = np.stack([placed(t)[0][FACES[0][some]] for t in times])
         occluders = occluders_of(rays, [placed(t) for t in times], corners)
         number = occluders.numbered(np.arange(len(FACES[0]), dtype=np.int32)[some], count)
-        occluders.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number).seen(
+        occluders.targets(VIEWPOINT, corners.reshape(-1, 3, 3), number).visible(
             np.arange(len(number)), np.full((len(number), 3), 1 / 3)
         )
 

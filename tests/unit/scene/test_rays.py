@@ -135,12 +135,12 @@ def test_points_on_facets_are_seen_where_nothing_hides_them(mixed: RayScene, mon
     corners, number, of, (places, _) = points_on_the_walls(mixed, 4000)
     viewpoint = np.array([0.3, 0.1, 0.2])
     targets = mixed.targets(viewpoint, corners, number)
-    seen = targets.seen(of, places)
+    visible = targets.visible(of, places)
     points = np.einsum("rc,rci->ri", places, corners[of])
-    np.testing.assert_array_equal(seen, ~mixed.occluded(viewpoint, points, number[of]))
-    assert 0.1 < seen.mean() < 0.95
+    np.testing.assert_array_equal(visible, ~mixed.occluded(viewpoint, points, number[of]))
+    assert 0.1 < visible.mean() < 0.95
     monkeypatch.setattr("rfgen_sionna.scene.point_visibility.CHUNK", 1000)
-    np.testing.assert_array_equal(targets.seen(of, places), seen)
+    np.testing.assert_array_equal(targets.visible(of, places), visible)
 
 
 @pytest.mark.usefixtures("kernels")
@@ -148,27 +148,27 @@ def test_the_edge_of_a_shadow_is_where_halving_finds_it(mixed: RayScene, monkeyp
     """In one kernel as step by step; each pair as often as it asks for."""
     corners, number, of, (one, other) = points_on_the_walls(mixed, 4000)
     targets = mixed.targets(np.array([0.3, 0.1, 0.2]), corners, number)
-    lit = np.flatnonzero(targets.seen(of, one) & ~targets.seen(of, other))
-    of, near, far = of[lit], one[lit], other[lit]
+    unoccluded = np.flatnonzero(targets.visible(of, one) & ~targets.visible(of, other))
+    of, near, far = of[unoccluded], one[unoccluded], other[unoccluded]
     halvings = np.random.default_rng(1).integers(0, 9, len(of))
-    found, hider = targets.edges(of, near, far, halvings)
+    found, occluder = targets.edges(of, near, far, halvings)
     monkeypatch.setattr("rfgen_sionna.scene.point_visibility.CHUNK", 100)
     np.testing.assert_array_equal(targets.edges(of, near, far, halvings)[0], found)
     for step in range(8):
         middle = 0.5 * (near + far)
-        seen, on = targets.seen(of, middle), step < halvings
-        near[on & seen], far[on & ~seen] = middle[on & seen], middle[on & ~seen]
+        visible, on = targets.visible(of, middle), step < halvings
+        near[on & visible], far[on & ~visible] = middle[on & visible], middle[on & ~visible]
     assert len(of) > 100
     np.testing.assert_allclose(found, 0.5 * (near + far), atol=1e-15)
     # What casts it is what a ray to the dark side meets first.
-    dark = np.einsum("rc,rci->ri", far, corners[of])
+    occluded = np.einsum("rc,rci->ri", far, corners[of])
     viewpoint = np.array([0.3, 0.1, 0.2])
-    hit = mixed.first_facet(viewpoint, dark - viewpoint)
+    hit = mixed.first_facet(viewpoint, occluded - viewpoint)
     plane = mixed.corners(hit)
     normal = np.cross(plane[:, 1] - plane[:, 0], plane[:, 2] - plane[:, 0])
-    share = np.einsum("ri,ri->r", normal, plane[:, 0] - viewpoint) / np.einsum("ri,ri->r", normal, dark - viewpoint)
-    np.testing.assert_allclose(hider, share, rtol=1e-4)
-    assert (hider < 0.9).mean() > 0.5
+    share = np.einsum("ri,ri->r", normal, plane[:, 0] - viewpoint) / np.einsum("ri,ri->r", normal, occluded - viewpoint)
+    np.testing.assert_allclose(occluder, share, rtol=1e-4)
+    assert (occluder < 0.9).mean() > 0.5
 
 
 @pytest.mark.usefixtures("kernels")
@@ -181,28 +181,28 @@ def test_points_that_several_places_have_to_see_are_those_that_each_does(mixed: 
     places = rng.dirichlet((1, 1, 1), len(of))
     ends = rng.uniform(-2.0, 2.0, (12, 2, 3))
     both = mixed.targets(ends, corners, walls)
-    seen = both.seen(of, places)
+    visible = both.visible(of, places)
     apart = np.ones(len(of), np.bool_)
     for facet in walls.tolist():
         mine = of == facet
         for end in ends[facet]:
             alone = mixed.targets(end, corners[facet : facet + 1], walls[facet : facet + 1])
-            apart[mine] &= alone.seen(np.zeros(mine.sum(), np.intp), places[mine])
-    assert 0.05 < seen.mean() < 0.95
-    np.testing.assert_array_equal(seen, apart)
-    lit, dark = [], []
+            apart[mine] &= alone.visible(np.zeros(mine.sum(), np.intp), places[mine])
+    assert 0.05 < visible.mean() < 0.95
+    np.testing.assert_array_equal(visible, apart)
+    unoccluded, occluded = [], []
     for facet in walls.tolist():
-        there = np.flatnonzero((of == facet) & seen)
-        here = np.flatnonzero((of == facet) & ~seen)
+        there = np.flatnonzero((of == facet) & visible)
+        here = np.flatnonzero((of == facet) & ~visible)
         count = min(len(there), len(here))
-        lit.append(there[:count])
-        dark.append(here[:count])
-    one, other = np.concatenate(lit), np.concatenate(dark)
-    edge, hider = both.edges(of[one], places[one], places[other], 20)
+        unoccluded.append(there[:count])
+        occluded.append(here[:count])
+    one, other = np.concatenate(unoccluded), np.concatenate(occluded)
+    edge, occluder = both.edges(of[one], places[one], places[other], 20)
     along = (places[other] - places[one]) / np.linalg.norm(places[other] - places[one], axis=1, keepdims=True)
-    assert both.seen(of[one], edge - 1e-4 * along).mean() > 0.98
-    assert both.seen(of[one], edge + 1e-4 * along).mean() < 0.02
-    assert ((hider > 0) & (hider < 1)).all()
+    assert both.visible(of[one], edge - 1e-4 * along).mean() > 0.98
+    assert both.visible(of[one], edge + 1e-4 * along).mean() < 0.02
+    assert ((occluder > 0) & (occluder < 1)).all()
 
 
 def test_both_sides_of_a_plate_hide():
@@ -339,13 +339,13 @@ def test_threads_are_given_back_after_a_move():
     """A tree is built with one thread, and whatever happens Dr.Jit has those of before again. CUDA builds its own."""
     on_cpu = ensure_backend().startswith("llvm")
     scene = RayScene([], [arrays(BALL)])
-    before, seen = dr.thread_count(), []
+    before, visible = dr.thread_count(), []
     update = scene._moving._parameters.update
 
     def failing():
-        seen.append(dr.thread_count())
+        visible.append(dr.thread_count())
         update()
-        if len(seen) == 2:
+        if len(visible) == 2:
             raise RuntimeError("no more memory")
 
     scene._moving._parameters.update = failing
@@ -358,4 +358,4 @@ def test_threads_are_given_back_after_a_move():
         assert dr.thread_count() == 2
     finally:
         dr.set_thread_count(before)
-    assert seen == ([1, 1] if on_cpu else [2, 2])
+    assert visible == ([1, 1] if on_cpu else [2, 2])

@@ -11,7 +11,7 @@ from PIL import Image
 from rfgen_sionna.dataset import OutputError, open_run
 from rfgen_sionna.show import sheet
 from rfgen_sionna.show.panels import draw_azimuth, draw_doppler_time, draw_pir, draw_range_doppler, draw_range_time
-from rfgen_sionna.show.run_view import reach, view_frame, view_run
+from rfgen_sionna.show.run_view import display_range, view_frame, view_run
 from rfgen_sionna.show.style import edges, level_limits
 
 DISTANCE = np.linalg.norm([2.5, 1.0, 0.2])
@@ -96,13 +96,13 @@ def test_frames_without_pauses_get_a_short_time_transform(make_run):
         view = view_run(steady)
         assert not view.per_frame
         assert len(view.doppler_time.time) > 4
-        assert 0 <= view.liveliest < 4
+        assert 0 <= view.most_active_frame < 4
 
 
 def test_pictures_reach_as_far_as_the_farthest_return(run, make_run):
-    assert reach(run, 0) == pytest.approx(1.05 * 3e-8 * 299_792_458 / 2)
+    assert display_range(run, 0) == pytest.approx(1.05 * 3e-8 * 299_792_458 / 2)
     with open_run(make_run("bare", pir=False, actors=False)) as bare:
-        assert reach(bare, 0) == bare.radar.max_range
+        assert display_range(bare, 0) == bare.radar.max_range
 
 
 def test_colours_span_from_the_noise_to_the_peak():

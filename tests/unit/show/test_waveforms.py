@@ -10,8 +10,8 @@ import pytest
 
 from rfgen_sionna.dataset import RunInfo, RunWriter, open_run
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.show.run_summary import summary
 from rfgen_sionna.show.run_view import view_frame, view_run
-from rfgen_sionna.show.words import summary
 
 KINDS = [
     ("awr1843", "bpm", "2 slots of 2 Tx (bpm)"),

@@ -11,17 +11,17 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import material as material_named
-from rfgen_sionna.scene.arrays import Frozen, drjit_types, exact_division
-from rfgen_sionna.scene.transfer import upload
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, exact_division
 from rfgen_sionna.tracing.integral import facet
-from rfgen_sionna.tracing.integral.facet import Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.integral.quadratic import Slopes
-from rfgen_sionna.tracing.integral.reflected import Planes, Via
-from rfgen_sionna.tracing.integral.slabs import NO_SLAB, Screens, Slabs, SlabTable
-from rfgen_sionna.tracing.surface import placing
-from rfgen_sionna.tracing.surface.bend import Bend
-from rfgen_sionna.tracing.surface.placing import place_facets
+from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
+from rfgen_sionna.tracing.integral.reflected import MirrorLegs, MirrorPlanes
+from rfgen_sionna.tracing.integral.slabs import NO_SLAB, SlabStack, SlabStacks, SlabTable
+from rfgen_sionna.tracing.surface import facet_positions as placing
+from rfgen_sionna.tracing.surface.facet_positions import place_facets
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
 ACROSS = np.array([0.0, 0.0, 1.0])
@@ -42,7 +42,7 @@ def test_quotients_are_of_double_precision():
     x, y = np.random.default_rng(0).uniform(0.1, 10.0, (2, 1000))
     found = {name: dr.empty(types.Float64, len(x)) for name in ("one", "many", "root")}
     lanes = dr.arange(types.UInt32, len(x))
-    Frozen(quotients)({"lanes": lanes, "x": upload(types.Float64, x), "y": upload(types.Float64, y), **found})
+    FrozenKernel(quotients)({"lanes": lanes, "x": upload(types.Float64, x), "y": upload(types.Float64, y), **found})
     for name, expected in (("one", 1 / x), ("many", y / x), ("root", 1 / np.sqrt(x))):
         np.testing.assert_allclose(found[name].numpy(), expected, rtol=5e-16)
 
@@ -59,7 +59,7 @@ def slabs(count, depth, rng):
     table = SlabTable.of([material_named("plasterboard"), material_named("glass")], 79e9, 2e9)
     normals = rng.normal(size=(count, depth, 1, 3)) + 0.1 * rng.normal(size=(count, depth, 3, 3))
     normals /= np.linalg.norm(normals, axis=3, keepdims=True)
-    return Slabs(table, rng.integers(NO_SLAB, 2, (count, depth)).astype(np.int32), normals)
+    return SlabStack(table, rng.integers(NO_SLAB, 2, (count, depth)).astype(np.int32), normals)
 
 
 def gains(count, nodes, kind, seed=0):
@@ -68,39 +68,55 @@ def gains(count, nodes, kind, seed=0):
     corners = rng.normal(size=(count, 3, 3)) * 0.01 + np.array([3.0, 0, 0])
     places = np.zeros((nodes, 3))
     at = Nodes(places, places + 1e-3 * np.eye(3)[1], np.linspace(77e9, 81e9, nodes))
-    rises, lifts = rng.normal(size=(2, count, 3, 3)) * 1e-4
+    sagittas, corner_offsets = rng.normal(size=(2, count, 3, 3)) * 1e-4
     parts, middle = rng.integers(1, 4, count), corners.mean(axis=1)
     index = rng.integers(0, 2, count).astype(np.int32)
     if kind == "mixed":  # the flat first, then the bent ones among them
 
-        def of(some, bent, into):
-            bend = Bend(rises[some], None) if bent else None
+        def of(some, bent, buffer):
+            patch = QuadraticPatch(sagittas[some], None) if bent else None
             known = corners[some], index[some], media(nodes, 2), at, ACROSS, ACROSS, parts[some]
-            return facet_gains(*known, True, bend=bend, reference=middle[some], into=into)
+            return facet_gains(*known, True, patch=patch, reference=middle[some], buffer=buffer)
 
-        found = by_curvature(rng.random(count) < 0.5, of)
+        found = split_by_curvature(rng.random(count) < 0.5, of)
     else:
         one, other = slabs(count, 1, rng), slabs(count, 2, rng)
-        by_wall = Via(Planes(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1)), None, None, 0 * index)
-        aslant = Planes(np.array([[0.6, 0.8, 0]]), np.array([-1.5]), media(nodes, 2))
-        folded = replace(by_wall, before=aslant, tx=0 * index)
-        through = Screens(None, one), Screens(other, one)
+        by_wall = MirrorLegs(
+            MirrorPlanes(np.array([[0.0, 1, 0]]), np.array([-1.0]), media(nodes, 1)), None, None, 0 * index
+        )
+        aslant = MirrorPlanes(np.array([[0.6, 0.8, 0]]), np.array([-1.5]), media(nodes, 2))
+        second_order = replace(by_wall, before=aslant, tx=0 * index)
+        through = SlabStacks(None, one), SlabStacks(other, one)
         options = {
             "plain": {},
             "slabs": {"axes": np.eye(3)[:2], "monostatic": True},
             "two places": {"origin": np.array([0.1, 0, 0]), "reference": middle},
             "parts": {"parts": parts, "reference": middle, "axes": np.eye(3)[:2]},
             "no axes": {"axes": np.zeros((0, 3)), "monostatic": True},
-            "bent": {"parts": parts, "bend": Bend(rises, lifts), "axes": np.eye(3)[1:2], "monostatic": True},
-            "together": {"parts": parts, "axes": np.eye(3)[:2], "kinds": Slopes.FIRST, "steady": True},
-            "bent together": {"bend": Bend(rises, lifts), "axes": np.eye(3)[:2], "kinds": Slopes.BOWED, "steady": True},
-            "antennas": {"pull": rng.normal(size=(count, 3)), "aim": middle, "monostatic": True},
+            "bent": {
+                "parts": parts,
+                "patch": QuadraticPatch(sagittas, corner_offsets),
+                "axes": np.eye(3)[1:2],
+                "monostatic": True,
+            },
+            "together": {"parts": parts, "axes": np.eye(3)[:2], "kinds": SlopeOrder.FIRST, "steady": True},
+            "bent together": {
+                "patch": QuadraticPatch(sagittas, corner_offsets),
+                "axes": np.eye(3)[:2],
+                "kinds": SlopeOrder.BOWED,
+                "steady": True,
+            },
+            "antennas": {
+                "pattern_gradient": rng.normal(size=(count, 3)),
+                "gradient_origin": middle,
+                "monostatic": True,
+            },
             "mirror": {"via": by_wall},
-            "mirrors": {"via": replace(by_wall, tx=0 * index), "bend": Bend(rises, None)},
-            "screen": {"screens": (through[0], through[0])},
-            "screens": {"screens": (through[0], Screens(None, other))},
-            "a mirror that another shows": {"via": folded},
-            "mirror behind screens": {"via": replace(by_wall, tx=0 * index), "screens": through},
+            "mirrors": {"via": replace(by_wall, tx=0 * index), "patch": QuadraticPatch(sagittas, None)},
+            "screen": {"slab_stacks": (through[0], through[0])},
+            "slab_stacks": {"slab_stacks": (through[0], SlabStacks(None, other))},
+            "a mirror that another shows": {"via": second_order},
+            "mirror behind screens": {"via": replace(by_wall, tx=0 * index), "slab_stacks": through},
         }
         of_slabs = media(nodes, 2, 0.01) if kind in ("plain", "slabs") else media(nodes, 2)
         found = facet_gains(corners, index, of_slabs, at, ACROSS, ACROSS, **options[kind])
@@ -109,7 +125,7 @@ def gains(count, nodes, kind, seed=0):
 
 KINDS = (
     "plain", "slabs", "two places", "parts", "no axes", "bent", "together", "bent together", "antennas", "mirror",
-    "mirrors", "screen", "screens", "mirror behind screens", "mixed",
+    "mirrors", "screen", "slab_stacks", "mirror behind screens", "mixed",
 )  # fmt: skip
 
 
@@ -140,15 +156,15 @@ def test_threads_share_what_is_frozen(monkeypatch):
 
     tasks = [(count, kind) for count in (30, 31, 1000) for kind in (*KINDS, "placed")]
     alone = [of(*task) for task in tasks]
-    monkeypatch.setattr(facet, "_INTEGRATED", Frozen(facet._integrate))
-    monkeypatch.setattr(placing, "_PLACED", Frozen(placing._place))
-    usual = gc.get_threshold()
+    monkeypatch.setattr(facet, "_INTEGRATED", FrozenKernel(facet._integrate))
+    monkeypatch.setattr(placing, "_PLACED", FrozenKernel(placing._place))
+    reference_level = gc.get_threshold()
     gc.set_threshold(10, 2, 2)
     try:
         with ThreadPoolExecutor(4) as pool:
             together = list(pool.map(lambda task: of(*task), tasks))
     finally:
-        gc.set_threshold(*usual)
+        gc.set_threshold(*reference_level)
     for one, other in zip(alone, together, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
@@ -164,7 +180,7 @@ def test_it_goes_through_its_kernel_once_for_each_kind():
         dr.scatter(given["found"], value, lane)
         dr.eval(given["found"])
 
-    kernel = Frozen(multiplied)
+    kernel = FrozenKernel(multiplied)
     for size in (5, 50, 3):
         for option in (True, False):
             numbers = upload(types.Float64, np.arange(size) + 1.0)
@@ -183,7 +199,7 @@ def test_options_are_told_apart_whichever_of_them_are_equal():
         dr.scatter(given["found"], types.Float64(number), given["lanes"])
         dr.eval(given["found"])
 
-    kernel = Frozen(written)
+    kernel = FrozenKernel(written)
     for options in product((False, True), (0, 1, 2), (0, 1, 2), (0, 1, 2)):
         found = dr.zeros(types.Float64, 3)
         kernel({"lanes": dr.arange(types.UInt32, 3), "found": found}, *options)
@@ -193,7 +209,7 @@ def test_options_are_told_apart_whichever_of_them_are_equal():
 def test_garbage_waits_until_a_kernel_is_recorded():
     """A scene that is collected meanwhile would end the process."""
     collecting = []
-    kernel = Frozen(lambda given: collecting.append(gc.isenabled()))
+    kernel = FrozenKernel(lambda given: collecting.append(gc.isenabled()))
     dr, types = drjit_types()
     kernel({"found": dr.opaque(types.Float64, 1.0)})
     assert collecting == [False]
@@ -203,14 +219,14 @@ def test_garbage_waits_until_a_kernel_is_recorded():
         raise RuntimeError("not today")
 
     with pytest.raises(RuntimeError):
-        Frozen(fails)({"found": dr.opaque(types.Float64, 1.0)})
+        FrozenKernel(fails)({"found": dr.opaque(types.Float64, 1.0)})
     assert gc.isenabled()
 
 
 def test_nothing_is_an_error_and_not_the_end_of_the_process():
     dr, types = drjit_types()
     with pytest.raises(ValueError, match="'axes'"):
-        Frozen(lambda given: None)({"media": [{"axes": dr.zeros(types.Float64, 0)}]})
+        FrozenKernel(lambda given: None)({"media": [{"axes": dr.zeros(types.Float64, 0)}]})
 
 
 def test_what_would_be_taken_for_something_else_is_refused():
@@ -218,12 +234,12 @@ def test_what_would_be_taken_for_something_else_is_refused():
     dr, types = drjit_types()
     one = dr.zeros(types.Float64, 1)
     with pytest.raises(ValueError, match="'second'"):
-        Frozen(lambda given: None)({"first": one, "second": one})
+        FrozenKernel(lambda given: None)({"first": one, "second": one})
     with pytest.raises(TypeError, match="'count'"):
-        Frozen(lambda given: None)({"first": one, "count": 2})
+        FrozenKernel(lambda given: None)({"first": one, "count": 2})
 
 
 def test_an_option_that_would_let_another_thread_in_is_refused():
     dr, types = drjit_types()
-    with pytest.raises(TypeError, match="Slopes"):
-        Frozen(lambda given, kinds: None)({"one": dr.zeros(types.Float64, 1)}, Slopes.FIRST)
+    with pytest.raises(TypeError, match="SlopeOrder"):
+        FrozenKernel(lambda given, kinds: None)({"one": dr.zeros(types.Float64, 1)}, SlopeOrder.FIRST)

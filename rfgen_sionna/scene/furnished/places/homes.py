@@ -72,7 +72,7 @@ def wall_decoration(plan: Plan, pictures: int) -> None:
         plan.on_wall(decor.wall_clock(plan.rng), "far")
 
 
-def lit(plan: Plan) -> None:
+def hang_lamp(plan: Plan) -> None:
     """A lamp that hangs over the middle."""
     lamp = decor.ceiling_lamp(plan.rng, plan.height)
     x, y = 0.5 * sum(plan.x) + plan.rng.uniform(-0.4, 0.4), 0.5 * sum(plan.y)
@@ -120,7 +120,7 @@ def living_room(rng: np.random.Generator) -> Plan:
         _corner(plan, thing) or plan.at_wall(thing)
     warm(plan, openings)
     wall_decoration(plan, int(rng.integers(1, 4)))
-    lit(plan)
+    hang_lamp(plan)
     return plan
 
 
@@ -175,7 +175,7 @@ def bedroom(rng: np.random.Generator) -> Plan:
     plan.some(0.6, lambda: decor.plant(rng), lambda thing: _corner(plan, thing) or plan.at_wall(thing))
     warm(plan, openings)
     wall_decoration(plan, int(rng.integers(1, 3)))
-    lit(plan)
+    hang_lamp(plan)
     return plan
 
 

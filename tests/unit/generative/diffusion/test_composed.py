@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.diffusion.control import on_grid
-from rfgen_sionna.generative.diffusion.drafts import canonical
+from rfgen_sionna.generative.diffusion.constraints import resampled_features
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
+from rfgen_sionna.generative.diffusion.drafts import canonical_sentence
 from rfgen_sionna.generative.diffusion.features import heading, joint_positions, turned
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
-from rfgen_sionna.generative.diffusion.stage import turning
+from rfgen_sionna.generative.diffusion.root_placement import limit_turn_rate
 from rfgen_sionna.generative.motion import KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, forward_kinematics, global_rotations
@@ -23,7 +23,7 @@ def source() -> DiffusionSource:
 def test_arms_that_are_named_move(source: DiffusionSource) -> None:
     for origin in (source, DiffusionSource(refine=None)):
         motion = origin.generate("a person walks", action="walk", arms="left_arm_raised", seed=1, duration=4.0)
-        places = joint_positions(on_grid(motion, source.model.hands))
+        places = joint_positions(resampled_features(motion, source.model.hands))
         assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
 
 
@@ -44,10 +44,10 @@ def test_arms_and_legs_of_a_sentence_do_each_its_own(source: DiffusionSource, pr
     assert both.action == said.action
     if said.action == action:
         ankles = [JOINT["left_ankle"], JOINT["right_ankle"]]
-        stand = [joint_positions(on_grid(m, source.model.hands)) for m in (alone, both)]
+        stand = [joint_positions(resampled_features(m, source.model.hands)) for m in (alone, both)]
         steps = [places[:, ankles] - places[:, [JOINT["pelvis"]]] for places in stand]
         assert np.median(np.linalg.norm(steps[0] - steps[1], axis=-1)) < 0.08
-    places = joint_positions(on_grid(both, source.model.hands))
+    places = joint_positions(resampled_features(both, source.model.hands))
     up = {
         side: places[:, JOINT[f"{side}_wrist"], 2] > places[:, JOINT[f"{side}_shoulder"], 2]
         for side in ("left", "right")
@@ -60,13 +60,13 @@ def test_arms_go_along_a_path_too(source: DiffusionSource) -> None:
     path = [(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)]
     motion = source.generate("a person walks while raising the left arm", path=path, duration=5.0, seed=1)
     np.testing.assert_allclose(motion.translation[[0, -1], :2], [path[0], path[-1]], atol=1e-6)
-    places = joint_positions(on_grid(motion, source.model.hands))
+    places = joint_positions(resampled_features(motion, source.model.hands))
     assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
 
 
 @pytest.mark.parametrize("action", ["push", "circle_clockwise", "click"])
 def test_both_hands_do_the_gesture_beside_each_other(source: DiffusionSource, action: str) -> None:
-    spoken = source.generate(f"{canonical(action)} with both hands", seed=2, duration=4.0)
+    spoken = source.generate(f"{canonical_sentence(action)} with both hands", seed=2, duration=4.0)
     for motion in (spoken, source(action, 4.0, 2, hand="both"), KinematicSource(60.0)(action, 4.0, 2, hand="both")):
         world = global_rotations(to_matrices(motion.rotations), motion.parents)
         places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
@@ -115,17 +115,17 @@ def test_who_runs_with_an_arm_up_runs(source: DiffusionSource) -> None:
         source.generate(p, seed=1, duration=4.0) for p in ("a person runs", "a person runs while raising the left arm")
     )
     assert np.ptp(both.translation[:, 0]) > 0.9 * np.ptp(alone.translation[:, 0]) > 3.0
-    places = joint_positions(on_grid(both, source.model.hands))
+    places = joint_positions(resampled_features(both, source.model.hands))
     assert (places[:, JOINT["left_wrist"], 2] > places[:, JOINT["left_shoulder"], 2]).mean() > 0.7
 
 
 def test_nobody_turns_round_in_a_twentieth_of_a_second(source: DiffusionSource) -> None:
     """Neither what is made, nor rows that flip by 2 rad from one to the next."""
     motion = source.generate("a person walks back and forth while drawing circles with the left hand", seed=1)
-    assert np.abs(np.gradient(heading(on_grid(motion, source.model.hands)))).max() * 20.0 < 10.0
-    rows = on_grid(KinematicSource(20.0)("walk", 6.0, 1), source.model.hands)
+    assert np.abs(np.gradient(heading(resampled_features(motion, source.model.hands)))).max() * 20.0 < 10.0
+    rows = resampled_features(KinematicSource(20.0)("walk", 6.0, 1), source.model.hands)
     flipped = np.concatenate([rows[:60], turned(rows[60:], 2.0)])
-    even = turning(flipped)
+    even = limit_turn_rate(flipped)
     assert np.abs(np.gradient(heading(even))).max() * 20.0 < 10.0
     np.testing.assert_array_equal(even[[0, -1]], flipped[[0, -1]])
-    np.testing.assert_array_equal(turning(rows), rows)
+    np.testing.assert_array_equal(limit_turn_rate(rows), rows)

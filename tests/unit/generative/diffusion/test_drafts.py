@@ -7,11 +7,17 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from rfgen_sionna.generative.diffusion.control import on_grid
-from rfgen_sionna.generative.diffusion.drafts import beat_of, canonical, draft_of, drawn_pace, phase_of
+from rfgen_sionna.generative.diffusion.constraints import resampled_features
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
+from rfgen_sionna.generative.diffusion.drafts import (
+    canonical_sentence,
+    draft_beat,
+    make_draft,
+    motion_phase,
+    sample_pace,
+)
 from rfgen_sionna.generative.diffusion.features import joint_positions, recentred
-from rfgen_sionna.generative.diffusion.sampling import CUTOFFS, Sampler, Wish
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
+from rfgen_sionna.generative.diffusion.motion_sampling import CUTOFFS, MotionRequest, MotionSampler
 from rfgen_sionna.generative.motion import MEAN_ADULT
 from rfgen_sionna.generative.motion.skeleton import JOINT
 from training.motion.motion_metrics import foot_slide, rhythm_score
@@ -23,8 +29,8 @@ def source() -> DiffusionSource:
 
 
 def test_a_draft_walks_with_one_arm_up(source: DiffusionSource) -> None:
-    rows = draft_of(("walk", "left_arm_raised"), 100, 3, source.model.hands)
-    alone = draft_of(("walk",), 100, 3, source.model.hands)
+    rows = make_draft(("walk", "left_arm_raised"), 100, 3, source.model.hands)
+    alone = make_draft(("walk",), 100, 3, source.model.hands)
     assert rows.shape == alone.shape
     assert np.allclose(rows[:, :9], alone[:, :9])
     places, plain = joint_positions(rows), joint_positions(alone)
@@ -35,21 +41,21 @@ def test_a_draft_walks_with_one_arm_up(source: DiffusionSource) -> None:
 
 
 def test_a_draft_has_the_phase_of_what_it_repeats(source: DiffusionSource) -> None:
-    rows = draft_of(("jumping_jacks",), 121, 2, source.model.hands)
-    phase = phase_of(rows)
+    rows = make_draft(("jumping_jacks",), 121, 2, source.model.hands)
+    phase = motion_phase(rows)
     assert phase is not None
     height = joint_positions(rows)[:, JOINT["left_wrist"], 2]
     power = np.abs(np.fft.rfft(height - height.mean(), 4096))
     repetitions = (phase[100] - phase[20]) / (2 * np.pi) / 4.0
     assert repetitions == pytest.approx(np.argmax(power) * 20.0 / 4096, rel=0.06)
-    assert phase_of(rows[:10]) is None
+    assert motion_phase(rows[:10]) is None
 
 
 @pytest.mark.parametrize("action", ["jumping_jacks", "push", "walk_straight"])
 def test_a_moment_of_a_draft_has_its_beat_wherever_the_draft_begins(source: DiffusionSource, action: str) -> None:
-    rows = draft_of((action,), 150, 4, source.model.hands)
-    wish = Wish(canonical(action), 0, action=action)
-    whole, later = beat_of(source.model, wish, rows), beat_of(source.model, wish, recentred(rows[11:]))
+    rows = make_draft((action,), 150, 4, source.model.hands)
+    request = MotionRequest(canonical_sentence(action), 0, action=action)
+    whole, later = draft_beat(source.model, request, rows), draft_beat(source.model, request, recentred(rows[11:]))
     assert whole is not None
     assert later is not None
     # cosine of the angle between the two phases
@@ -57,18 +63,18 @@ def test_a_moment_of_a_draft_has_its_beat_wherever_the_draft_begins(source: Diff
 
 
 def test_a_held_pose_has_no_beat(source: DiffusionSource) -> None:
-    rows = draft_of(("y_pose",), 100, 1, source.model.hands)
-    assert beat_of(source.model, Wish(canonical("y_pose"), 0, action="y_pose"), rows) is None
+    rows = make_draft(("y_pose",), 100, 1, source.model.hands)
+    assert draft_beat(source.model, MotionRequest(canonical_sentence("y_pose"), 0, action="y_pose"), rows) is None
 
 
 @pytest.mark.parametrize("action", ["circle_clockwise", "pull"])
 def test_motions_from_drafts_keep_their_rhythm_and_pace(source: DiffusionSource, action: str) -> None:
     scores, apart = [], []
     for seed in (1, 2):
-        made = on_grid(source.generate(canonical(action, "right"), seed=seed), source.model.hands)
-        draft = draft_of((action,), 121, seed, source.model.hands, hand="right", speed=drawn_pace(seed))
+        made = resampled_features(source.generate(canonical_sentence(action, "right"), seed=seed), source.model.hands)
+        draft = make_draft((action,), 121, seed, source.model.hands, hand="right", speed=sample_pace(seed))
         scores.append(rhythm_score(made, 20.0))
-        mine, its = phase_of(made), phase_of(draft)
+        mine, its = motion_phase(made), motion_phase(draft)
         assert mine is not None
         assert its is not None
         assert (mine[100] - mine[20]) / (its[100] - its[20]) == pytest.approx(1.0, abs=0.05)
@@ -84,7 +90,7 @@ def test_what_words_leave_open_is_drawn(source: DiffusionSource) -> None:
 
 def _up(source: DiffusionSource, seed: int) -> str:
     places = joint_positions(
-        on_grid(source.generate("a person raises one arm", seed=seed, duration=1.6), source.model.hands)
+        resampled_features(source.generate("a person raises one arm", seed=seed, duration=1.6), source.model.hands)
     )
     left, right = (places[:, JOINT[f"{s}_wrist"], 2].mean() for s in ("left", "right"))
     return "left" if left > right else "right"
@@ -114,7 +120,7 @@ def test_drafts_only_where_they_are_meant() -> None:
 
 
 def test_people_differ_in_pace_unless_they_are_told_one() -> None:
-    free, slow = ([drawn_pace(seed, asked) for seed in range(200)] for asked in (1.0, 0.8))
+    free, slow = ([sample_pace(seed, asked) for seed in range(200)] for asked in (1.0, 0.8))
     assert min(free) == pytest.approx(0.75, abs=0.02)
     assert max(free) == pytest.approx(1.3, abs=0.03)
     assert 0.7 < min(slow) < max(slow) < 0.9
@@ -123,10 +129,12 @@ def test_people_differ_in_pace_unless_they_are_told_one() -> None:
 
 def test_who_holds_a_pose_does_not_tremble(source: DiffusionSource) -> None:
     """Nor does the head of who makes a gesture."""
-    shaky = DiffusionSource(sampler=Sampler(cutoff=CUTOFFS["kinematic"]))
+    shaky = DiffusionSource(sampler=MotionSampler(cutoff=CUTOFFS["kinematic"]))
     for action, joints in (("t_pose", slice(None)), ("push", [JOINT["left_knee"], JOINT["head"]])):
         calm, before = (
-            np.abs(np.diff(joint_positions(on_grid(s(action, 3.0, 2), s.model.hands))[:, joints], n=3, axis=0)).mean()
+            np.abs(
+                np.diff(joint_positions(resampled_features(s(action, 3.0, 2), s.model.hands))[:, joints], n=3, axis=0)
+            ).mean()
             for s in (source, shaky)
         )
         assert calm < 0.3 * before

@@ -12,9 +12,9 @@ from rfgen_sionna.generative.diffusion.features import (
     CONTACTS,
     NUM_FEATURES,
     PARTS,
-    PLACES,
     ROOT,
     TRACKED,
+    TRACKED_POSITIONS,
     HandBasis,
     decode,
     encode,
@@ -24,8 +24,8 @@ from rfgen_sionna.generative.diffusion.features import (
     recentred,
     turned,
 )
-from rfgen_sionna.generative.diffusion.foot_lock import carried_by_feet, lock_feet, runs
-from rfgen_sionna.generative.diffusion.within_limits import within_limits
+from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet, runs
+from rfgen_sionna.generative.diffusion.joint_clamping import clamp_joint_angles
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
@@ -67,7 +67,9 @@ def test_what_goes_in_comes_out(action: str, motions: dict[str, Motion], hands: 
 def test_written_positions_are_those_of_the_rotations(motions: dict[str, Motion], hands: HandBasis) -> None:
     rows = encode(motions["walk"], hands)
     places = joint_positions(rows)
-    assert np.allclose(rows[:, PLACES].reshape(-1, len(TRACKED), 3), (places - rows[:, None, ROOT])[:, list(TRACKED)])
+    assert np.allclose(
+        rows[:, TRACKED_POSITIONS].reshape(-1, len(TRACKED), 3), (places - rows[:, None, ROOT])[:, list(TRACKED)]
+    )
 
 
 def test_parts_share_no_column_and_leave_none_out() -> None:
@@ -125,7 +127,7 @@ def test_locked_feet_stand_still(motions: dict[str, Motion], hands: HandBasis) -
 def test_a_walker_is_carried_by_the_feet(motions: dict[str, Motion]) -> None:
     walk = motions["walk"]
     drift = np.linspace(0.0, 1.0, len(walk.translation))[:, None] * [0.6, -0.3, 0.0]
-    back = carried_by_feet(replace(walk, translation=walk.translation + drift))
+    back = root_from_feet(replace(walk, translation=walk.translation + drift))
     # what the drift adds to planted feet is taken off again; it stays only in what rolls
     path = back.translation - back.translation[0] - (walk.translation - walk.translation[0])
     assert np.abs(path[:, :2]).max() < 0.3 * np.linalg.norm(drift[-1])
@@ -149,7 +151,7 @@ def test_joints_are_brought_within_their_limits_and_others_left(motions: dict[st
     bent[3:6, JOINT["right_index2"]] = [np.sin(np.radians(60.0)), 0.0, 0.0, np.cos(np.radians(60.0))]
     broken = replace(push, rotations=bent)
     assert out_of_limits(broken) > 0.0
-    mended = within_limits(broken)
+    mended = clamp_joint_angles(broken)
     assert out_of_limits(mended) == 0.0
     same = np.abs(np.sum(mended.rotations * push.rotations, axis=-1)) > 1.0 - 1e-9
     assert same[10:].all()

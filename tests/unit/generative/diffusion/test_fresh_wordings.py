@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
 
 FRESH = {
     "walk": (

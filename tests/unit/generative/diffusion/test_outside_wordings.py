@@ -11,8 +11,8 @@ import logging
 import numpy as np
 import pytest
 
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
 from training.motion.exam_prompts import AMBIGUOUS, OUTSIDE, PARAPHRASES
 from training.motion.motion_captions import caption
 

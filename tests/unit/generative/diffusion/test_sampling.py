@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import torch
 
-from rfgen_sionna.generative.diffusion import source as source_module
+from rfgen_sionna.generative.diffusion import diffusion_source as source_module
 from rfgen_sionna.generative.diffusion.checkpoint import read_model, write_model
-from rfgen_sionna.generative.diffusion.control import Keep, on_grid
+from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, resampled_features
+from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.features import NUM_FEATURES, PARTS
-from rfgen_sionna.generative.diffusion.network import DenoisingNet, Shape
+from rfgen_sionna.generative.diffusion.motion_sampling import MotionSampler
+from rfgen_sionna.generative.diffusion.network import DenoisingNet, NetworkShape
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.rhythm import Beat
-from rfgen_sionna.generative.diffusion.sampling import Sampler
 from rfgen_sionna.generative.diffusion.schedule import make_scheduler, signal_shares, step_at, time_of
-from rfgen_sionna.generative.diffusion.source import DiffusionSource
-from rfgen_sionna.generative.diffusion.text import TextEncoder
+from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource, MotionSource
 from rfgen_sionna.generative.motion.skeleton import JOINT
 from training.motion.motion_corpus import MotionCorpus, fit_hands
@@ -30,13 +30,13 @@ WALK = KinematicSource(20.0)("walk", 4.0, 0)
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> DiffusionSource:
     torch.manual_seed(0)
-    net = DenoisingNet(Shape(channels=(16, 24, 32)))
+    net = DenoisingNet(NetworkShape(channels=(16, 24, 32)))
     hands = fit_hands([WALK], [WALK])
-    rows = on_grid(WALK, hands)
+    rows = resampled_features(WALK, hands)
     corpus = MotionCorpus((), hands, {"walk": Beat(0.0, 0.1, 0.02)}, rows.mean(axis=0), np.full(NUM_FEATURES, 0.05))
     path = tmp_path_factory.mktemp("model") / "motion.safetensors"
     write_model(path, assembled(net, TextEncoder(tuple(CLAUSES)), corpus, {"seed": 0}))
-    return DiffusionSource(path, Sampler(steps=3))
+    return DiffusionSource(path, MotionSampler(steps=3))
 
 
 def test_the_model_file_holds_the_model(source: DiffusionSource) -> None:
@@ -79,8 +79,8 @@ def test_long_motions_go_on_without_a_jump(source: DiffusionSource) -> None:
 def test_kept_parts_come_out_as_they_are(source: DiffusionSource) -> None:
     hands = source.model.hands
     parts = ("place", "pelvis", "legs")
-    motion = source.generate("a person pushes", duration=3.9, seed=2, keep=Keep(WALK, parts))
-    made, given = on_grid(motion, hands), on_grid(WALK, hands)[:79]
+    motion = source.generate("a person pushes", duration=3.9, seed=2, keep=MotionConstraint(WALK, parts))
+    made, given = resampled_features(motion, hands), resampled_features(WALK, hands)[:79]
     made = made[:79]
     for part in ("place", "pelvis"):
         columns = list(PARTS[part])
@@ -90,8 +90,8 @@ def test_kept_parts_come_out_as_they_are(source: DiffusionSource) -> None:
 
 
 def test_kept_frames_come_out_as_they_are(source: DiffusionSource) -> None:
-    motion = source.generate("a person walks", duration=3.9, seed=2, keep=Keep(WALK, stop=1.0))
-    made, given = (on_grid(m, source.model.hands) for m in (motion, WALK))
+    motion = source.generate("a person walks", duration=3.9, seed=2, keep=MotionConstraint(WALK, stop=1.0))
+    made, given = (resampled_features(m, source.model.hands) for m in (motion, WALK))
     assert np.abs(made[:20, :3] - given[:20, :3]).max() < 1e-6
     assert np.abs(made[40:79, :3] - given[40:79, :3]).max() > 1e-3
 
@@ -101,7 +101,7 @@ def test_a_draft_under_full_noise_is_forgotten_and_under_less_it_is_not(source: 
     drafts = [KinematicSource(20.0)(action, 3.0, 1) for action in ("standing", "t_pose")]
 
     def apart(strength: float) -> float:
-        a, b = (on_grid(source.redo(d, "a person stands", strength=strength), hands) for d in drafts)
+        a, b = (resampled_features(source.redo(d, "a person stands", strength=strength), hands) for d in drafts)
         arms = list(PARTS["left_arm"])
         return float(np.abs(a[:, arms] - b[:, arms]).max())
 
@@ -135,11 +135,11 @@ def test_unknown_actions_parts_and_samplers_are_named(source: DiffusionSource) -
     with pytest.raises(ValueError, match="action"):
         source("flies", 2.0, 0)
     with pytest.raises(ValueError, match="parts"):
-        Keep(WALK, ("tail",))
+        MotionConstraint(WALK, ("tail",))
     with pytest.raises(ValueError, match="sampler"):
-        Sampler(kind="euler")
+        MotionSampler(kind="euler")
     with pytest.raises(ValueError, match="steps"):
-        Sampler(steps=1)
+        MotionSampler(steps=1)
 
 
 def test_a_missing_model_is_named(tmp_path: Path) -> None:

@@ -14,11 +14,11 @@ import torch
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import motion_source
 from rfgen_sionna.generative.bodies import Phenotype, animate, person
-from rfgen_sionna.generative.diffusion.control import Keep, on_grid
+from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, resampled_features
+from rfgen_sionna.generative.diffusion.diffusion_source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.diffusion.features import PARTS, heading, joint_positions
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
@@ -37,7 +37,7 @@ def source() -> DiffusionSource:
 
 def wrists(source: DiffusionSource, prompt: str, **how: object) -> FloatArray:
     """(frame, 2) heights of the left and right wrist over their shoulders [m]."""
-    places = joint_positions(on_grid(source.generate(prompt, duration=3.0, **how), source.model.hands))  # type: ignore[arg-type]
+    places = joint_positions(resampled_features(source.generate(prompt, duration=3.0, **how), source.model.hands))  # type: ignore[arg-type]
     return np.stack(
         [places[:, JOINT[f"{s}_wrist"], 2] - places[:, JOINT[f"{s}_shoulder"], 2] for s in ("left", "right")], axis=-1
     )
@@ -84,7 +84,7 @@ def test_a_negative_prompt_takes_away_what_it_names(source: DiffusionSource) -> 
 
 def test_legs_walk_while_an_arm_is_raised(source: DiffusionSource) -> None:
     motion = source.generate("a person walks while raising the left arm", duration=5.0, seed=1)
-    places = joint_positions(on_grid(motion, source.model.hands))
+    places = joint_positions(resampled_features(motion, source.model.hands))
     assert np.ptp(motion.translation[:, 0]) > 0.4
     apart = places[:, JOINT["left_ankle"], 0] - places[:, JOINT["right_ankle"], 0]
     assert np.ptp(apart) > 0.3
@@ -100,7 +100,7 @@ def test_fingers_move_in_finger_gestures(source: DiffusionSource) -> None:
 
 def test_the_beat_sets_the_pace(source: DiffusionSource) -> None:
     def rate(speed: float) -> float:
-        rows = on_grid(source("jumping_jacks", 8.0, 3, speed=speed), source.model.hands)
+        rows = resampled_features(source("jumping_jacks", 8.0, 3, speed=speed), source.model.hands)
         height = joint_positions(rows)[:, JOINT["left_wrist"], 2]
         power = np.abs(np.fft.rfft(height - height.mean(), 2048))
         return float(np.argmax(power)) * 20.0 / 2048
@@ -170,7 +170,7 @@ def test_what_goes_along_no_path(source: DiffusionSource) -> None:
         (r"path: 0.00 m in 4 s", "a person walks", {"path": [(0, 0), (0, 0)]}),
         (r"path: shape", "a person walks", {"path": [(0, 0)]}),
         (r"speed: 1.5 with a path", "a person walks", {"path": line, "speed": 1.5}),
-        (r"keep: place with a path", "a person walks", {"path": line, "keep": Keep(walk, ("place",))}),
+        (r"keep: place with a path", "a person walks", {"path": line, "keep": MotionConstraint(walk, ("place",))}),
         (r"arms: 'push' with the action 'crawl'", "a person crawls", {"action": "crawl", "arms": "push"}),
         (r"seed: -1", "a person walks", {"seed": -1}),
     ]:
@@ -191,14 +191,14 @@ def test_nobody_is_under_the_floor(source: DiffusionSource) -> None:
 def test_what_words_leave_open_is_labelled_as_it_is_shown_from_noise() -> None:
     source = DiffusionSource(refine=None)
     for motion in source.generate_many(["a person raises one arm"] * 6, duration=3.0):
-        places = joint_positions(on_grid(motion, source.model.hands))
+        places = joint_positions(resampled_features(motion, source.model.hands))
         left, right = (places[:, JOINT[f"{side}_wrist"], 2].max() for side in ("left", "right"))
         assert motion.action == ("left_arm_raised" if left > right else "right_arm_raised")
 
 
 def joint_gap(source: DiffusionSource, made: Motion, given: Motion, joints: Sequence[str]) -> FloatArray:
     """(frame, joint) distance of joints in two motions [m], at 20 Hz."""
-    a, b = (joint_positions(on_grid(m, source.model.hands)) for m in (made, given))
+    a, b = (joint_positions(resampled_features(m, source.model.hands)) for m in (made, given))
     n = min(len(a), len(b))
     return np.linalg.norm(a[:n] - b[:n], axis=-1)[:, [JOINT[j] for j in joints]]
 
@@ -208,9 +208,9 @@ LEGS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip"
 
 def test_given_legs_are_kept(source: DiffusionSource) -> None:
     walk = KinematicSource(20.0)("walk", 5.0, 1)
-    keep = Keep(walk, ("place", "pelvis", "legs"))
+    keep = MotionConstraint(walk, ("place", "pelvis", "legs"))
     motion = source.generate("a person raises the right arm", duration=5.0, seed=1, keep=keep)
-    made, given = (on_grid(m, source.model.hands)[:100] for m in (motion, walk))
+    made, given = (resampled_features(m, source.model.hands)[:100] for m in (motion, walk))
     columns = [*PARTS["place"], *PARTS["pelvis"]]
     assert np.abs(made[:, columns] - given[:, columns]).max() < 1e-6
     assert joint_gap(source, motion, walk, LEGS)[:100].max() < 1e-4
@@ -225,10 +225,10 @@ def test_nothing_jumps_where_given_poses_end(
     source: DiffusionSource, prompt: str, start: float, stop: float, given: str
 ) -> None:
     """Wherever they are given: no joint is faster than people are, and nobody whirls round."""
-    kept = Keep(KinematicSource(20.0)(given, 5.0, 1), start=start, stop=stop)
+    kept = MotionConstraint(KinematicSource(20.0)(given, 5.0, 1), start=start, stop=stop)
     for seed in (1, 2):
         motion = source.generate(prompt, duration=5.0, seed=seed, keep=kept)
-        rows = on_grid(motion, source.model.hands)
+        rows = resampled_features(motion, source.model.hands)
         speed = np.linalg.norm(np.diff(joint_positions(rows), axis=0), axis=-1) * 20.0
         assert speed.max() < 8.0
         assert np.abs(np.diff(heading(rows))).max() * 20.0 < 9.0
@@ -238,7 +238,7 @@ def test_nothing_jumps_where_given_poses_end(
 
 def test_legs_given_for_a_while_are_kept_for_that_while(source: DiffusionSource) -> None:
     walk = KinematicSource(20.0)("walk", 5.0, 1)
-    keep = Keep(walk, stop=2.0)
+    keep = MotionConstraint(walk, stop=2.0)
     motion = source.generate("a person walks", duration=5.0, seed=1, keep=keep)
     assert joint_gap(source, motion, walk, LEGS)[:41].max() < 1e-4
     assert joint_gap(source, motion, walk, LEGS)[60:].max() > 0.05
@@ -266,7 +266,7 @@ def test_a_draft_keeps_its_action(source: DiffusionSource) -> None:
     a, b = (source.redo(draft, "a person raises the left arm", strength=0.9, seed=s) for s in (1, 2))
     assert np.abs(a.rotations - b.rotations).max() > 0.01
     for made in (a, b):
-        places = joint_positions(on_grid(made, source.model.hands))
+        places = joint_positions(resampled_features(made, source.model.hands))
         assert np.median(places[:, JOINT["left_wrist"], 2] - places[:, JOINT["left_shoulder"], 2]) > 0.2
 
 
@@ -292,7 +292,7 @@ def test_few_motions_take_one_thread_and_give_the_others_back(
         seen.append(torch.get_num_threads())
         raise RuntimeError("seen enough")
 
-    monkeypatch.setattr("rfgen_sionna.generative.diffusion.source.in_stretches", watched)
+    monkeypatch.setattr("rfgen_sionna.generative.diffusion.diffusion_source.sample_in_segments", watched)
     try:
         torch.set_num_threads(3)
         for count in (1, SMALL, SMALL + 1):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rfgen_sionna.generative.diffusion.understanding import understand
-from rfgen_sionna.generative.diffusion.word_order import hand_named, told_by_words, way_named
+from rfgen_sionna.generative.diffusion.word_order import action_by_word_order, direction_named, hand_named
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from rfgen_sionna.generative.diffusion.word_order import hand_named, told_by_wor
     ],
 )
 def test_sides(prompt: str, hand: str, way: str) -> None:
-    assert way_named(prompt) == way
+    assert direction_named(prompt) == way
     if "side" not in prompt:
         assert hand_named(prompt) == hand
 
@@ -46,11 +46,11 @@ def test_sides(prompt: str, hand: str, way: str) -> None:
 def test_what_the_order_tells(likeliest: str, prompt: str, told: str) -> None:
     shares = dict.fromkeys(("swipe_left", "swipe_right", "push", "pull", "click", "finger_swing"), 0.01)
     shares["click"] = 0.02
-    assert told_by_words(prompt, shares | {likeliest: 0.6}) == told
+    assert action_by_word_order(prompt, shares | {likeliest: 0.6}) == told
 
 
 def test_the_shipped_encoder_is_put_right() -> None:
-    from rfgen_sionna.generative.diffusion.source import DiffusionSource
+    from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 
     model = DiffusionSource().model
     said = understand(model.text, "a person swiping the hand to the left with the right hand", model.stems)

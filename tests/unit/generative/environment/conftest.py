@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.generative.environment.bricks import Bricks, Place
-from rfgen_sionna.generative.environment.sketch import shown
-from rfgen_sionna.generative.environment.text import ViewFacts
+from rfgen_sionna.generative.environment.layout_map import render_layout_map
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
+from rfgen_sionna.generative.environment.primitives import Primitives, PrimitiveScene
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -47,15 +47,17 @@ def corpus() -> ViewCorpus:
     """Sixteen views of two places that differ in depth, and of each an incomplete one that is 6 dB weaker."""
     codec = PirCodec()
     rng = np.random.default_rng(3)
-    images, weaker, views, sketches = [], [], [], []
+    images, weaker, views, layout_maps = [], [], [], []
     for k in range(16):
         facts = ViewFacts((60.0, 60.0), float(rng.uniform(0.8, 1.5)), float(rng.uniform(-0.1, 0.3)), 0.0)
         view = View((64, 64), facts.fov_deg, (0.0, 0.0, facts.height), (facts.yaw, facts.pitch, 0.0))
         distance = 3.0 + 3.0 * (k % 2) + float(rng.uniform(0, 0.5))
         pir = a_wall(distance, view)
         centre, half = [[0.0, 0.0, 0.0], [distance, 0.0, 0.0]], [[50.0, 50.0, 0.0], [0.0, 50.0, 50.0]]
-        place = Place.plain(Bricks.upright(np.array(centre), np.array(half), np.zeros(2)), ("floor", "far wall"), 2)
-        sketches.append(shown(place, view).channels(place, ("far wall",), codec))
+        place = PrimitiveScene.plain(
+            Primitives.upright(np.array(centre), np.array(half), np.zeros(2)), ("floor", "far wall"), 2
+        )
+        layout_maps.append(render_layout_map(place, view).channels(place, ("far wall",), codec))
         images.append(codec.encode(pir))
         weaker.append(codec.encode(a_wall(3.0, view, -136.0)))
         views.append(facts)
@@ -67,7 +69,7 @@ def corpus() -> ViewCorpus:
         [f"a {PLACES[k % 2]}" for k in range(16)],
         views,
         np.array(weaker, np.float16),
-        np.array(sketches, np.float16),
+        np.array(layout_maps, np.float16),
     )
 
 
@@ -76,11 +78,11 @@ def model(corpus: ViewCorpus) -> Any:
     """A model with random weights and its ControlNet."""
     import torch
 
-    from rfgen_sionna.generative.environment.model import EnvironmentModel, Shape, new_control
-    from rfgen_sionna.generative.environment.text import PlaceEncoder
+    from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, UNetShape, new_control
+    from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
 
     torch.manual_seed(0)
-    shape = Shape(channels=(16, 16, 32), latents=32, heads=2)
+    shape = UNetShape(channels=(16, 16, 32), latents=32, heads=2)
     unet = shape.unet().eval().requires_grad_(False)
     vae = fit_autoencoder(corpus.images.astype(np.float64), 32)
     text = PlaceEncoder(PLACES, corpus.things).eval().requires_grad_(False)
@@ -95,7 +97,12 @@ def model(corpus: ViewCorpus) -> Any:
 @pytest.fixture(scope="session")
 def model_folder(model: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its files."""
-    from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, write_control, write_model
+    from rfgen_sionna.generative.environment.environment_model import (
+        BASE_FILE,
+        CONTROL_FILE,
+        write_control,
+        write_model,
+    )
 
     folder = tmp_path_factory.mktemp("model")
     write_model(folder / BASE_FILE, model)

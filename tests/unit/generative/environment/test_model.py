@@ -12,8 +12,7 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
-from rfgen_sionna.generative.environment.forward import make_scheduler
-from rfgen_sionna.generative.environment.model import (
+from rfgen_sionna.generative.environment.environment_model import (
     BASE_FILE,
     CONTROL_FILE,
     EnvironmentModel,
@@ -21,9 +20,10 @@ from rfgen_sionna.generative.environment.model import (
     condition_of,
     read_model,
 )
-from rfgen_sionna.generative.environment.refine import PathDiffusion
-from rfgen_sionna.generative.environment.sampling import Guide, Sampler, draw, noise_like
-from rfgen_sionna.generative.environment.text import TOKENS, ViewFacts, view_tokens
+from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, noise_like, sample_images
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
+from rfgen_sionna.generative.environment.place_encoder import TOKENS, ViewFacts, view_tokens
 from rfgen_sionna.generative.environment.torch_device import DeviceMemoryError
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
@@ -38,9 +38,11 @@ def words(model: EnvironmentModel, text: str = "a bedroom") -> torch.Tensor:
     return model.text.embed([text], [VIEW])
 
 
-def ours(model: EnvironmentModel, guide: Guide | None = None) -> np.ndarray:
-    sampler = Sampler("ddim", STEPS, 2.0)
-    return draw(model, make_scheduler(), sampler, words(model), words(model, ""), noise_like(1, model, 5), guide)
+def ours(model: EnvironmentModel, conditioning: Conditioning | None = None) -> np.ndarray:
+    sampler = ImageSampler("ddim", STEPS, 2.0)
+    return sample_images(
+        model, make_scheduler(), sampler, words(model), words(model, ""), noise_like(1, model, 5), conditioning
+    )
 
 
 def settings(model: EnvironmentModel) -> dict[str, Any]:
@@ -75,7 +77,7 @@ def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corp
     assert np.abs(channels(picture) - ours(model)).max() < 1e-4
     condition = condition_of(corpus.images[:1])
     picture = model.controlled()(**settings(model), latents=noise, image=condition).images
-    drawn = ours(model, Guide(control=condition))
+    drawn = ours(model, Conditioning(control=condition))
     assert np.abs(channels(picture) - drawn).max() < 1e-4
     assert np.abs(drawn - ours(model)).max() > 1e-3, "the ControlNet has a say"
     picture = model.image_to_image()(**settings(model), image=condition, strength=0.7).images
@@ -102,18 +104,18 @@ def test_image_to_image_ends_at_the_image_and_known_patches_stay(model: Environm
     image = torch.from_numpy(corpus.images[:1].astype(np.float32))
     start = model.vae.encode(image).latent_dist.mode()
     kept = model.vae.decode(start).sample.clamp(-1, 1).numpy()
-    assert np.abs(ours(model, Guide(start=start, strength=0.0)) - kept).max() < 1e-5
+    assert np.abs(ours(model, Conditioning(start=start, strength=0.0)) - kept).max() < 1e-5
     keep = torch.zeros(1, 1, 16, 16, dtype=torch.bool)
     keep[..., :8] = True
-    drawn = ours(model, Guide(known=start, keep=keep))
+    drawn = ours(model, Conditioning(known=start, keep=keep))
     assert np.abs(drawn - kept)[..., :32].max() < 1e-5
     assert np.abs(drawn - kept)[..., 32:].max() > 1e-2
 
 
 @pytest.mark.parametrize("kind", ["dpm", "euler"])
 def test_few_step_samplers_run(model: EnvironmentModel, kind: str) -> None:
-    drawn = draw(
-        model, make_scheduler(), Sampler(kind, 2, 1.0), words(model), words(model, ""), noise_like(1, model, 5)
+    drawn = sample_images(
+        model, make_scheduler(), ImageSampler(kind, 2, 1.0), words(model), words(model, ""), noise_like(1, model, 5)
     )
     assert np.isfinite(drawn).all()
 
@@ -149,7 +151,7 @@ def test_running_out_of_memory_says_what_to_do(model: EnvironmentModel, monkeypa
         ours(model)
 
 
-@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.backend.UnknownPlaceWarning")
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.image_models.UnknownPlaceWarning")
 @pytest.mark.parametrize(("part", "method"), [(EnvironmentModel, "to"), (PatchAutoencoder, "encode")])
 def test_so_it_does_while_a_model_moves_or_reads(
     model_folder: Path, wall: Callable[..., Pir], monkeypatch: pytest.MonkeyPatch, part: type, method: str

@@ -11,9 +11,14 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.generative.environment.diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.model import BASE_FILE, CONTROL_FILE, read_model, weights_of
-from rfgen_sionna.generative.environment.refine import PathDiffusion
+from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.environment_model import (
+    BASE_FILE,
+    CONTROL_FILE,
+    read_model,
+    weights_fingerprint,
+)
+from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.records import Pir
 from training.environment.image_metrics import Physical
 from training.environment.path_evaluation import energy_error
@@ -46,7 +51,7 @@ def test_the_files_are_small_enough() -> None:
 
 def test_the_control_net_knows_its_base() -> None:
     own = read_model(control=True)
-    assert own.control_facts["base"] == weights_of(own.unet)
+    assert own.control_facts["base"] == weights_fingerprint(own.unet)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +131,7 @@ def test_height_and_pitch_move_the_floor(rooms: EnvironmentDiffusion) -> None:
 
 def test_a_sketch_keeps_space_for_somebody_which_words_alone_do_not_know_of(rooms: EnvironmentDiffusion) -> None:
     """In front of the radar nothing stands before 4 m, and without the sketch another image comes out."""
-    alone = EnvironmentDiffusion(steps=8, sampler="dpm", sketched=False)
+    alone = EnvironmentDiffusion(steps=8, sampler="dpm", use_layout_map=False)
     for seed in range(3):
         over = distance(rooms.generate("an office", seed=seed))[30:34, 30:34]
         assert np.nanmedian(over) > 4.0
@@ -182,7 +187,7 @@ def test_a_place_by_its_own_name_is_known(rooms: EnvironmentDiffusion, prompt: s
 
 def test_nothing_is_imported_before_it_is_asked_for() -> None:
     code = (
-        "import sys, rfgen_sionna.generative.environment, rfgen_sionna.generative.environment.diffusion, "
+        "import sys, rfgen_sionna.generative.environment, rfgen_sionna.generative.environment.environment_diffusion, "
         "rfgen_sionna.pir.codec; "
         "print([m for m in ('torch', 'diffusers', 'peft', 'transformers') if m in sys.modules])"
     )

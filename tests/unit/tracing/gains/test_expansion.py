@@ -11,9 +11,9 @@ from rfgen_sionna.scene.materials import material
 from rfgen_sionna.tracing.gains.expansion import TANGENTS, band_nodes, tangent_weights
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.integral.quadratic import Slopes
-from rfgen_sionna.tracing.moving.stretch import Stretch
-from rfgen_sionna.tracing.surface.bend import Bend
+from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
+from rfgen_sionna.tracing.moving.interval import TraceInterval
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 from rfgen_sionna.tracing.tracer import Tracer
 
 
@@ -50,7 +50,7 @@ def test_slopes_are_those_of_the_gains(bent, parts, medium):
     rng = np.random.default_rng(1)
     count = 100
     corners = np.array([3.0, 0, 0]) + rng.normal(size=(count, 1, 3)) * 0.3 + rng.normal(size=(count, 3, 3)) * 0.006
-    bend = Bend(rng.normal(size=(count, 3, 3)) * 5e-5) if bent else None
+    patch = QuadraticPatch(rng.normal(size=(count, 3, 3)) * 5e-5) if bent else None
     across = np.array([0, 0, 1.0])
 
     def gains(frequency, shift, apart=0.02, **more):
@@ -58,10 +58,10 @@ def test_slopes_are_those_of_the_gains(bent, parts, medium):
         nodes = Nodes(*ends, np.array([frequency]))
         media = Media.at((material(medium),), nodes.frequency)
         index, pieces = np.zeros(count, np.int32), np.full(count, parts)
-        return facet_gains(corners, index, media, nodes, across, across, pieces, True, bend=bend, **more)
+        return facet_gains(corners, index, media, nodes, across, across, pieces, True, patch=patch, **more)
 
     axes = np.eye(3)[1:]
-    slopes = gains(78e9, np.zeros(3), axes=axes, kinds=Slopes.BOWED).slopes[:, 0]
+    slopes = gains(78e9, np.zeros(3), axes=axes, kinds=SlopeOrder.BOWED).slopes[:, 0]
     # Displacements of both have products of first slopes and paths of second order; such of Tx from Rx the latter.
     slopes, over_lengths = np.concatenate([slopes[:3], slopes[3:6] + slopes[6:]]), slopes[6:]
     step = 1e6
@@ -98,12 +98,12 @@ def test_frequencies_of_a_pair_together_are_those_one_by_one(bent):
     count, band = 400, 4e9
     middles = np.array([3.0, 0, 0]) + rng.normal(size=(count, 1, 3)) * 0.3
     corners = middles + rng.normal(size=(count, 3, 3)) * 0.006
-    bend = Bend(rng.normal(size=(count, 3, 3)) * 5e-5) if bent else None
+    patch = QuadraticPatch(rng.normal(size=(count, 3, 3)) * 5e-5) if bent else None
     nodes = Nodes(np.zeros((3, 3)), np.full((3, 3), 1e-3), 78e9 + band * band_nodes(3) / 2)
     media = Media.at((material("skin"), material("pec")), nodes.frequency)
     index, across = rng.integers(0, 2, count).astype(np.int32), np.array([0, 0, 1.0])
     known = corners, index, media, nodes, across, across, rng.integers(1, 4, count)
-    more = {"bend": bend, "axes": np.eye(3)[1:], "kinds": Slopes.BOWED}
+    more = {"patch": patch, "axes": np.eye(3)[1:], "kinds": SlopeOrder.BOWED}
     one_by_one = facet_gains(*known, **more).terms.copy()
     together = facet_gains(*known, **more, steady=True).terms.copy()
     for number, (found, expected) in enumerate(zip(together, one_by_one, strict=True)):
@@ -126,11 +126,11 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
     assert expansion.axes is not None
     assert len(expansion.nodes) <= 3
     rays = tracer.rays_at(0.0)
-    (seen,) = run._see(
-        [0.0], Stretch(np.zeros(1), lambda t: [ball.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
+    (visible,) = run._trace_visibility(
+        [0.0], TraceInterval(np.zeros(1), lambda t: [ball.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
     )
-    facets = seen.facets.take(np.flatnonzero(seen.fraction > 0))
-    weight = seen.fraction[seen.fraction > 0]
+    facets = visible.facets.take(np.flatnonzero(visible.fraction > 0))
+    weight = visible.fraction[visible.fraction > 0]
     gains = band(facets, run._precision._materials, expansion)
     u = np.array([-1.0, -0.3, 0.6, 1.0])
     for pair in ((0, 0), (2, 3), (1, 2)):
@@ -152,10 +152,10 @@ def test_all_pieces_of_a_facet_return_what_it_does(shape):
     run = tracer.follow()
     tracer.trace(0.0, 0.0, run)
     rays = tracer.rays_at(0.0)
-    (seen,) = run._see(
-        [0.0], Stretch(np.zeros(1), lambda t: [actor.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
+    (visible,) = run._trace_visibility(
+        [0.0], TraceInterval(np.zeros(1), lambda t: [actor.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
     )
-    facets = seen.facets.take(np.flatnonzero(seen.fraction > 0))
+    facets = visible.facets.take(np.flatnonzero(visible.fraction > 0))
     points, faces = np.eye(3), np.arange(3)[None]
     for _ in range(2):
         points, faces = trimesh.remesh.subdivide(points, faces)

@@ -7,9 +7,9 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.tracing.gains import band as gains
-from rfgen_sionna.tracing.integral.facet import Nodes, by_curvature, facet_gains
+from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.surface.bend import Bend
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 
 @pytest.mark.parametrize("runs", [1, 2, 7, 400])
@@ -21,16 +21,16 @@ def test_flat_and_curved_facets_come_back_in_their_order(runs: int):
     material, parts = np.zeros(len(curved), np.int32), rng.integers(1, 4, len(curved)).astype(np.int32)
     nodes = Nodes(np.zeros((2, 3)), np.zeros((2, 3)), np.array([76e9, 78e9]))
     media = Media.at([material_named("metal")], nodes.frequency, 1e9)
-    bend, asked = Bend(1e-3 * rng.normal(size=(len(curved), 3, 3)) * curved[:, None, None]), []
+    patch, asked = QuadraticPatch(1e-3 * rng.normal(size=(len(curved), 3, 3)) * curved[:, None, None]), []
 
-    def of(index, bent, into):
+    def of(index, bent, buffer):
         asked.append(bent)
         return facet_gains(
             corners[index], material[index], media, nodes, np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), parts[index],
-            bend=bend.take(index) if bent else None, into=into,
+            patch=patch.take(index) if bent else None, buffer=buffer,
         )  # fmt: skip
 
-    found = by_curvature(curved, of)
+    found = split_by_curvature(curved, of)
     assert asked == ([False] if runs == 1 else [False, True])
     for k in rng.permutation(len(curved))[:20]:
         alone = of(slice(k, k + 1), bool(curved[k]), None)

@@ -5,7 +5,7 @@ import pytest
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import load_scene, tabulated
-from rfgen_sionna.tracing.ghosts.levels import ghost_levels
+from rfgen_sionna.tracing.ghosts.ghost_levels import ghost_levels
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.sionna.rectangles import scene_of
 

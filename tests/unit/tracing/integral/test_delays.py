@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.tracing.integral.delays import delays, rates
+from rfgen_sionna.tracing.integral.delays import delay_rates, propagation_delays
 
 
 @pytest.mark.parametrize(("senders", "receivers"), [(1, 1), (3, 4), (12, 16), (3, 1), (1, 2)])
@@ -13,15 +13,17 @@ def test_delays_are_ways_there_and_back(senders, receivers):
     places, tx, rx = rng.normal(size=(501, 3)) * 5, rng.normal(size=(senders, 3)), rng.normal(size=(receivers, 3))
     there = np.linalg.norm(places - tx[:, None], axis=2)[:, None]
     back = np.linalg.norm(places - rx[:, None], axis=2)
-    assert np.abs(delays(places, tx, rx) * SPEED_OF_LIGHT - there - back).max() < 1e-14 * 30
+    assert np.abs(propagation_delays(places, tx, rx) * SPEED_OF_LIGHT - there - back).max() < 1e-14 * 30
     # Of fewer places, and of none.
-    assert np.array_equal(delays(places[:7], tx, rx), delays(places, tx, rx)[..., :7])
-    assert delays(places[:0], tx, rx).shape == (senders, receivers, 0)
+    assert np.array_equal(propagation_delays(places[:7], tx, rx), propagation_delays(places, tx, rx)[..., :7])
+    assert propagation_delays(places[:0], tx, rx).shape == (senders, receivers, 0)
 
 
 def test_rates_are_those_of_the_delays():
     rng = np.random.default_rng(7)
     places, speed = rng.normal(size=(2, 300, 3)) + 3.0
     tx, rx, step = rng.normal(size=(3, 3)), rng.normal(size=(4, 3)), 1e-5
-    change = (delays(places + step * speed, tx, rx) - delays(places - step * speed, tx, rx)) / (2 * step)
-    assert np.abs(rates(places, speed, tx, rx) - change).max() < 1e-9 * np.abs(change).max()
+    change = (propagation_delays(places + step * speed, tx, rx) - propagation_delays(places - step * speed, tx, rx)) / (
+        2 * step
+    )
+    assert np.abs(delay_rates(places, speed, tx, rx) - change).max() < 1e-9 * np.abs(change).max()

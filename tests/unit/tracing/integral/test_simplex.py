@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.scene.arrays import drjit_types
+from rfgen_sionna.scene.kernels import drjit_types
 from rfgen_sionna.tracing.integral.simplex import moments
 
 

@@ -159,8 +159,8 @@ def test_elements_beside_the_middle_see_it_come_nearer(rate):
 @pytest.mark.parametrize("swing", [0.1, 0.3, 0.6])
 def test_what_splines_miss_of_a_phasor(gaps, most, swing):
     """The law that instants are chosen by is that of the spline through them."""
-    instants, times = np.arange(gaps + 1.0), np.linspace(0.0, gaps, 40 * gaps + 1)
-    found = knot_weights(instants, times) @ np.exp(1j * swing * instants)
+    sample_times, times = np.arange(gaps + 1.0), np.linspace(0.0, gaps, 40 * gaps + 1)
+    found = knot_weights(sample_times, times) @ np.exp(1j * swing * sample_times)
     missed = np.sqrt(np.mean(np.abs(found - np.exp(1j * swing * times)) ** 2))
     assert missed < most * spline_error(np.array(swing), gaps)
     assert missed > 0.3 * spline_error(np.array(swing), gaps)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.tracing.moving.knots import SPLINED, Splined, choose_knots
+from rfgen_sionna.tracing.moving.knots import SPLINE_PHASE_ERROR, SplinedPositions, choose_knots
 
 BODY = np.random.default_rng(0).normal(size=(50, 3)) * 0.2 + [3.0, 0, 0]
 LENGTH = 27.6e-3
@@ -33,9 +33,9 @@ def test_positions_between_knots_are_right(motion):
         asked.append(t)
         return motion(t)
 
-    splined = Splined(knots, positions)
+    splined = SplinedPositions(knots, positions)
     times = np.linspace(0.0, LENGTH, 23)
     splined.look_up(times)
     assert (len(asked) > len(times)) == (motion is spinning)
     for t in times.tolist():
-        assert np.abs(splined(t)[0] - motion(t)[0]).max() <= SPLINED
+        assert np.abs(splined(t)[0] - motion(t)[0]).max() <= SPLINE_PHASE_ERROR

@@ -6,7 +6,7 @@ import trimesh
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor
-from rfgen_sionna.tracing.surface.smooth import smoothing
+from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -20,16 +20,16 @@ def test_facets_lie_where_their_faces_do(order, reach):
     vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
     distance = np.linalg.norm(vertices[faces].mean(axis=1), axis=1)
     faces = faces[np.argsort(distance if order == "near first" else -distance)]
-    smooth = smoothing(vertices, faces)
+    smooth = find_smoothing(vertices, faces)
     pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-1, max_range=reach, smooth=smooth)
     assert (len(np.unique(pieces.face)) == len(faces)) == (reach == 20.0)
     assert (len(pieces.face) == 0) == (reach == 2.5)
     corners = pieces.corners(vertices, faces)
     assert np.allclose(corners, pieces.weights @ vertices[faces[pieces.face]], rtol=0, atol=1e-12)
-    bend, of_faces = pieces.bends([vertices], faces, smooth)[0], smooth.bend(vertices, faces)
-    assert bend.rises.shape == corners.shape
+    patch, of_faces = pieces.patches([vertices], faces, smooth)[0], smooth.patch(vertices, faces)
+    assert patch.sagittas.shape == corners.shape
     whole = np.setdiff1d(np.arange(len(pieces.face)), pieces.pieces)
-    assert np.array_equal(bend.rises[whole], of_faces.rises[pieces.face[whole]])
+    assert np.array_equal(patch.sagittas[whole], of_faces.sagittas[pieces.face[whole]])
 
 
 @pytest.mark.parametrize("mesh", [BALL, trimesh.creation.box((0.3, 0.3, 0.3))], ids=["ball", "box"])
@@ -52,25 +52,25 @@ def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
     """A ball's height over a facet lengthens the path by twice that times the cosine of incidence; whatever the facets
     are of, and what turns towards the viewpoint takes more again."""
     vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
-    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=smoothing(vertices, faces))
-    seen = pieces.parts_seen([vertices], faces, np.zeros(3))
+    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=find_smoothing(vertices, faces))
+    visible = pieces.parts_seen([vertices], faces, np.zeros(3))
     centres = vertices[faces].mean(axis=1)
     normals = centres - [3.0, 0, 0]
     cos = np.abs(np.einsum("fi,fi->f", normals, centres))
     cos = (cos / np.linalg.norm(normals, axis=1) / np.linalg.norm(centres, axis=1))[pieces.face]
     assert (pieces.parts >= 3).all()
-    assert (seen <= pieces.parts).all()
-    assert (seen >= pieces.flat_parts).all()
+    assert (visible <= pieces.parts).all()
+    assert (visible >= pieces.flat_parts).all()
     # sqrt(cos) of the parts, rounded up, up to what the flat faces' cosines differ by from the ball's.
-    assert np.all(np.abs(seen - np.maximum(pieces.bent_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
-    assert np.array_equal(seen[cos > 0.99], pieces.parts[cos > 0.99])
-    assert (seen[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
+    assert np.all(np.abs(visible - np.maximum(pieces.curved_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
+    assert np.array_equal(visible[cos > 0.99], pieces.parts[cos > 0.99])
+    assert (visible[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
     beside = pieces.parts_seen([vertices], faces, np.array([3.0, 10.0, 0.0]))
-    assert not np.array_equal(beside, seen)
+    assert not np.array_equal(beside, visible)
     turned = vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + np.array([0.0, -3, 0])
     both = pieces.parts_seen([vertices, turned], faces, np.zeros(3))
-    assert np.array_equal(both, np.maximum(seen, pieces.parts_seen([turned], faces, np.zeros(3))))
-    assert (both > seen).any()
+    assert np.array_equal(both, np.maximum(visible, pieces.parts_seen([turned], faces, np.zeros(3))))
+    assert (both > visible).any()
 
 
 def test_flat_surfaces_take_the_same_parts_from_all_sides():

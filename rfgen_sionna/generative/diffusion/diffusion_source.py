@@ -1,0 +1,415 @@
+"""The learned origin of motion: words in, a motion out."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
+from rfgen_sionna.generative.diffusion.constraints import (
+    MotionConstraint,
+    constrained_rows,
+    leg_length,
+    resampled_features,
+)
+from rfgen_sionna.generative.diffusion.drafts import (
+    canonical_sentence,
+    choose_hand,
+    draft_beat,
+    make_draft,
+    sample_pace,
+)
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, recentred, replace_parts
+from rfgen_sionna.generative.diffusion.inflection import doing
+from rfgen_sionna.generative.diffusion.inpainting import LATEST, drafts_around_constraints, move_back
+from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST, SHORTEST, MotionRequest, MotionSampler
+from rfgen_sionna.generative.diffusion.network import SOURCES
+from rfgen_sionna.generative.diffusion.path_following import (
+    LONGER,
+    check_path,
+    follow_other_motion,
+    follow_path,
+    path_pace,
+)
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.postprocessing import RATE, to_motion
+from rfgen_sionna.generative.diffusion.root_placement import (
+    centre_on_origin,
+    limit_speed,
+    limit_turn_rate,
+    move_to_start,
+)
+from rfgen_sionna.generative.diffusion.segments import SPARE, sample_in_segments
+from rfgen_sionna.generative.diffusion.threads import threads_for
+from rfgen_sionna.generative.diffusion.understanding import Understanding, ambiguous_actions, known_reading, understand
+from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER
+from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton
+from rfgen_sionna.generative.motion.both_hands import both_hands
+from rfgen_sionna.generative.motion.kinematic import check_hand
+from rfgen_sionna.records import Motion
+
+_LOG = logging.getLogger(__name__)
+MAX_DURATION = 120.0
+WALKS = ("walk", "walk_straight")
+"""Actions that may be bent along a path."""
+REFINED = 0.9
+"""Noise level from which drafts are made anew, unless another is asked for."""
+
+
+@dataclass(frozen=True)
+class DiffusionSource:
+    """A :class:`~rfgen_sionna.generative.motion.MotionSource` that has learned from synthesised and captured motion.
+
+    The model is loaded once, at first use.
+    """
+
+    weights: Path | None = None
+    """Model file; None is the one that ships."""
+    sampler: MotionSampler = field(default_factory=MotionSampler)
+    manner: str = "kinematic"
+    """"kinematic" (clean, as the synthesiser moves), "mocap" (as captured people do) or "any"."""
+    frame_rate: float = RATE
+    """Poses per second of what comes out [Hz]."""
+    refine: float | None = REFINED
+    """Noise level (0 .. 1) from which a synthesised draft of the action is redone; None samples from noise, as is done
+    in any case where there is no draft: captured actions and manners, `rhythm=False`. Around given poses and parts
+    there always is one; where nothing is synthesised, what is sampled from noise serves."""
+
+    def __post_init__(self) -> None:
+        if self.manner not in SOURCES:
+            raise ValueError(f"manner: {self.manner!r}; allowed are {', '.join(SOURCES)}")
+        if self.refine is not None and not 0.0 < self.refine <= 1.0:
+            raise ValueError(f"refine: {self.refine!r}; allowed is more than 0 and at most 1, or None")
+        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0.0):
+            raise ValueError(f"frame_rate: {self.frame_rate!r} Hz; allowed is a finite number above 0")
+        if self.weights is not None and not Path(self.weights).is_file():
+            raise FileNotFoundError(f"weights: no model file {self.weights}; None takes the one that ships")
+
+    @property
+    def model(self) -> MotionModel:
+        """The trained model."""
+        return _load(Path(self.weights or SHIPPED))
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The actions that arms can do beside those of :attr:`legs`."""
+        return UPPER
+
+    @property
+    def legs(self) -> tuple[str, ...]:
+        """The actions that leave the arms free for those of :attr:`arms`."""
+        return LOWER
+
+    def __call__(
+        self,
+        action: str,
+        duration: float,
+        seed: int,
+        *,
+        skeleton: Skeleton | None = None,
+        hand: str | None = None,
+        speed: float = 1.0,
+    ) -> Motion:
+        """A motion by the name of an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
+
+        Raises:
+            ValueError: an action that the model doesn't know, or a value out of range.
+        """
+        known = self.model.text.actions
+        if action not in known:
+            raise ValueError(f"action: {action!r} is unknown to the motion model; allowed are {', '.join(known)}")
+        check_hand(hand, action)
+        prompt = canonical_sentence(action, hand or choose_hand(action, "", seed))
+        return self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed, action=action)
+
+    def read(self, prompt: str) -> Understanding:
+        """What the model makes of a prompt.
+
+        Raises:
+            ValueError: the prompt has no words.
+        """
+        with threads_for(1):
+            return understand(self.model.text, prompt, self.model.stems)
+
+    def generate(
+        self,
+        prompt: str,
+        *,
+        duration: float = 6.0,
+        seed: int = 0,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+        speed: float = 1.0,
+        rhythm: bool = True,
+        keep: MotionConstraint | Sequence[MotionConstraint] = (),
+        path: ArrayLike | None = None,
+        action: str | None = None,
+        arms: str = "",
+    ) -> Motion:
+        """A motion from words.
+
+        Args:
+            prompt: what the person does, such as "a person walks while raising the left arm".
+            duration: of the motion [s], at most 120.
+            seed: the same prompt and seed give the same motion.
+            negative: what it must not be.
+            skeleton: of the person; None for a mean adult.
+            speed: factor on the usual pace of a repeated action.
+            rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
+            keep: given poses or parts of the body, in the result's own place and time; a draft is laid around them.
+            path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
+                to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
+            action: what the words are known to mean, one of the model's actions; None leaves that to the model.
+            arms: what the arms then do beside an action of :attr:`legs`, or empty.
+
+        Raises:
+            ValueError: a value is out of range, an action is unknown, `keep` goes on for longer than 8 s, `arms` are
+                for an action that needs them itself, or a `path` for what is no walk, or with a `speed` or a kept
+                place.
+        """
+        return self.generate_many(
+            [prompt],
+            duration=duration,
+            seeds=[seed],
+            negative=negative,
+            skeleton=skeleton,
+            speed=speed,
+            rhythm=rhythm,
+            keep=keep,
+            path=path,
+            action=action,
+            arms=arms,
+        )[0]
+
+    def generate_many(
+        self,
+        prompts: Sequence[str],
+        *,
+        duration: float = 6.0,
+        seeds: Sequence[int] | None = None,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+        speed: float = 1.0,
+        rhythm: bool = True,
+        keep: MotionConstraint | Sequence[MotionConstraint] = (),
+        path: ArrayLike | None = None,
+        action: str | None = None,
+        arms: str = "",
+    ) -> list[Motion]:
+        """Several motions at once, which costs less than one after another; arguments as for :meth:`generate`."""
+        if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
+            raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
+        if not 0.5 <= speed <= 2.0:
+            raise ValueError(f"speed: {speed!r}; allowed is a factor from 0.5 to 2")
+        for name, value in (("action", action), ("arms", arms or None)):
+            allowed = self.model.text.actions if name == "action" else UPPER
+            if value is not None and value not in allowed:
+                raise ValueError(f"{name}: {value!r} is unknown to the motion model; allowed are {', '.join(allowed)}")
+        seeds = list(range(len(prompts))) if seeds is None else list(seeds)
+        if len(seeds) != len(prompts) or not prompts:
+            raise ValueError(f"seeds: {len(seeds)} given for {len(prompts)} prompts; allowed is one for each")
+        for seed in seeds:
+            _check_seed(seed)
+        frames = int(np.ceil(duration * FRAME_RATE - 1e-9)) + 1
+        keeps = [keep] if isinstance(keep, MotionConstraint) else list(keep)
+        if keeps and frames > LONGEST + 1:
+            raise ValueError(f"duration: {duration:g} s with keep; allowed are {LONGEST / FRAME_RATE:g} s")
+        if arms and action not in LOWER:
+            raise ValueError(f"arms: {arms!r} with the action {action!r}; allowed with {', '.join(LOWER)}")
+        bend: Callable[[Motion], Motion] | None = None
+        if path is not None:
+            points = check_path(path, duration)
+            if speed != 1.0:
+                raise ValueError(f"speed: {speed!r} with a path, whose length and duration tell it; allowed is 1")
+            if kept := {"place", "pelvis"} & {part for each in keeps for part in each.parts}:
+                raise ValueError(f"keep: {', '.join(sorted(kept))} with a path, which says where they are")
+            longer = (skeleton or MEAN_ADULT).leg_length() / MEAN_ADULT.leg_length()
+            speed = path_pace(points, duration * longer)
+            bend = partial(follow_path, points=points, duration=duration, timed=not keeps)
+            frames = frames if keeps else int(np.ceil(LONGER * duration * FRAME_RATE)) + 1
+        with threads_for(len(prompts)):
+            free = not keeps
+            legs = untouched = None
+            readings = [
+                self._settled(self._meaning(prompt, action, arms, path is not None), seed, negative, drawn=free)
+                for prompt, seed in zip(prompts, seeds, strict=True)
+            ]
+            # the model has learned other arms with the walk that turns; beside others it lets them hang
+            lent = [k for k, said in enumerate(readings) if said.arms and said.action != "walk"]
+            asked = [known_reading(said, said.action, "") if k in lent else said for k, said in enumerate(readings)]
+            asked += [known_reading(readings[k], readings[k].arms, "") for k in lent]
+            drafted, spare = rhythm and self.refine is not None, SPARE if free else LATEST
+            requests = [
+                self._request(said, seed, negative, frames, speed, rhythm, drafted=drafted, spare=spare)
+                for said, seed in zip(asked, [*seeds, *(seeds[k] for k in lent)], strict=True)
+            ]
+            if not free:
+                size = min(max(frames, SHORTEST), LONGEST)
+                known, given = constrained_rows(keeps, self.model.hands, size)
+                requests, begun = drafts_around_constraints(self.model, self.sampler, requests, known, given)
+                legs, untouched = np.zeros(frames, bool), np.ones(frames, bool)
+                legs[:size] = given[:frames, list(PARTS).index("legs")] == 1.0
+                untouched[:size] = (given[:frames] != 1.0).all(axis=1)
+            out = []
+            if free:
+                made = sample_in_segments(self.model, self.sampler, requests, frames, self.refine or 1.0)
+            else:
+                whole = sample_in_segments(self.model, self.sampler, requests, size, self.refine or REFINED)
+                made = [move_back(each, first, frames) for each, first in zip(whole, begun, strict=True)]
+            for k, rows in zip(lent, made[len(prompts) :], strict=True):
+                said = readings[k]
+                made[k] = replace_parts(made[k], rows, arms_of(said.arms, choose_hand(said.arms, said.hand, seeds[k])))
+            for said, request, prompt, features in zip(readings, requests, prompts, made, strict=False):
+                rows = (
+                    centre_on_origin(limit_speed(limit_turn_rate(features)))
+                    if free
+                    else limit_speed(features, untouched)
+                )
+                motion = to_motion(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, bend=bend)
+                if said.hand == "both":
+                    hand = choose_hand(said.arms or said.action, "", request.seed)
+                    motion = both_hands(motion, hand, still=not said.arms)
+                out.append(replace(motion, prompt=prompt, seed=request.seed, action=request.action))
+            return out
+
+    def redo(
+        self,
+        draft: Motion,
+        prompt: str,
+        *,
+        strength: float = 0.95,
+        seed: int = 0,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+    ) -> Motion:
+        """A draft noised part of the way and made anew: action, rhythm, orientation and path, scaled
+        with the legs, stay; the rest varies.
+
+        Args:
+            draft: any motion with the body's joints, at most 8 s.
+            prompt: what it shows.
+            strength: noise level from which it is made anew; under 0.85 hardly anything changes, 1 keeps the way alone.
+            seed: of the variation.
+            negative: what it must not be.
+            skeleton: of the person; None for a mean adult.
+
+        Raises:
+            ValueError: a draft that is too long or too short, or a strength out of range.
+        """
+        _check_seed(seed)
+        rows = resampled_features(draft, self.model.hands)
+        if not SHORTEST <= len(rows) <= LONGEST + 1:
+            low, high = SHORTEST / FRAME_RATE, LONGEST / FRAME_RATE
+            raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
+        n = min(len(rows), LONGEST)
+        start = recentred(rows)
+        with threads_for(1):
+            said = self._settled(self._meaning(prompt, None, "", False), seed, negative, drawn=False)
+            request = self._request(said, seed, negative, n, 1.0, False, drafted=False)
+            request = replace(request, draft=start[:n])
+            request = replace(request, beat=draft_beat(self.model, request, start[:n]))
+            made = replace(self.sampler, strength=strength)(self.model, [request], n)[0]
+        made = move_to_start(made, rows)
+        bend = partial(
+            follow_other_motion, other=draft, scale=(skeleton or MEAN_ADULT).leg_length() / leg_length(draft)
+        )
+        return replace(
+            to_motion(made, self.model.hands, skeleton, self.frame_rate, bend=bend),
+            prompt=prompt,
+            seed=seed,
+            action=draft.action or said.action,
+        )
+
+    def _meaning(self, prompt: str, action: str | None, arms: str, bent: bool) -> Understanding:
+        """The reading of a prompt, of which the action may be known, or that it is bent along a path."""
+        said = self.read(prompt)
+        if action is not None:
+            said = known_reading(said, action, arms)
+        if bent and said.action not in WALKS:
+            raise ValueError(f"path: {prompt!r} means '{said.action}'; allowed is a walk")
+        for sentence in said.warnings:
+            _LOG.warning(sentence)
+        return known_reading(said, "walk_straight", said.arms) if bent else said
+
+    def _settled(self, said: Understanding, seed: int, negative: str, *, drawn: bool) -> Understanding:
+        """The reading with what its words leave open decided: by the negative prompt, and from the seed if `drawn`, so
+        that the label says what is shown."""
+        arms = said.arms if said.action in LOWER else ""
+        left = said.alternatives if drawn and said.known else []
+        if negative.strip():
+            denied = self.read(negative)
+            left = ambiguous_actions(said, denied)
+            for sentence in denied.warnings:
+                _LOG.warning(sentence.replace("prompt:", "negative:", 1))
+            if not left and denied.action == said.action:
+                _LOG.warning("negative: %r is what %r asks for, and has no effect", negative, said.prompt)
+        if len(left) > 1 or (negative.strip() and left):
+            shares = np.array([share for _, share in left])
+            chosen = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
+            action = left[chosen][0]
+            said = replace(said, action=action, rephrase=True)
+        hand = said.hand
+        gesture = ACTIONS.get(arms or said.action)
+        if hand == "both" and (gesture is None or "both" not in gesture.hands):
+            hand = ""
+        return replace(said, arms=arms if said.action in LOWER else "", hand=hand)
+
+    def _request(
+        self,
+        said: Understanding,
+        seed: int,
+        negative: str,
+        frames: int,
+        speed: float,
+        rhythm: bool,
+        *,
+        drafted: bool,
+        spare: int = SPARE,
+    ) -> MotionRequest:
+        action, arms = said.action, said.arms
+        if said.hand == "both":  # the other arm mirrors this one afterwards
+            said = replace(said, hand=choose_hand(arms or action, "", seed), rephrase=True)
+        # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
+        words = _is_plain(said) if said.rephrase or (action in CLAUSES and not said.known) else said.prompt
+        beat = None
+        if rhythm and action in self.model.beats:
+            rng = np.random.default_rng([seed, 23])
+            beat = self.model.beats[action].draw(frames + LONGEST, FRAME_RATE, rng, speed * said.pace)
+        manner = self.manner if action in CLAUSES else "mocap"
+        request = MotionRequest(words, seed, negative, beat, action=action, source=manner)
+        if not drafted or manner != "kinematic":
+            return request
+        size = frames + LONGEST if frames > LONGEST else max(frames, SHORTEST) + spare
+        rows = make_draft(
+            (action, arms) if arms else (action,),
+            size,
+            seed,
+            self.model.hands,
+            hand=said.hand,
+            speed=sample_pace(seed, speed * said.pace),
+        )
+        return replace(request, draft=rows, beat=draft_beat(self.model, request, rows))
+
+
+def _check_seed(seed: int) -> None:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed: {seed!r}; a whole number of at least 0 is needed")
+
+
+def _is_plain(said: Understanding) -> str:
+    plain = canonical_sentence(said.action, said.hand if said.action in ACTIONS and ACTIONS[said.action].hands else "")
+    return f"{plain} while {doing(said.arms, said.hand)}" if said.arms else plain
+
+
+SHIPPED = Path(__file__).with_name("weights") / "motion.safetensors"
+
+
+@lru_cache(maxsize=4)
+def _load(path: Path) -> MotionModel:
+    return read_model(path)

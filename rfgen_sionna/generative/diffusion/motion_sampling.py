@@ -1,0 +1,257 @@
+"""From noise, or from a noised draft, to features: the reverse process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import torch
+from scipy.signal import butter, sosfiltfilt
+from torch import Tensor
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.diffusion.blending import blend_transitions
+from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
+from rfgen_sionna.generative.diffusion.constraints import SOFT, spread
+from rfgen_sionna.generative.diffusion.features import CONTACTS, FRAME_RATE, NUM_FEATURES, PARTS
+from rfgen_sionna.generative.diffusion.network import PAIR, SOURCES, STRIDE, Conditions
+from rfgen_sionna.generative.diffusion.residual import Corrector
+from rfgen_sionna.generative.diffusion.schedule import log_snr, make_scheduler, signal_shares, step_at
+from rfgen_sionna.generative.diffusion.sentence_encoder import tokenise
+from rfgen_sionna.generative.motion import ACTIONS
+
+SHORTEST, LONGEST = 32, 160
+"""Frames that the model makes at once."""
+GESTURES = ("swipe_left", "swipe_right", "push", "pull", "circle_clockwise", "circle_counterclockwise", "click",
+            "finger_swing")  # fmt: skip
+"""Actions of one hand of people who stand."""
+CUTOFFS = MappingProxyType({"kinematic": 6.0, "mocap": 8.5, "any": 6.0})
+"""Manner -> cut-off of the low-pass on the result [Hz]: captured people, and their markers, shake faster."""
+STILL_CUTOFF = 2.5
+"""The same for what only keeps its place [Hz]: the whole body in held poses, all but the working arm in gestures. What
+tremor the network leaves there would be most of the movement."""
+
+
+@dataclass(frozen=True)
+class MotionRequest:
+    """One motion to be made."""
+
+    prompt: str
+    seed: int
+    negative: str = ""
+    beat: FloatArray | None = None
+    """(frame, 3), see :mod:`rfgen_sionna.generative.diffusion.rhythm`; None for none."""
+    known: FloatArray | None = None
+    """(frame, NUM_FEATURES) given features, in their own units."""
+    given: FloatArray | None = None
+    """(frame, part) 1 where `known` holds, 0 where the model is free."""
+    draft: FloatArray | None = None
+    """(frame, NUM_FEATURES) to start from."""
+    action: str = ""
+    """The action as it was understood; what the network is known to miss of it is put back."""
+    source: str = "kinematic"
+    """Whose manner: "kinematic", "mocap" or "any"."""
+
+
+@dataclass(frozen=True)
+class MotionSampler:
+    """How the reverse process is run."""
+
+    kind: str = "ddim"
+    """"ddim" or "dpm"."""
+    steps: int = 16
+    guidance: float = 2.0
+    """1 follows the prompt as learned, more exaggerates it; over 3 static poses collapse."""
+    strength: float = 1.0
+    """For drafts: how far up in noise to start; below 0.85 little changes."""
+    cutoff: float | None = None
+    """Of the low-pass on the result [Hz]; None is that of the manner, `CUTOFFS`."""
+
+    def __post_init__(self) -> None:
+        make_scheduler(self.kind)
+        if not 2 <= self.steps <= 200:
+            raise ValueError(f"steps: {self.steps}; allowed are 2 to 200")
+        if not 0.0 <= self.guidance <= 10.0:
+            raise ValueError(f"guidance: {self.guidance}; allowed is 0 to 10")
+        if not 0.0 < self.strength <= 1.0:
+            raise ValueError(f"strength: {self.strength}; allowed is more than 0 and at most 1")
+        if self.cutoff is not None and not 0.0 < self.cutoff < 0.5 * FRAME_RATE:
+            raise ValueError(f"cutoff: {self.cutoff} Hz; allowed is more than 0 and less than {0.5 * FRAME_RATE:g}")
+
+    @torch.no_grad()
+    def __call__(self, model: MotionModel, requests: Sequence[MotionRequest], frames: int) -> FloatArray:
+        """(wish, frame, NUM_FEATURES) features in their own units.
+
+        Args:
+            model: the trained model.
+            wishes: one motion each; a wish's result doesn't depend on the others beyond rounding.
+            frames: of each motion, from `SHORTEST` to `LONGEST`.
+        """
+        if not SHORTEST <= frames <= LONGEST:
+            raise ValueError(f"frames: {frames}; allowed are {SHORTEST} to {LONGEST}")
+        block = PAIR * STRIDE
+        padded = -(-frames // block) * block
+        conditions = conditions_of(model, requests, padded)
+        known, hard = conditions.known, _hard(conditions.given)
+        noise = torch.stack(
+            [
+                torch.randn(padded, NUM_FEATURES, generator=torch.Generator().manual_seed(_mixed(w.seed)))
+                for w in requests
+            ]
+        )
+        scheduler = make_scheduler(self.kind)
+        scheduler.set_timesteps(self.steps)
+        timesteps = [int(t) for t in scheduler.timesteps]
+        x = noise
+        if any(w.draft is not None for w in requests):
+            start = step_at(self.strength) if self.strength < 1.0 else timesteps[0]
+            timesteps, x = self._from_draft(model, scheduler, requests, start, noise, padded)
+        clean = x
+        shares = signal_shares()
+        correct = Corrector(
+            [model.residuals.get(w.action) if w.source == "kinematic" else None for w in requests], padded
+        )
+        level = torch.from_numpy(log_snr(signal_shares())).float()
+        for t in timesteps:
+            clean = self.guess(model, x, level[t], conditions)
+            clean = correct(clean, x, float(shares[t]))
+            clean = torch.where(hard > 0.0, known, clean)
+            x = scheduler.step(clean, t, x).prev_sample
+        # the last guess: the scheduler would leave a hundredth of the noise in
+        rows = _joined(clean.double().numpy()[:, :frames] * model.scale + model.mean, requests)
+        smooth = np.empty_like(rows)
+        for source in {w.source for w in requests}:
+            at = [k for k, w in enumerate(requests) if w.source == source]
+            smooth[at] = low_pass(rows[at], CUTOFFS[source] if self.cutoff is None else self.cutoff)
+        if self.cutoff is None:
+            for k, request in enumerate(requests):
+                calm = still_columns(request)
+                smooth[k][:, calm] = low_pass(rows[k : k + 1], STILL_CUTOFF)[0][:, calm]
+        kept = (hard > 0.0).numpy()[:, :frames]
+        # the low-pass takes a little off where given poses end
+        return _joined(np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth), requests)
+
+    def guess(self, model: MotionModel, x: Tensor, level: Tensor, conditions: Conditions) -> Tensor:
+        """The guided guess of the clean motions."""
+        n = len(x)
+        if self.guidance == 1.0:
+            return model.net(x, level.expand(n), conditions)
+        both = _doubled(conditions)
+        free, told = model.net(torch.cat([x, x]), level.expand(2 * n), both).chunk(2)
+        return free + self.guidance * (told - free)
+
+    def _from_draft(
+        self,
+        model: MotionModel,
+        scheduler: object,
+        requests: Sequence[MotionRequest],
+        start: int,
+        noise: Tensor,
+        padded: int,
+    ) -> tuple[list[int], Tensor]:
+        """The scheduler's steps from `start` down, and the drafts noised as far."""
+        drafts = []
+        for request in requests:
+            if request.draft is None:
+                raise ValueError("draft: some of the wishes have one and some don't; make them apart")
+            drafts.append(padded_rows(((request.draft - model.mean) / model.scale), padded))
+        draft = torch.from_numpy(np.stack(drafts)).float()
+        all_steps = [int(t) for t in scheduler.timesteps]  # type: ignore[attr-defined]
+        # the step of the schedule that is nearest to the wanted noise, so that its arithmetic stays exact
+        first = int(np.argmin([abs(t - start) for t in all_steps]))
+        if hasattr(scheduler, "set_begin_index"):
+            scheduler.set_begin_index(first)
+        share = float(signal_shares()[all_steps[first]])
+        return all_steps[first:], np.sqrt(share) * draft + np.sqrt(1.0 - share) * noise
+
+
+def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
+    """(motion, frame, feature) without what is faster than `cutoff` [Hz]; contacts stay as they are."""
+    sos = butter(4, cutoff, fs=FRAME_RATE, output="sos")
+    out = sosfiltfilt(sos, rows, axis=1, padlen=min(15, rows.shape[1] - 1))
+    out[..., CONTACTS] = rows[..., CONTACTS]
+    return np.asarray(out, np.float64)
+
+
+def still_columns(request: MotionRequest) -> list[int]:
+    """Features of what only keeps its place in a synthesised action; contacts are none of them."""
+    if request.source != "kinematic" or request.known is not None or request.action not in ACTIONS:
+        return []
+    parts = [part for part in PARTS if not part.endswith("arm")]
+    if not ACTIONS[request.action].periodic:
+        parts = list(PARTS)
+    elif request.action not in GESTURES:
+        return []
+    elif request.draft is not None:
+        draft = request.draft
+        parts.append(min(("left_arm", "right_arm"), key=lambda arm: float(draft[:, PARTS[arm]].std(axis=0).max())))
+    return [c for part in parts for c in PARTS[part] if not CONTACTS.start <= c < CONTACTS.stop]
+
+
+def conditions_of(model: MotionModel, requests: Sequence[MotionRequest], frames: int) -> Conditions:
+    wanted = model.text(tokenise([w.prompt for w in requests]))
+    unwanted = model.text(tokenise([w.negative for w in requests])).pooled
+    said = torch.tensor([bool(w.prompt.strip()) for w in requests])[:, None]
+    denied = torch.tensor([bool(w.negative.strip()) for w in requests])[:, None]
+    beats = np.zeros((len(requests), frames, 3))
+    given = np.zeros((len(requests), frames, len(PARTS)))
+    known = np.zeros((len(requests), frames, NUM_FEATURES))
+    for i, request in enumerate(requests):
+        if request.beat is not None:
+            beats[i] = padded_rows(request.beat, frames)
+        if request.known is not None and request.given is not None:
+            n = len(request.known)
+            given[i, :n] = request.given
+            known[i, :n] = (request.known - model.mean) / model.scale * spread(request.given)
+    return Conditions(
+        wanted.tokens * said[..., None],
+        wanted.mask,
+        wanted.pooled * said,
+        unwanted * denied,
+        torch.tensor([SOURCES.index(w.source) for w in requests]),
+        torch.from_numpy(beats).float(),
+        torch.from_numpy(known).float(),
+        torch.from_numpy(given).float(),
+    )
+
+
+def _doubled(c: Conditions) -> Conditions:
+    """The conditions twice, first without words."""
+    return Conditions(
+        torch.cat([torch.zeros_like(c.tokens), c.tokens]),
+        torch.cat([c.mask, c.mask]),
+        torch.cat([torch.zeros_like(c.pooled), c.pooled]),
+        torch.cat([torch.zeros_like(c.unwanted), c.unwanted]),
+        torch.cat([c.source, c.source]),
+        torch.cat([c.beat, c.beat]),
+        torch.cat([c.known, c.known]),
+        torch.cat([c.given, c.given]),
+    )
+
+
+def _joined(rows: FloatArray, requests: Sequence[MotionRequest]) -> FloatArray:
+    """(wish, frame, NUM_FEATURES) rows whose free stretches continue the given ones."""
+    for own, request in zip(rows, requests, strict=True):
+        if request.given is not None and (request.given == 1.0).any():
+            own[:] = blend_transitions(own, request.given[: len(own)] == 1.0)
+    return rows
+
+
+def _hard(given: Tensor) -> Tensor:
+    """(wish, frame, NUM_FEATURES) 1 where features are given exactly."""
+    exact = (given > SOFT).double().numpy()
+    return torch.from_numpy(np.stack([spread(g) for g in exact])).float()
+
+
+def padded_rows(rows: FloatArray, frames: int) -> FloatArray:
+    """The last row repeated up to `frames`."""
+    if len(rows) >= frames:
+        return rows[:frames]
+    return np.concatenate([rows, np.repeat(rows[-1:], frames - len(rows), axis=0)])
+
+
+def _mixed(seed: int) -> int:
+    """Neighbouring seeds taken far apart."""
+    return int(np.random.SeedSequence([seed, 31]).generate_state(1)[0])

@@ -1,0 +1,136 @@
+"""Where a made motion takes place on the floor, which way it turns there, and how fast anything of it may be."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter1d
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.diffusion.features import (
+    CONTACTS,
+    FRAME_RATE,
+    LOCAL,
+    TRACKED_POSITIONS,
+    TURN,
+    from_six,
+    heading,
+    joint_positions,
+    turned,
+)
+from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
+
+_FASTEST = 9.0
+"""Rate of turning beyond which the pelvis flips rather than turns [rad/s]: brisk about-turns take half a second."""
+_TURNS = (0.1, 0.15, 0.2, 0.3, 0.4)
+"""Times over which flips are spread, the shortest that does [s]."""
+_SWIFTEST = 9.0
+"""Speed of a joint beyond which it jumps rather than moves [m/s]: feet of runners and hands of boxers get there."""
+_FASTEST_SPIN = 20.0
+"""The same for the turning of a joint against the one before it [rad/s]."""
+_SPREAD = (*_TURNS, 0.6, 0.8)
+"""Times over which jumps are spread [s]."""
+_EASE = 0.15
+"""Time in which what is calmed goes over into given poses, which stay as they are [s]."""
+
+
+def centre_on_origin(rows: FloatArray) -> FloatArray:
+    """Feature rows with the middle of the path over the origin, and a walk back and forth along x."""
+    out = rows.copy()
+    low, high = rows[:, :2].min(axis=0), rows[:, :2].max(axis=0)
+    out[:, :2] -= 0.5 * (low + high)
+    if np.linalg.norm(high - low) > 0.6:
+        centred = out[:, :2] - out[:, :2].mean(axis=0)
+        values, axes = np.linalg.eigh(centred.T @ centred)
+        x, y = axes[:, -1]
+        if values[0] < 0.1 * values[-1]:
+            yaw = np.arctan2(y, x)
+            # the nearer of both senses: the person still starts facing ahead
+            yaw -= np.pi * np.round(yaw / np.pi)
+            if abs(yaw) < np.radians(25.0):
+                out = turned(out, -yaw)
+                out[:, :2] -= 0.5 * (out[:, :2].min(axis=0) + out[:, :2].max(axis=0))
+    return out
+
+
+def limit_turn_rate(rows: FloatArray) -> FloatArray:
+    """Feature rows in which nobody turns round faster than people can.
+
+    Where the network leaves open which way somebody turns, the two ways cancel each other halfway, and what is left
+    flips from one pose to the next.
+    """
+    yaw = heading(rows)
+    even = yaw
+    for width in _TURNS:
+        fast = np.abs(np.gradient(even)) * FRAME_RATE > _FASTEST
+        if not fast.any():
+            break
+        reach = round(3.0 * width * FRAME_RATE)
+        share = maximum_filter1d(fast.astype(np.float64), 2 * reach + 1)
+        share = gaussian_filter1d(share, 0.3 * reach, mode="nearest")
+        even = even + share * (gaussian_filter1d(even, width * FRAME_RATE, mode="nearest") - even)
+    turn = even - yaw
+    if not turn.any():
+        return rows
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    out = rows.copy()
+    for part in (TURN, TRACKED_POSITIONS):
+        vectors = rows[:, part].reshape(len(rows), -1, 3)
+        x, y = vectors[..., 0], vectors[..., 1]
+        out[:, part] = np.stack([c * x - s * y, s * x + c * y, vectors[..., 2]], axis=-1).reshape(len(rows), -1)
+    return out
+
+
+def limit_speed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> FloatArray:
+    """Feature rows in which nothing moves faster than people can: what jumps from one pose to the next is spread.
+
+    Args:
+        rows: in their own units.
+        free: (frame,) rows that may change; None: all.
+    """
+    out = rows
+    turns = slice(TURN.start, LOCAL.stop)
+    others = np.setdiff1d(
+        np.arange(rows.shape[1]), [*range(turns.start, turns.stop), *range(CONTACTS.start, CONTACTS.stop)]
+    )
+    may = np.ones(len(rows))
+    if free is not None and not free.all():
+        may = np.clip(distance_transform_edt(free) / (_EASE * FRAME_RATE), 0.0, 1.0)
+    for width in _SPREAD:
+        fast = _jumps(out) & (may > 0.0)
+        if not fast.any():
+            break
+        reach = round(3.0 * width * FRAME_RATE)
+        share = maximum_filter1d(fast.astype(np.float64), 2 * reach + 1)
+        share = may * gaussian_filter1d(share, 0.3 * reach, mode="nearest")
+        before, out = out, out.copy()  # what is spread already stays so
+        quaternions = to_quaternions(from_six(before[:, turns].reshape(len(rows), -1, 6)))
+        for values, columns in ((before[:, others], others), (quaternions, turns)):
+            even = gaussian_filter1d(values, width * FRAME_RATE, axis=0, mode="nearest")
+            new = values + share.reshape(-1, *[1] * (values.ndim - 1)) * (even - values)
+            new = new if columns is others else _to_six(new)
+            out[:, columns] = np.where(share[:, None] > 0.0, new, before[:, columns])
+    return out
+
+
+def _to_six(quaternions: FloatArray) -> FloatArray:
+    """(frame, 6 joint) columns of (frame, joint, 4) quaternions of any length."""
+    return np.swapaxes(to_matrices(quaternions)[..., :2], -1, -2).reshape(len(quaternions), -1)
+
+
+def _jumps(rows: FloatArray) -> NDArray[np.bool_]:
+    """(frame,) where a joint moves or turns faster than people can, to the next row or from the last one."""
+    speed = np.linalg.norm(np.diff(joint_positions(rows), axis=0), axis=-1) * FRAME_RATE
+    six = rows[:, TURN.start : LOCAL.stop].reshape(len(rows), -1, 6)
+    turn = from_six(six)
+    cosine = 0.5 * (np.einsum("fjkl,fjkl->fj", turn[1:], turn[:-1]) - 1.0)
+    rate = np.arccos(np.clip(cosine, -1.0, 1.0)) * FRAME_RATE
+    fast = (speed > _SWIFTEST).any(axis=1) | (rate > _FASTEST_SPIN).any(axis=1)
+    return np.concatenate([fast, [False]]) | np.concatenate([[False], fast])
+
+
+def move_to_start(rows: FloatArray, where: FloatArray) -> FloatArray:
+    """Rows that start over the origin facing ahead, moved to where other rows start."""
+    out = turned(rows, float(np.arctan2(where[0, TURN.start + 1], where[0, TURN.start])))
+    out[:, :2] += where[0, :2] - out[0, :2]
+    return out

@@ -1,0 +1,118 @@
+"""A small sentence encoder of our own, which ships with the model and needs no download.
+
+Words enter as hashed pieces (the word, its stem, its letters by threes and fours), so unseen forms and misspellings
+land near what is known; two transformer layers put them in order. It is trained on the phrase book and the mocap
+captions to say what a sentence asks for, then frozen.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+BUCKETS = 8192
+MAX_WORDS = 28
+MAX_PIECES = 14
+WIDTH = 128
+HANDS = ("", "left", "right")
+PACES = ("slow", "usual", "fast")
+_COUNTER = re.compile(r"\b(?:counter|anti)[ -]?clockwise")
+_WORD = re.compile(r"[a-z0-9']+")
+
+
+def words(text: str) -> list[str]:
+    """Lower-case words; "counter-clockwise" and its variants are one word."""
+    return _WORD.findall(_COUNTER.sub("counterclockwise", text.lower()).replace("-", " "))[:MAX_WORDS]
+
+
+def stem(word: str) -> str:
+    """The word without the commonest endings."""
+    for ending in ("ing", "ies", "ed", "es", "s"):
+        if word.endswith(ending) and len(word) - len(ending) >= 3:
+            word = word[: -len(ending)]
+            break
+    if len(word) > 3 and word[-1] == word[-2]:
+        word = word[:-1]
+    return word.rstrip("e")
+
+
+def pieces(word: str) -> list[int]:
+    """Buckets of a word, 1 .. BUCKETS - 1; 0 is padding."""
+    padded = f"<{word}>"
+    parts = [f"w:{word}", f"s:{stem(word)}"]
+    parts += [padded[i : i + n] for n in (3, 4) for i in range(len(padded) - n + 1)]
+    return [1 + zlib.crc32(p.encode()) % (BUCKETS - 1) for p in parts[:MAX_PIECES]]
+
+
+def tokenise(texts: list[str]) -> Tensor:
+    """(text, MAX_WORDS, MAX_PIECES) buckets."""
+    out = np.zeros((len(texts), MAX_WORDS, MAX_PIECES), np.int64)
+    for i, text in enumerate(texts):
+        for j, word in enumerate(words(text)):
+            row = pieces(word)
+            out[i, j, : len(row)] = row
+    return torch.from_numpy(out)
+
+
+@dataclass(frozen=True)
+class EncodedSentences:
+    """What the encoder makes of sentences."""
+
+    tokens: Tensor
+    """(text, MAX_WORDS, WIDTH)."""
+    mask: Tensor
+    """(text, MAX_WORDS) whether there is a word."""
+    pooled: Tensor
+    """(text, WIDTH)."""
+
+
+class SentenceEncoder(nn.Module):
+    """Sentences to token states and one pooled state, whatever they are about."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pieces = nn.Embedding(BUCKETS, WIDTH, padding_idx=0)
+        self.place = nn.Parameter(0.02 * torch.randn(MAX_WORDS, WIDTH))
+        layer = nn.TransformerEncoderLayer(WIDTH, 4, 2 * WIDTH, 0.1, "gelu", batch_first=True, norm_first=True)
+        self.layers = nn.TransformerEncoder(layer, 2, enable_nested_tensor=False)
+        self.weight = nn.Linear(WIDTH, 1)
+        self.norm = nn.LayerNorm(WIDTH)
+
+    def forward(self, ids: Tensor) -> EncodedSentences:
+        """`ids` (text, word, piece) as :func:`tokenise` gives them."""
+        there = ids > 0
+        mask = there.any(dim=-1)
+        # an empty sentence is one silent word
+        mask = torch.cat([mask[:, :1] | ~mask.any(dim=-1, keepdim=True), mask[:, 1:]], dim=1)
+        count = there.sum(dim=-1, keepdim=True).clamp(min=1).to(self.place.dtype)
+        x = self.pieces(ids).sum(dim=2) / count.sqrt() + self.place[: ids.shape[1]]
+        x = self.layers(x, src_key_padding_mask=~mask)
+        share = self.weight(x).squeeze(-1).masked_fill(~mask, -1e4).softmax(dim=-1)
+        pooled = self.norm((share[..., None] * x).sum(dim=1))
+        return EncodedSentences(x * mask[..., None], mask, pooled)
+
+
+class TextEncoder(SentenceEncoder):
+    """The encoder of sentences about motion.
+
+    Args:
+        actions: names of the actions that it tells apart.
+    """
+
+    def __init__(self, actions: tuple[str, ...]) -> None:
+        super().__init__()
+        self.actions = actions
+        self.action = nn.Linear(WIDTH, len(actions))
+        self.arms = nn.Linear(WIDTH, len(actions) + 1)
+        self.hand = nn.Linear(WIDTH, len(HANDS))
+        self.pace = nn.Linear(WIDTH, len(PACES))
+
+    @torch.no_grad()
+    def likely_actions(self, texts: list[str]) -> np.ndarray:
+        """(text, action) probabilities."""
+        return self.action(self(tokenise(texts)).pooled).softmax(dim=-1).cpu().numpy()

@@ -1,0 +1,109 @@
+"""A judge of images of surroundings: names the place, and measures how far two sets lie apart.
+
+It is trained on the training split's renders alone, and never on drawn images. It knows how a view is taken, so that it
+sees how high each point lies and what a surface returns at whatever range. A wall looks alike in many rooms: where
+several views of one place are at hand, it may judge them together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts, view_tokens
+from rfgen_sionna.generative.environment.view_unet import view_maps
+from rfgen_sionna.pir.codec import PirCodec
+
+FEATURES = 48
+INPUT_CHANNELS = 6
+"""Numbers of a pixel that a judge looks at."""
+WIDTHS = (32, 48, 96, 128)
+"""Channels of its four stages."""
+LEVEL_DB, SPREAD_DB = -135.0, 15.0
+"""Middle and spread [dB] of levels at 1 m ..."""
+AT_ONE_METRE = 4
+"""... and where they are among the numbers of a pixel."""
+
+
+def classifier_inputs(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirCodec) -> Tensor:
+    """(image, SIGHTS, row, column) what a judge looks at, in half precision.
+
+    The channels as they are, how high each point lies, its level if it were at 1 m, and how far the floor lies behind.
+    """
+    parts = []
+    for start in range(0, len(images), 256):
+        x = torch.from_numpy(images[start : start + 256].astype(np.float32))
+        some = views[start : start + 256]
+        maps = view_maps(view_tokens(some)[:, 0], x.shape[-2], x.shape[-1], codec)
+        energy, arrival, _ = codec.decode_arrays(x.numpy().astype(np.float64), clip=True)
+        there = torch.from_numpy(energy > 0)
+        reach = torch.from_numpy(np.nan_to_num(0.5 * SPEED_OF_LIGHT * arrival)).float()
+        height = torch.tensor([view.height for view in some])[:, None, None] + reach * maps[:, 2]
+        level = torch.from_numpy(10 * np.log10(np.maximum(energy, 1e-30))).float()
+        level = (level + 20 * torch.log10(reach.clamp(min=0.3)) - LEVEL_DB) / SPREAD_DB
+        behind = (maps[:, 3] - x[:, 1]).clamp(-1, 1)
+        more = [(0.5 * height.clamp(-0.5, 5.0) - 0.6) * there, level * there, behind]
+        parts.append(torch.cat([x, torch.stack(more, dim=1)], dim=1).half())
+    return torch.cat(parts)
+
+
+class ClassifierNet(nn.Module):
+    def __init__(self, classes: int, widths: Sequence[int]) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        width = INPUT_CHANNELS
+        for wider in widths:
+            layers += [nn.Conv2d(width, wider, 3, stride=2, padding=1), nn.GroupNorm(8, wider), nn.GELU()]
+            layers += [nn.Conv2d(wider, wider, 3, padding=1), nn.GroupNorm(8, wider), nn.GELU()]
+            width = wider
+        self.body = nn.Sequential(*layers)
+        self.squeeze = nn.Sequential(nn.Dropout(0.3), nn.Linear(2 * width, FEATURES), nn.LayerNorm(FEATURES))
+        self.classes = nn.Linear(FEATURES, classes)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        h = self.body(x)
+        f = self.squeeze(torch.cat([h.mean(dim=(2, 3)), h.amax(dim=(2, 3))], dim=-1))
+        return f, self.classes(f)
+
+
+@dataclass(frozen=True)
+class ImageClassifier:
+    """A trained judge."""
+
+    net: ClassifierNet
+    codec: PirCodec = field(default_factory=PirCodec)
+
+    def classify(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> tuple[FloatArray, FloatArray]:
+        """(image, FEATURES) features and (image, class) logarithms of chances of (image, 3, row, column) channels."""
+        features, probabilities = [], []
+        with torch.no_grad():
+            for start in range(0, len(images), 128):
+                part = slice(start, start + 128)
+                f, logits = self.net(classifier_inputs(images[part], views[part], self.codec).float())
+                features.append(f.double().numpy())
+                probabilities.append(logits.log_softmax(dim=-1).double().numpy())
+        return np.concatenate(features), np.concatenate(probabilities)
+
+    def right(
+        self, probabilities: FloatArray, places: NDArray[np.integer], together: NDArray[np.integer] | None = None
+    ) -> NDArray[np.bool_]:
+        """(image,) whether each image, or the images of one place `together` (image,), is named as its place."""
+        if together is not None:
+            _, which = np.unique(np.stack([together, places]), axis=1, return_inverse=True)
+            sums = np.zeros((int(which.max()) + 1, probabilities.shape[1]))
+            np.add.at(sums, which.ravel(), probabilities)
+            probabilities = sums[which.ravel()]
+        return np.asarray(probabilities.argmax(axis=-1) == places)
+
+
+def untrained_classifier(
+    classes: int, codec: PirCodec | None = None, widths: Sequence[int] = WIDTHS
+) -> ImageClassifier:
+    """A judge of that many classes, such as places, before it has learnt."""
+    return ImageClassifier(ClassifierNet(classes, widths).eval().requires_grad_(False), codec or PirCodec())

@@ -1,0 +1,308 @@
+"""The environment model in memory and on disk, and diffusers' own pipelines over it."""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from dataclasses import asdict, dataclass, field, replace
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import torch
+from diffusers import ControlNetModel, UNet2DConditionModel
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from rfgen_sionna.generative.diffusion.sentence_encoder import WIDTH
+from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
+from rfgen_sionna.generative.environment.edge_smoothing import EdgePreservingSmoothing
+from rfgen_sionna.generative.environment.fingerprint import fingerprint
+from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder, ViewFacts
+from rfgen_sionna.generative.environment.prompt_encoder import HORIZONTAL_VIEW, PromptEncoder, PromptTokenizer
+from rfgen_sionna.generative.environment.view_unet import ViewUNet
+from rfgen_sionna.pir.codec import PirCodec
+
+if TYPE_CHECKING:
+    from diffusers import (
+        StableDiffusionControlNetPipeline,
+        StableDiffusionImg2ImgPipeline,
+        StableDiffusionPipeline,
+    )
+    from torch import Tensor
+
+    from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+
+FORMAT = "rfgen-environment-3"
+CONTROL_FORMAT = "rfgen-environment-control-3"
+BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
+_GATE_PREFIX = "doubt."
+LATENT_SIZE = 16
+
+
+class ModelFileError(ValueError):
+    """A file is no environment model, or one of another kind."""
+
+
+@dataclass(frozen=True)
+class UNetShape:
+    """Sizes of the denoising network."""
+
+    channels: tuple[int, ...] = (96, 160, 256)
+    latents: int = 32
+    heads: int = 4
+
+    def unet(self) -> ViewUNet:
+        """A network with random weights; attention below full resolution, where the cost is small."""
+        return ViewUNet(
+            sample_size=LATENT_SIZE,
+            in_channels=self.latents,
+            out_channels=self.latents,
+            block_out_channels=self.channels,
+            down_block_types=("DownBlock2D", "CrossAttnDownBlock2D", "CrossAttnDownBlock2D"),
+            up_block_types=("CrossAttnUpBlock2D", "CrossAttnUpBlock2D", "UpBlock2D"),
+            mid_block_type="UNetMidBlock2DCrossAttn",
+            layers_per_block=1,
+            cross_attention_dim=WIDTH,
+            attention_head_dim=self.heads,
+            norm_num_groups=16,
+        )
+
+
+@dataclass(frozen=True)
+class EnvironmentModel:
+    """A trained model."""
+
+    unet: UNet2DConditionModel
+    vae: PatchAutoencoder
+    text: PlaceEncoder
+    codec: PirCodec
+    shape: UNetShape
+    facts: dict[str, Any] = field(default_factory=dict)
+    """Seed, steps, hours, data."""
+    edge_smoothing: EdgePreservingSmoothing = field(default_factory=lambda: EdgePreservingSmoothing(8))
+    """What is done to drawn images."""
+    conditional_prior: ConditionalPrior | None = None
+    """What sketches tell; a model without it draws from words alone."""
+    word: str = ""
+    """Word that prompts begin with, for the sake of an RF LoRA that was merged in."""
+    control: ControlNetModel | None = None
+    control_facts: dict[str, Any] = field(default_factory=dict)
+    """Of the ControlNet."""
+    confidence_gate: ConfidenceGate | None = None
+    """How far its gains hold; None without a ControlNet."""
+
+    def parts(self, view: ViewFacts = HORIZONTAL_VIEW) -> dict[str, Any]:
+        """What diffusers' pipelines take; prompts are meant for `view`."""
+        return {
+            "vae": self.vae,
+            "text_encoder": PromptEncoder(self.text, view),
+            "tokenizer": PromptTokenizer(),
+            "unet": self.unet,
+            "scheduler": make_scheduler(),
+            "safety_checker": None,
+            "feature_extractor": None,
+            "requires_safety_checker": False,
+        }
+
+    def text_to_image(self, view: ViewFacts = HORIZONTAL_VIEW) -> StableDiffusionPipeline:
+        """diffusers' text-to-image pipeline on this model, from words alone; prompts are meant for `view`, or come as
+        `prompt_embeds` of :meth:`PlaceEncoder.embed` with views of their own."""
+        from diffusers import StableDiffusionPipeline
+
+        return _quiet(StableDiffusionPipeline(**self.parts(view)))
+
+    def image_to_image(self, view: ViewFacts = HORIZONTAL_VIEW) -> StableDiffusionImg2ImgPipeline:
+        """diffusers' image-to-image pipeline on this model."""
+        from diffusers import StableDiffusionImg2ImgPipeline
+
+        return _quiet(StableDiffusionImg2ImgPipeline(**self.parts(view)))
+
+    def controlled(self, view: ViewFacts = HORIZONTAL_VIEW) -> StableDiffusionControlNetPipeline:
+        """diffusers' ControlNet pipeline on this model.
+
+        Raises:
+            ModelFileError: it has no ControlNet.
+        """
+        if self.control is None:
+            raise ModelFileError("control: the model has no ControlNet; train one with training.environment.controlnet")
+        from diffusers import StableDiffusionControlNetPipeline
+
+        return _quiet(StableDiffusionControlNetPipeline(**self.parts(view), controlnet=self.control))
+
+    def to(self, device: str | torch.device, dtype: torch.dtype) -> EnvironmentModel:
+        """Moved there, in place; `dtype` is that of the networks."""
+        for part in (self.unet, self.control):
+            if part is not None:
+                torch.nn.Module.to(part, device=device, dtype=dtype)  # diffusers' own warns about nothing
+        torch.nn.Module.to(self.vae, device=device)
+        self.text.to(device=device)
+        return self
+
+
+def new_control(unet: UNet2DConditionModel) -> ControlNetModel:
+    """An untrained ControlNet of `unet`, which reads images of the full resolution with channels in 0 … 1."""
+    return ControlNetModel.from_unet(unet, conditioning_embedding_out_channels=(16, 32, 96), conditioning_channels=3)
+
+
+def write_model(path: Path, model: EnvironmentModel) -> None:
+    """Write a model without its ControlNet, whole or not at all; weights in half precision."""
+    tensors = {f"unet.{k}": v for k, v in model.unet.state_dict().items()}
+    tensors |= {f"text.{k}": v for k, v in model.text.state_dict().items()}
+    header = {
+        "format": FORMAT,
+        "shape": asdict(model.shape),
+        "codec": asdict(model.codec),
+        "places": model.text.places,
+        "things": model.text.things,
+        "facts": model.facts,
+        "polish": asdict(model.edge_smoothing),
+        "finishes": model.conditional_prior.finishes if model.conditional_prior is not None else (),
+    }
+    exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
+    if model.conditional_prior is not None:
+        exact |= {f"expectation.{k}": torch.from_numpy(v).float() for k, v in model.conditional_prior.tables.items()}
+    _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
+
+
+class Control(NamedTuple):
+    """A ControlNet's file."""
+
+    net: ControlNetModel
+    facts: dict[str, Any]
+    """Seed, steps, hours, data."""
+    confidence_gate: ConfidenceGate
+    """How far its gains hold."""
+
+
+def write_control(
+    path: Path, control: ControlNetModel, facts: dict[str, Any], confidence_gate: ConfidenceGate | None = None
+) -> None:
+    """Write a ControlNet, whole or not at all, in half precision."""
+    from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+
+    confidence_gate = confidence_gate or ConfidenceGate()
+    tensors = control.state_dict() | {_GATE_PREFIX + k: v for k, v in confidence_gate.tensors().items()}
+    header = {"format": CONTROL_FORMAT, "facts": facts, "share": confidence_gate.share}
+    _write(path, {k: v.half() for k, v in tensors.items()}, header)
+
+
+def read_model(path: Path | None = None, control: Path | bool | None = None) -> EnvironmentModel:
+    """Read a model, ready for sampling in single precision on the CPU.
+
+    Args:
+        path: the model's file or its folder; None is the one that ships with the package.
+        control: file of a ControlNet, or whether the one beside the model is wanted.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ModelFileError: it is no environment model of this version.
+    """
+    if path is None:
+        with as_file(files("rfgen_sionna.generative.environment") / "weights") as folder:
+            return read_model(folder, control)
+    file = path / BASE_FILE if path.is_dir() else path
+    header, tensors = _read(file, FORMAT, "an environment model (training.environment.train makes one)")
+    shape = UNetShape(**_tuples(header["shape"]))
+    unet = shape.unet()
+    vae = PatchAutoencoder(latent_channels=shape.latents)
+    text = PlaceEncoder(header["places"], header["things"])
+    for name, module in (("unet", unet), ("vae", vae), ("text", text)):
+        found = {k[len(name) + 1 :]: v for k, v in tensors.items() if k.startswith(f"{name}.")}
+        module.load_state_dict(found)
+        module.eval().requires_grad_(False)
+    known: Control | None = None
+    if control:
+        known = read_control(control if isinstance(control, Path) else file.with_name(CONTROL_FILE), unet)
+    codec = PirCodec(**_tuples(header["codec"]))
+    edge_smoothing = EdgePreservingSmoothing(**_tuples(header.get("polish", {})))
+    tables = {k.removeprefix("expectation."): v.numpy() for k, v in tensors.items() if k.startswith("expectation.")}
+    expected = ConditionalPrior.from_tables(tables, header["finishes"]) if tables else None
+    model = EnvironmentModel(unet, vae, text, codec, shape, header["facts"], edge_smoothing, expected)
+    return (
+        model
+        if known is None
+        else replace(model, control=known.net, control_facts=known.facts, confidence_gate=known.confidence_gate)
+    )
+
+
+def weights_fingerprint(unet: UNet2DConditionModel) -> str:
+    """Fingerprint of a denoising network as its file holds it, in half precision."""
+    return fingerprint(deepcopy(unet).half().float())
+
+
+def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = False) -> Control:
+    """The ControlNet of `unet` in a file, or in a folder that diffusers saved, and what its file tells of it.
+
+    Args:
+        path: file or folder; diffusers' folders and files of earlier versions don't tell their base.
+        unet: the base model's.
+        any_base: take one that was trained on other weights of the same shape, too, as a start for training.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ModelFileError: it is no ControlNet of this base model.
+    """
+    from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+
+    if path.is_dir():
+        if (path / CONTROL_FILE).is_file():
+            return read_control(path / CONTROL_FILE, unet, any_base=any_base)
+        return Control(ControlNetModel.from_pretrained(path).eval().requires_grad_(False), {}, ConfidenceGate())
+    header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (training.environment.controlnet makes one)")
+    control = new_control(unet)
+    try:
+        control.load_state_dict({k: v for k, v in tensors.items() if not k.startswith(_GATE_PREFIX)})
+    except RuntimeError as error:
+        raise ModelFileError(
+            f"control: {path.name} was trained on another base model; take the one beside it"
+        ) from error
+    facts: dict[str, Any] = header["facts"]
+    if facts.get("base") and not any_base and facts["base"] != weights_fingerprint(unet):
+        raise ModelFileError(
+            f"control: {path.name} was trained on another base model: of the same shape, with other weights; take the "
+            "one beside its base, or train one for this base with training.environment.controlnet"
+        )
+    gate_tensors = {k.removeprefix(_GATE_PREFIX): v for k, v in tensors.items() if k.startswith(_GATE_PREFIX)}
+    return Control(control.eval().requires_grad_(False), facts, ConfidenceGate.of(header["share"], gate_tensors))
+
+
+def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}
+
+
+def _write(path: Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".part")
+    save_file({k: v.detach().cpu().contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
+    partial.replace(path)
+
+
+def _read(path: Path, kind: str, what: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    if not path.is_file():
+        raise FileNotFoundError(f"model: {path} is not there; expected {what}")
+    try:
+        with safe_open(path, "pt") as file:
+            header = json.loads((file.metadata() or {}).get("rfgen", "{}"))
+            found = header.get("format")
+            tensors = {key: file.get_tensor(key).float() for key in file.keys()} if found == kind else {}  # noqa: SIM118
+    except Exception as error:
+        if isinstance(error, OSError):
+            raise
+        raise ModelFileError(f"model: {path.name} is no safetensors file: {error}") from error
+    if found != kind:
+        raise ModelFileError(f"model: {path.name} has format {found!r}; expected {what}")
+    return header, tensors
+
+
+def _quiet(pipeline: Any) -> Any:
+    pipeline.set_progress_bar_config(disable=True)
+    return pipeline
+
+
+def condition_of(channels: np.ndarray) -> Tensor:
+    """(image, 3, row, column) channels in −1 … 1 as a ControlNet reads them: 0 … 1."""
+    return torch.from_numpy(np.ascontiguousarray(0.5 * (channels.astype(np.float32) + 1.0)))

@@ -1,0 +1,156 @@
+"""What words name, by the words themselves: places and furniture.
+
+The encoder of :mod:`.text` learnt from whole captions. Of bare nouns, as negative prompts are, it makes anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from rfgen_sionna.generative.body_prompt import PromptError
+from rfgen_sionna.generative.environment.place_names import NAMES
+from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
+from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names
+from rfgen_sionna.generative.negation import negation_in
+from rfgen_sionna.generative.text_reader import Reader, inflected, normalise
+from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
+
+_PLAIN = frozenset(
+    (
+        "furnished",
+        "indoor",
+        "inside",
+        "interior",
+        "it",
+        "man",
+        "people",
+        "person",
+        "radar",
+        "room",
+        "scene",
+        "seen",
+        "sees",
+        "somebody",
+        "someone",
+        "typical",
+        "usual",
+        "view",
+        "where",
+        "woman",
+    )
+)
+"""Words that say nothing of a place that its name doesn't; who is in it is drawn by others."""
+
+
+@dataclass(frozen=True)
+class NamedObjects:
+    """What a text names."""
+
+    places: tuple[str, ...]
+    """By the names of :data:`~rfgen_sionna.generative.environment.place_names.NAMES`."""
+    words: tuple[tuple[str, tuple[str, ...]], ...]
+    """The words for furniture, doors and windows, and the kinds that each may mean."""
+    rest: tuple[str, ...]
+    """Phrases that name neither."""
+    surfaces: tuple[tuple[str, str, tuple[str, ...]], ...] = ()
+    """The words for what walls, floors and ceilings are made of: "a carpeted floor"; which of them, and the finishes
+    (:data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`) that it may mean."""
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Those of the phrases that a description of a place could mean something by."""
+        return tuple(each for each in self.rest if not {*each.split()} <= _PLAIN and not Reader(each).take(EMPTY))
+
+    @property
+    def meant(self) -> tuple[tuple[str, ...], ...]:
+        """For each of the words, the kinds that it may mean."""
+        return tuple(kinds for _, kinds in self.words)
+
+    @property
+    def things(self) -> tuple[str, ...]:
+        """All kinds of furniture, doors and windows, in alphabetical order."""
+        return tuple(sorted({kind for kinds in self.meant for kind in kinds}))
+
+
+def read_objects(text: str) -> NamedObjects:
+    """What a text names, singular or plural, with or without articles: "sofas and a chest of drawers"."""
+    reader = Reader(text)
+    surfaces = [
+        (match.group(), surface, meant) for pattern, surface, meant in SURFACES for match in reader.take(pattern)
+    ]
+    found = [(match.group(), meant) for pattern, meant in _patterns() for match in reader.take(pattern)]
+    places = {place for _, meant in found for place in meant}
+    return NamedObjects(
+        tuple(place for place in NAMES if place in places),
+        tuple((words, meant) for words, meant in found if not NAMES.keys() & set(meant)),
+        reader.rest(FILLERS),
+        tuple(surfaces),
+    )
+
+
+def is_empty(text: str) -> bool:
+    """Whether a text says of a place that nothing stands in it: "an empty office"."""
+    return bool(Reader(text).take(EMPTY))
+
+
+def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt", "negative")) -> None:
+    """Refuse words that no image model should get.
+
+    Args:
+        prompt: what the surroundings are.
+        negative: what isn't there; empty for nothing.
+        fields: what messages call the two.
+
+    Raises:
+        ValueError: the prompt is none, or the negative prompt is no text.
+        PromptError: one of them negates: what the surroundings are without is the negative prompt's, by its name alone;
+            or the negative prompt excludes what the prompt asks for.
+    """
+    wanted, unwanted = fields
+    if not isinstance(prompt, str) or not prompt.strip():
+        raise ValueError(f"{wanted} is {prompt!r}: a description of the surroundings is needed")
+    if not isinstance(negative, str):
+        raise ValueError(f"{unwanted} is {negative!r}: words for what isn't there are needed, or '' for none")
+    if word := negation_in(prompt):
+        raise PromptError(
+            f"{wanted}: {prompt!r} negates something ({word!r}); say what isn't there as {unwanted}=..., such as "
+            f"{unwanted}='a sofa'"
+        )
+    if word := negation_in(negative):
+        raise PromptError(
+            f"{unwanted}: {negative!r} negates what is left out already ({word!r}); name just what isn't there, "
+            f"such as {unwanted}='a sofa'"
+        )
+    asked, excluded = read_objects(prompt), read_objects(negative)
+    clash = [words for words, kinds in asked.words if {*kinds} <= {*excluded.things}]
+    denied = [
+        read_objects(part) for part in negative.split(",")
+    ]  # "office desk" is a desk, "desk, office" a place as well
+    clash += [place for each in denied if not each.words for place in each.places if place in asked.places]
+    if clash:
+        raise PromptError(
+            f"{wanted}: {prompt!r} asks for {clash[0]!r}, which {unwanted} {negative!r} excludes: take it out "
+            "of one of them"
+        )
+
+
+@cache
+def _patterns() -> Sequence[tuple[str, tuple[str, ...]]]:
+    """(pattern, place or kinds), in the order in which they are taken: an "office chair" is no office, and in a
+    "car garage" no car is named."""
+    things = names()
+    places = [(inflected(normalise(name)), (place,)) for place, said in NAMES.items() for name in said]
+    places.sort(key=lambda each: -len(each[0]))
+    scenes = [
+        (pattern, (place,))
+        for scene, pattern in {**SCENE_PATTERNS, **PLACE_PATTERNS}.items()
+        if (place := EnvironmentPrompt(scene, scene).place)
+    ]
+    return (
+        *((name.pattern, name.kinds) for name in things if name.compound),
+        *places,
+        *scenes,
+        *((name.pattern, name.kinds) for name in things if not name.compound),
+    )

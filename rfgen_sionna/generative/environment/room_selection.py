@@ -1,0 +1,234 @@
+"""Which furnished place an image shows: one that has what the words name, with the radar where it may stand.
+
+Layouts come from seeds that no data set uses (:data:`FIRST_SEED`), so none of a training or test split is among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.environment.layout_map import LayoutMap, render_layout_map
+from rfgen_sionna.generative.environment.primitives import PrimitiveScene
+from rfgen_sionna.generative.environment.viewpoints import MEDIAN_DISTANCE, NEAREST
+from rfgen_sionna.pir.view import View
+from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene
+
+FIRST_SEED = 1 << 40
+"""Of the layouts that are imagined."""
+LAYOUTS = 16
+"""How many are furnished, at most, in search of what the words name."""
+MAX_BUILT = 8
+"""How many of them are built of bricks and looked at, at most."""
+POSITIONS_PER_LAYOUT = 24
+"""Spots for the radar that are tried in each."""
+VIEWS_PER_LAYOUT = 8
+"""Looks from different spots, at most, at each place that is built."""
+_COARSE = (24, 24)
+_SHELL = ("floor", "ceiling", "far wall", "near wall", "left wall", "right wall")
+"""What words may say the finish of."""
+_MARGIN = 0.25
+"""Free space around a radar [m]."""
+_POINTING_SPREAD = np.radians(12.0)
+"""How nearly somebody points a radar at what there is to see; as the data sets do."""
+_RANDOM_DIRECTION_SHARE = 0.25
+"""Share of the views that look nowhere in particular."""
+_IN_FRONT, _STRAIGHT, _NEAR = 0.25, 0.25, 0.3
+"""Share of the views that are as in a run, and how far at most they turn [rad] and stand from the origin [m]."""
+
+
+@dataclass(frozen=True)
+class PlaceRequest:
+    """What words ask of a place."""
+
+    place: str
+    things: tuple[tuple[str, ...], ...] = ()
+    """That should be in view: for each, the kinds that its word may mean."""
+    without: tuple[str, ...] = ()
+    """That are not there."""
+    surfaces: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """Walls, floors and ceilings that are to be of one of some finishes."""
+
+    def excludes(self, kind: str) -> bool:
+        """Whether a kind is not there: an office chair is a chair, too, unless it is wanted itself."""
+        wanted = any(kind in meant for meant in self.things)
+        return kind in self.without or (not wanted and any(_is(kind, excluded) for excluded in self.without))
+
+    def wants(self, kind: str) -> bool:
+        """Whether a kind is one of the things: who wants a chair has it in an office chair."""
+        return any(_is(kind, each) for meant in self.things for each in meant)
+
+    def met(self, kinds: Collection[str]) -> list[bool]:
+        """Of each of the things, whether it is among `kinds`."""
+        return [any(_is(kind, each) for kind in kinds for each in meant) for meant in self.things]
+
+    def made(self, finishes: Mapping[str, str]) -> list[bool]:
+        """Of each of the surfaces, whether it is so, or one of its kind, where things are made of `finishes`."""
+        return [
+            any(finish in meant for kind, finish in finishes.items() if kind in _SHELL and _is(kind, surface))
+            for surface, meant in self.surfaces
+        ]
+
+
+def _is(kind: str, other: str) -> bool:
+    return kind == other or kind.endswith(f" {other}")
+
+
+@dataclass(frozen=True)
+class Room:
+    """A place of bricks."""
+
+    place: PrimitiveScene
+    offset: tuple[float, float]
+    """Where in it the origin of the caller's world lies [m]."""
+    inside: tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None = None
+    """Least and greatest x, y and z within its walls [m]; None outdoors."""
+
+    def layout_from(self, view: View) -> LayoutMap:
+        """What a view in the caller's world shows."""
+        return render_layout_map(self.place, self.moved(view))
+
+    def check(self, view: View) -> None:
+        """Whether a radar may look from there.
+
+        Raises:
+            ValueError: it stands beyond the walls, the floor or the ceiling.
+        """
+        if self.inside is None:
+            return
+        place = self.moved(view).position
+        if all(low < at < high for at, (low, high) in zip(place, self.inside, strict=True)):
+            return
+        ends = zip(self.inside, (*self.offset, 0.0), strict=True)
+        limits = ", ".join(f"{low - off:.2f} … {high - off:.2f}" for (low, high), off in ends)
+        raise ValueError(
+            f"position: {tuple(float(x) for x in view.position)} m is outside of the room that was imagined from its "
+            f"first view; x, y and z in {limits} m are inside"
+        )
+
+    def moved(self, view: View) -> View:
+        """The view in the world of the place."""
+        x, y, z = view.position
+        return replace(view, position=(x + self.offset[0], y + self.offset[1], z))
+
+
+@lru_cache(maxsize=256)
+def choose_room(wanted: PlaceRequest, view: View, seed: int, *, anywhere: bool = False) -> Room:
+    """The place that shows most of what is wanted, of a few, without what is excluded.
+
+    Args:
+        wanted: what is wanted.
+        view: how it is seen first, in the caller's world, whose floor is z = 0.
+        seed: of the layouts.
+        anywhere: let the radar stand anywhere in the place; otherwise the caller's origin is the place's, before which
+            (1.2 … 4.3 m along x) there is room for somebody, as long as the radar may stand there.
+
+    Raises:
+        ValueError: the radar may stand nowhere at its height.
+    """
+    rng = np.random.default_rng([seed, 107])
+    best: tuple[float, Room] | None = None
+    enough, built = float(len(wanted.things) + len(wanted.surfaces)), 0
+    for number in range(LAYOUTS):
+        scene = furnished(wanted.place, FIRST_SEED + LAYOUTS * seed + number)
+        held = {*scene.layout.kinds, *(kind for kind, _ in scene.shell)}
+        made = sum(wanted.made(scene.finishes))
+        if best is not None and sum(wanted.met(held)) + made <= best[0]:
+            continue  # not even with all of it in view
+        place = PrimitiveScene.of(scene)
+        place = place.without([kind for kind in set(place.kinds) if wanted.excludes(kind)])
+        for offset in _offsets(scene, view, rng, anywhere):
+            room = Room(place, offset, _inside(scene))
+            score = _score(room, replace(view, resolution=_COARSE), wanted)
+            if score >= enough:
+                score = _score(room, view, wanted)  # a coarse look may be wrong about small things
+            score -= 5.0 * (not anywhere and offset != (0.0, 0.0))
+            if best is None or score > best[0]:
+                best = score, room
+            if score >= enough:
+                return room
+        built += 1
+        if built >= MAX_BUILT and best is not None:
+            break
+    if best is None:
+        limit = f"; the ceiling of the last is {scene.layout.height:.2f} m high" if scene.layout.indoors else ""
+        raise ValueError(
+            f"position: {view.position[2]:g} m high, and none of {LAYOUTS} layouts of the kind {wanted.place!r} has a "
+            f"free spot for a radar there{limit}"
+        )
+    return best[1]
+
+
+def _offsets(
+    scene: FurnishedScene, view: View, rng: np.random.Generator, anywhere: bool
+) -> Iterator[tuple[float, float]]:
+    """Where in a place the caller's origin may lie: at the place's own, or so that the radar stands on a free spot."""
+    if not anywhere and _may_stand(scene, view):
+        yield 0.0, 0.0
+        return
+    for _ in range(VIEWS_PER_LAYOUT):
+        found = _sample_position(scene, view, rng)
+        if found is None:
+            return
+        yield found[0] - view.position[0], found[1] - view.position[1]
+
+
+def _score(room: Room, view: View, wanted: PlaceRequest) -> float:
+    """How many of the things a view of a room shows, much less where something is too near."""
+    layout_map = room.layout_from(view)
+    kinds = layout_map.kinds(room.place)
+    reach = np.where(np.isfinite(layout_map.range), layout_map.range, 1e3)
+    blocked = bool(reach.min() < NEAREST or np.median(reach) < MEDIAN_DISTANCE)
+    return sum(wanted.met(kinds)) + sum(wanted.made(room.place.finishes)) - 10.0 * blocked
+
+
+def _inside(
+    scene: FurnishedScene,
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None:
+    layout = scene.layout
+    return (layout.x, layout.y, (0.0, layout.height)) if layout.indoors else None
+
+
+def _may_stand(scene: FurnishedScene, view: View) -> bool:
+    x, y, z = view.position
+    return scene.layout.is_free(x, y, z, _MARGIN)
+
+
+def _sample_position(scene: FurnishedScene, view: View, rng: np.random.Generator) -> tuple[float, float] | None:
+    """A free spot in a place from where somebody would look this way: most often towards furniture, near or far."""
+    layout = scene.layout
+    # As in a run, given that they look straight ahead; the others look anywhere.
+    straight = _IN_FRONT / (2 * _STRAIGHT) * (abs(view.orientation[0]) < _STRAIGHT)
+    if rng.uniform() < straight / (straight + (1 - _IN_FRONT) / (2 * np.pi)):
+        x, y = (float(rng.uniform(-_NEAR, _NEAR)) for _ in range(2))
+        if layout.is_free(x, y, view.position[2], _MARGIN):
+            return x, y
+    items = [(item.x, item.y) for item in layout.items if item.ground.bottom < 1.5]
+    targets = np.array(items or [(0.5 * sum(layout.stand[0]), 0.5 * sum(layout.stand[1]))])
+    spots, weights = [], []
+    for _ in range(POSITIONS_PER_LAYOUT):
+        x, y = (float(rng.uniform(a + 0.3, b - 0.3)) for a, b in layout.stand)
+        if not layout.is_free(x, y, view.position[2], _MARGIN):
+            continue
+        away = targets - (x, y)
+        near = 1.0 / (2.0 + np.hypot(*away.T)) ** 2
+        spots.append((x, y))
+        weights.append(
+            _RANDOM_DIRECTION_SHARE / (2 * np.pi)
+            + float(near @ _pointing_density(away, view.orientation[0]) / near.sum())
+        )
+    if not spots:
+        return None
+    probabilities = np.array(weights)
+    return spots[int(rng.choice(len(spots), p=probabilities / probabilities.sum()))]
+
+
+def _pointing_density(away: FloatArray, yaw: float) -> FloatArray:
+    """Density of a yaw for somebody who points at each of `away` (target, 2)."""
+    off = (yaw - np.arctan2(away[:, 1], away[:, 0]) + np.pi) % (2 * np.pi) - np.pi
+    return np.asarray(np.exp(-0.5 * (off / _POINTING_SPREAD) ** 2) / (_POINTING_SPREAD * np.sqrt(2 * np.pi)))

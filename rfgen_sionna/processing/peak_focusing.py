@@ -1,0 +1,85 @@
+"""Points at speeds that the Doppler axis does not hold: at its very ends, and beyond them once they are unfolded.
+
+A map corrects each Doppler bin's migration for the bin's own speed. What is folded into a bin by twice the unambiguous
+speed stays smeared over the ranges that it crosses, and a peak at one end of the axis has its other half at the other
+end, corrected for the opposite speed. Here the transform is taken at the speeds that count instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.processing.detection import refine_peaks
+from rfgen_sionna.processing.profile_selection import ComplexChannels
+from rfgen_sionna.processing.spectrum import range_transform
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
+
+_STEPS, _TIE = 2, 1.01
+
+
+@dataclass(frozen=True)
+class FocusedPeak:
+    """One peak."""
+
+    range: float
+    """Place in the range spectrum [m], range-Doppler coupling included."""
+    velocity: float
+    """[m/s]"""
+    power: float
+    """Mean over the channels."""
+    channels: ComplexChannels
+    """(tx, rx)"""
+
+
+def focus_peak(
+    tapered: ComplexChannels, radar: Radar, place: float, velocities: FloatArray, smear: float, bins: int
+) -> FocusedPeak:
+    """The sharpest peak near one of several speeds.
+
+    Parameters
+    ----------
+    tapered
+        (chirp, tx, rx, sample) with the windows of both transforms.
+    place
+        Where the range spectrum has its peak [m].
+    velocities
+        (n,) speeds to try [m/s]; the first one counts unless another's peak is clearly higher.
+    smear
+        How far from `place` the peak may be [m].
+    bins
+        Length of the range transform.
+    """
+    step = radar.waveform.range_window / bins
+    near = np.arange(max(0, int((place - smear) / step)), min(bins, int((place + smear) / step) + 2))
+    spacing = 0.5 * radar.velocity_resolution
+    peaks: list[FocusedPeak] = []
+    for velocity in velocities.tolist():
+        grid = velocity + spacing * np.arange(-_STEPS, _STEPS + 1)
+        spectra = np.stack([at_velocity(tapered, radar, v, bins) for v in grid])
+        power = np.mean(np.square(np.abs(spectra)), axis=(1, 2))  # (velocity, range)
+        row, column = np.unravel_index(power[1:-1, near].argmax(), (len(grid) - 2, len(near)))
+        cell = np.array([[near[column], row + 1]])
+        (found,), (peak,) = refine_peaks(power.T, cell)
+        if not peaks or peak > _TIE * peaks[-1].power:
+            speed = float(grid[0] + spacing * found[1])
+            channels = at_velocity(tapered, radar, speed, bins)[..., cell[0, 0]]
+            peaks.append(FocusedPeak(float(found[0] * step), speed, float(peak), channels))
+    return peaks[-1]
+
+
+def at_velocity(tapered: ComplexChannels, radar: Radar, velocity: float, bins: int) -> ComplexChannels:
+    """(tx, rx, range) spectra of what moves at `velocity` [m/s], its migration corrected."""
+    chirps, samples = tapered.shape[0], tapered.shape[-1]
+    step = radar.waveform.slope / radar.waveform.sample_rate
+    scale = 1 + step * (np.arange(samples) - 0.5 * (samples - 1)) / radar.center_frequency
+    cycles = 2 * velocity / radar.wavelength * radar.waveform.loop_period
+    middle = 0.5 * (chirps - 1)
+    # The frame's middle stays where it is in range, not its first chirp.
+    turn = np.exp(-2j * np.pi * cycles * (scale * (np.arange(chirps)[:, None] - middle) + middle))
+    return range_transform(np.einsum("ctrs,cs->trs", tapered, turn.astype(tapered.dtype)), radar, bins)

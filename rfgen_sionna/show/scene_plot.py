@@ -1,0 +1,152 @@
+"""The scene in three dimensions: shaded meshes, the point cloud, the radar."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.dataset import ActorRecord, Run
+from rfgen_sionna.processing.pointcloud import PointCloud
+from rfgen_sionna.show.style import ACCENT, INK, MUTED, VELOCITY_MAP, titled
+
+BODY_COLOUR = np.array([0.72, 0.76, 0.81])
+
+
+@dataclass(frozen=True)
+class DecimatedMesh:
+    """A mesh thinned for drawing: vertices that start within one cell are drawn as one."""
+
+    group: NDArray[np.int64]
+    """(vertex,) number of each vertex' group."""
+    faces: NDArray[np.int64]
+    """(face, 3) numbers of groups."""
+
+    @classmethod
+    def of(cls, actor: ActorRecord, most: int = 6000) -> DecimatedMesh:
+        """At most about `most` faces; the mesh as it is where it has no more."""
+        vertices = actor.vertices(0).astype(np.float64)
+        cell = 0.0
+        group = np.arange(len(vertices))
+        faces = actor.faces.astype(np.int64)
+        while len(faces) > most:
+            cell = 1.3 * cell if cell else 0.004 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+            _, group = np.unique(np.floor(vertices / cell), axis=0, return_inverse=True)
+            group = group.reshape(-1)
+            faces = group[actor.faces]
+            distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+            faces = np.unique(faces[distinct], axis=0)
+        return cls(group, faces)
+
+    def corners(self, vertices: NDArray[np.float32]) -> FloatArray:
+        """(face, 3, 3) corner positions [m] for the actor's `vertices`."""
+        count = np.bincount(self.group)
+        places = np.stack([np.bincount(self.group, vertices[:, axis]) / count for axis in range(3)], axis=1)
+        return np.asarray(places[self.faces])
+
+
+@dataclass(frozen=True)
+class PlotLimits:
+    """Limits of the picture [m], the same for all frames of a run."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, run: Run) -> PlotLimits:
+        """Around the radar and everything the actors reach."""
+        places = [np.asarray(run.radar.position, np.float64)[None]]
+        for actor in run.actors.values():
+            places += [actor.vertices(frame).astype(np.float64) for frame in range(len(run))]
+        if not run.actors:
+            ahead = run.radar.rotation[:, 0] * run.radar.max_range / 2
+            places.append(places[0] + ahead)
+        low = np.min([place.min(axis=0) for place in places], axis=0)
+        high = np.max([place.max(axis=0) for place in places], axis=0)
+        margin = np.maximum(0.25, (1.2 - (high - low)) / 2)
+        floor = min(low[2], 0.0)
+        low, high = low - margin, high + margin
+        # People stand on something.
+        low[2] = floor
+        return cls(low, high)
+
+
+def draw_scene(
+    figure: Figure,
+    axes: Axes3D,
+    run: Run,
+    frame: int,
+    cloud: PointCloud | None,
+    *,
+    stage: PlotLimits,
+    meshes: dict[str, DecimatedMesh],
+    speed: float,
+    zoom: float = 1.15,
+) -> None:
+    """Meshes and radar of one frame, and what the radar found: colour is radial velocity up to ±`speed` [m/s]."""
+    radar = run.radar
+    yaw = np.degrees(radar.orientation[0])
+    # From behind the radar and above, a little to its right: left of the radar is left in the picture.
+    axes.view_init(elev=20, azim=float(yaw + 180 + 35))
+    for actor in run.actors.values():
+        _mesh(axes, meshes[actor.name].corners(actor.vertices(frame)))
+    here = np.asarray(radar.position)
+    ahead = here + 0.35 * radar.rotation[:, 0]
+    axes.plot(*np.stack([here, ahead], axis=1), color=ACCENT, linewidth=1.6, zorder=4)
+    axes.scatter(*here[:, None], s=34, marker="s", color=INK, zorder=5, depthshade=False)
+    axes.text(here[0], here[1], here[2] + 0.12, radar.name, fontsize=7.5, color=INK, ha="center", zorder=6)
+    inside = np.zeros(0, bool)
+    if cloud is not None:
+        inside = np.all((cloud.position >= stage.low) & (cloud.position <= stage.high), axis=1)
+        size = 7 + 1.1 * np.clip(cloud.snr_db[inside] - 10, 0, 30)
+        drawn = axes.scatter(
+            *cloud.position[inside].T, s=size, c=cloud.velocity[inside], cmap=VELOCITY_MAP,
+            norm=Normalize(-speed, speed), edgecolors=INK, linewidths=0.35, depthshade=False, zorder=7,
+        )  # fmt: skip
+        below = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.45, aspect=30, pad=0.02)
+        below.set_label("radial velocity [m/s]", fontsize=8, color=INK)
+        below.ax.tick_params(labelsize=7.5, colors=INK, width=0.5, length=2.5)
+        below.outline.set_linewidth(0.5)
+    _frame_axes(axes, stage, zoom)
+    if cloud is None:
+        titled(axes, "Scene")
+    else:
+        titled(axes, "Point cloud and mesh", f"{int(inside.sum())} moving points, size: SNR")
+
+
+def _mesh(axes: Axes3D, corners: FloatArray) -> None:
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.maximum(length, 1e-12)[:, None]
+    azimuth, elevation = np.radians([axes.azim, axes.elev])
+    camera = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    front = normal @ camera > -0.1
+    light = camera + np.array([0.0, 0.0, 0.9]) + 0.6 * np.cross(camera, [0.0, 0.0, 1.0])
+    shade = 0.42 + 0.58 * np.clip(normal[front] @ (light / np.linalg.norm(light)), 0, 1)
+    colours = np.clip(shade[:, None] * BODY_COLOUR, 0, 1)
+    axes.add_collection3d(
+        Poly3DCollection(corners[front], facecolors=colours, edgecolors=colours, linewidths=0.15, zorder=3)
+    )
+
+
+def _frame_axes(axes: Axes3D, stage: PlotLimits, zoom: float) -> None:
+    axes.computed_zorder = False
+    axes.set_xlim(stage.low[0], stage.high[0])
+    axes.set_ylim(stage.low[1], stage.high[1])
+    axes.set_zlim(stage.low[2], stage.high[2])
+    axes.set_box_aspect(tuple(stage.high - stage.low), zoom=zoom)
+    for index, (name, axis) in enumerate((("x", axes.xaxis), ("y", axes.yaxis), ("z", axes.zaxis))):
+        axis.set_pane_color((0.955, 0.962, 0.97, 1.0))
+        axis.set_label_text(f"{name} [m]", fontsize=8, color=INK)
+        axis.set_tick_params(labelsize=7, colors=MUTED, pad=-2)
+        axis.labelpad = -4
+        axis.set_major_locator(MultipleLocator(0.5 if stage.high[index] - stage.low[index] < 2.5 else 1.0))
+        axis.line.set_color(MUTED)
+        axis._axinfo["grid"].update(color="#d4dae0", linewidth=0.5)  # mplot3d has no public setter

@@ -1,0 +1,204 @@
+"""Where on two pieces of bent surfaces a ray goes by way of both and comes back: Newton's method, on Dr.Jit's float64
+arrays (LLVM or CUDA)."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
+
+NEWTON_STEPS = 10
+CONVERGED = 1e-7
+"""Miss at which Newton's method ends [rad]."""
+MAX_MISS = 1e-3
+"""Miss of what counts as found [rad]."""
+MAX_STEP_OVERSHOOT = (4.0, 2.0, 1.0)
+"""How far beyond a piece its place may be after the first step, the second, and the further ones, in its barycentric
+coordinates; whatever is further belongs to another pair."""
+MAX_OVERSHOOT = 0.2
+"""How far it may lie beyond its face in the end, in that one's coordinates: normals go on from face to face, but not
+how they turn, so that of a fold neither of two faces may have it, where the smooth surface is about to."""
+_DAMPING = 1e-12
+"""Of what the equations' matrix has on its diagonal: a hollow ball has places all along a ring."""
+
+
+class SpecularPoints(NamedTuple):
+    """SpecularPoints by way of which rays come back."""
+
+    pair: NDArray[np.intp]
+    """(place,) which of the pairs each is of."""
+    weights: FloatArray
+    """(place, 2, 3) barycentric coordinates on either face."""
+    miss: FloatArray
+    """(place,) by how much a ray does [rad]."""
+    overshoot: FloatArray
+    """(place,) how far the worse of both lies beyond its face, in the coordinates of that; below 0 within."""
+
+
+def find_specular_points(
+    surface_model: SmoothedSurface,
+    source: FloatArray,
+    facet: tuple[NDArray[np.int64], NDArray[np.int64]],
+    weights: tuple[FloatArray, FloatArray],
+) -> SpecularPoints:
+    """Of pairs of pieces, of faces `facet` (pair,) with corners at the barycentric coordinates `weights` (pair, corner,
+    vertex), those that hold places by way of which rays from the `source` (3,) [m] come back to it, and the places."""
+    count = len(facet[0])
+    alive, at = np.arange(count), np.full((count, 4), 1 / 3)
+    found, misses = at.copy(), np.full(count, np.inf)
+    # Of the faces in use alone, so that kernels get what is needed and no more.
+    used, number = np.unique(np.concatenate(facet), return_inverse=True)
+    number = number.reshape(2, count)
+    figures = np.concatenate(
+        [surface_model.corners[used] - source, surface_model.sagittas[used], surface_model.normals[used]],
+        axis=1,
+        dtype=np.float64,
+    ).reshape(len(used), 27)
+    ends = np.stack([each[:, :, 1:].reshape(count, 6) for each in weights], axis=1)
+    for step in range(NEWTON_STEPS):
+        if len(alive) == 0:
+            break
+        moved, miss = _newton_step(figures, number[:, alive], ends[alive], at[alive])
+        better = miss < misses[alive]
+        misses[alive[better]], found[alive[better]] = miss[better], at[alive[better]]
+        at[alive] = moved
+        most = MAX_STEP_OVERSHOOT[min(step, len(MAX_STEP_OVERSHOOT) - 1)]
+        alive = alive[(miss > CONVERGED) & (_overshoot(moved) < most)]
+    lane = np.flatnonzero(misses < MAX_MISS)
+    local = found[lane].reshape(-1, 2, 2)
+    local = np.concatenate([1.0 - local.sum(axis=2, keepdims=True), local], axis=2)
+    placed = np.einsum("psc,pscv->psv", local, np.stack([each[lane] for each in weights], axis=1))
+    overshoot = -placed.min(axis=(1, 2), initial=np.inf)
+    kept = np.flatnonzero(overshoot < MAX_OVERSHOOT)
+    return SpecularPoints(lane[kept], placed[kept], misses[lane[kept]], overshoot[kept])
+
+
+def _overshoot(at: FloatArray) -> FloatArray:
+    """(pair,) how far the worse of both places `at` (pair, 4) lies beyond its piece."""
+    one, other = at[:, :2], at[:, 2:]
+    return np.asarray(-np.minimum.reduce([
+        one.min(axis=1, initial=np.inf), 1.0 - one.sum(axis=1),
+        other.min(axis=1, initial=np.inf), 1.0 - other.sum(axis=1),
+    ]))  # fmt: skip
+
+
+def _newton_step(
+    figures: FloatArray, number: NDArray[np.intp], ends: FloatArray, at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(pair, 4) coordinates after one step of Newton's method from those `at` (pair, 4), and by how much rays miss
+    there (pair,) [rad]."""
+    dr, types = drjit_types()
+    count = len(at)
+    moved, miss = dr.empty(types.Float64, 4 * count), dr.empty(types.Float64, count)
+    given = {
+        "lanes": dr.arange(types.UInt32, count),
+        "faces": [upload(types.UInt32, each) for each in number],
+        "figures": upload(types.Float64, figures),
+        "ends": upload(types.Float64, ends),
+        "at": upload(types.Float64, at),
+        "moved": moved,
+        "miss": miss,
+    }
+    _STEP(given)
+    return np.asarray(moved.numpy()).reshape(count, 4), np.asarray(miss.numpy())
+
+
+def _step_kernel(given: dict[str, Any]) -> None:
+    """The kernel of :func:`_newton_step`."""
+    dr, types = drjit_types()
+    Float, Array3, lane = types.Float64, types.Array3f64, given["lanes"]
+    at = [dr.gather(Float, given["at"], 4 * lane + k) for k in range(4)]
+    surfaces = []
+    for side in range(2):
+        face = given["faces"][side]
+
+        def vector(k: int, face: Any = face) -> Any:
+            return Array3(*(dr.gather(Float, given["figures"], 27 * face + 3 * k + axis) for axis in range(3)))
+
+        # Corners of the piece, of which the face's second and third coordinates are given.
+        ends = [dr.gather(Float, given["ends"], 12 * lane + 6 * side + k) for k in range(6)]
+        u, v = at[2 * side], at[2 * side + 1]
+        steps = [(ends[2 + 2 * k] - ends[0], ends[3 + 2 * k] - ends[1]) for k in range(2)]
+        w1, w2 = (ends[k] + u * steps[0][k] + v * steps[1][k] for k in range(2))
+        w0 = 1.0 - w1 - w2
+        p, rise, n = ([vector(3 * block + k) for k in range(3)] for block in range(3))
+        place = w0 * p[0] + w1 * p[1] + w2 * p[2]
+        place += 4.0 * (w1 * w2 * rise[0] + w2 * w0 * rise[1] + w0 * w1 * rise[2])
+        one = p[1] - p[0] + 4.0 * (w2 * (rise[0] - rise[1]) + (w0 - w1) * rise[2])
+        two = p[2] - p[0] + 4.0 * (w1 * (rise[0] - rise[2]) + (w0 - w2) * rise[1])
+        across = w0 * n[0] + w1 * n[1] + w2 * n[2]
+        scale = 1.0 / dr.maximum(dr.norm(across), 1e-300)
+        normal = across * scale
+        moves, turns = [], []
+        for s, t in steps:
+            moves.append(s * one + t * two)
+            turn = (s * (n[1] - n[0]) + t * (n[2] - n[0])) * scale
+            turns.append(turn - normal * dr.dot(normal, turn))
+        near = 1.0 / dr.maximum(dr.norm(place), 1e-12)
+        towards_source = -place * near
+        fall = dr.dot(normal, towards_source)
+        out = 2.0 * fall * normal - towards_source
+        changes = []
+        for move, turn in zip(moves, turns, strict=True):
+            back = -(move - towards_source * dr.dot(towards_source, move)) * near
+            changes.append(
+                2.0 * (dr.dot(turn, towards_source) + dr.dot(normal, back)) * normal + 2.0 * fall * turn - back
+            )
+        surfaces.append((place, moves, out, changes))
+    (here, here_moves, out, changes), (there, there_moves, back, back_changes) = surfaces
+    span = there - here
+    nearness = 1.0 / dr.maximum(dr.norm(span), 1e-9)
+    ray = span * nearness
+    axis = dr.select(dr.abs(ray.x) < 0.6, Array3(1.0, 0.0, 0.0), Array3(0.0, 1.0, 0.0))
+    side = dr.normalize(dr.cross(ray, axis))
+    axes = (side, dr.cross(ray, side))
+
+    def swings(move: Any) -> Any:
+        return (move - ray * dr.dot(ray, move)) * nearness
+
+    away, towards_source = out - ray, back + ray
+    # Of the four columns each has what the two misses change by as one coordinate does.
+    columns = [(change + swings(move), -swings(move)) for change, move in zip(changes, here_moves, strict=True)]
+    columns += [(-swings(move), change + swings(move)) for change, move in zip(back_changes, there_moves, strict=True)]
+    rows = [[dr.dot(column[side], axis) for column in columns] for side in range(2) for axis in axes]
+    missed = [dr.dot(each, axis) for each in (away, towards_source) for axis in axes]
+    squares = [[sum(row[a] * row[b] for row in rows) for b in range(4)] for a in range(4)]
+    right = [-sum(row[a] * each for row, each in zip(rows, missed, strict=True)) for a in range(4)]
+    step = _solve_cholesky(squares, right, dr)
+    longest = dr.maximum(dr.maximum(dr.abs(step[0]), dr.abs(step[1])), dr.maximum(dr.abs(step[2]), dr.abs(step[3])))
+    shorter = dr.minimum(1.0, 2.0 / dr.maximum(longest, 1e-30))
+    for k in range(4):
+        dr.scatter(given["moved"], at[k] + shorter * step[k], 4 * lane + k, mode=dr.ReduceMode.Permute)
+    miss = dr.sqrt(dr.squared_norm(away) + dr.squared_norm(towards_source))
+    dr.scatter(given["miss"], miss, lane, mode=dr.ReduceMode.Permute)
+    dr.eval(given["moved"], given["miss"])
+
+
+def _solve_cholesky(matrix: list[list[Any]], right: list[Any], dr: Any) -> list[Any]:
+    """Of symmetric equations, a little damped, the solution, by Cholesky's method without roots."""
+    count = len(right)
+    damping = _DAMPING * sum(matrix[k][k] for k in range(count)) + 1e-30
+    lower: list[list[Any]] = [[None] * count for _ in range(count)]
+    pivots: list[Any] = []
+    for j in range(count):
+        pivot = matrix[j][j] + damping - sum(lower[j][k] * lower[j][k] * pivots[k] for k in range(j))
+        pivots.append(dr.maximum(pivot, damping))
+        for i in range(j + 1, count):
+            rest = matrix[i][j] - sum(lower[i][k] * lower[j][k] * pivots[k] for k in range(j))
+            lower[i][j] = rest / pivots[j]
+    found: list[Any] = list(right)
+    for i in range(count):
+        found[i] = found[i] - sum(lower[i][k] * found[k] for k in range(i))
+    found = [each / pivot for each, pivot in zip(found, pivots, strict=True)]
+    for i in reversed(range(count)):
+        found[i] = found[i] - sum(lower[k][i] * found[k] for k in range(i + 1, count))
+    return found
+
+
+_STEP = FrozenKernel(_step_kernel)

@@ -1,0 +1,190 @@
+"""How strong the ghosts of a body are, before they are traced."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
+
+SAMPLES = 200
+"""Vertices of a body that its ghosts' levels are estimated from."""
+SECOND_ORDER_SAMPLES = 40
+"""Vertices of it for those by two mirrors one after the other, of which there are many."""
+ON_MIRROR = 1e-3
+"""What is nearer to a mirror than this [m] has no ghost in it."""
+_BAND_POSITIONS = np.array([-1.0, 0.0, 1.0])
+"""Places in the band at which mirrors reflect; a slab's coefficients change over it."""
+
+
+class GhostLevels(NamedTuple):
+    """Returns by way of mirrors, relative to the direct return without shadows."""
+
+    alone: FloatArray
+    """(mirror, 2) by each mirror once, both ways round together, and twice."""
+    across: FloatArray
+    """(mirror, mirror) by one there and by another back, both ways round together; 0 where the second does not come
+    after the first."""
+
+
+def ghost_levels(
+    radar: Radar,
+    pattern_gain: Callable[[FloatArray], FloatArray],
+    mirrors: Sequence[Mirror],
+    points: FloatArray,
+    max_bounces: int,
+) -> GhostLevels:
+    """How strong the ghosts of a body are.
+
+    By Fresnel coefficients, spreading and antenna pattern of the vertex where they are largest. The body itself counts
+    as returning as much to every side; a ghost that lies outside of a mirror's rectangle or beyond the range window has
+    level 0.
+
+    Parameters
+    ----------
+    radar, importance
+        Where it stands, and its two-way field gain towards unit vectors.
+    mirrors
+        Flat parts of the scene.
+    points
+        (vertex, 3) vertices of the body [m].
+    max_bounces
+        2 leaves out those by mirrors both ways.
+    """
+    found = GhostLevels(np.zeros((len(mirrors), 2)), np.zeros((len(mirrors), len(mirrors))))
+    mirrored = _MirroredVertices.of(radar, pattern_gain, mirrors, points)
+    if mirrored is None:
+        return found
+    once = mirrored.way * mirrored.near * (0.5 * (mirrored.length + mirrored.distance) < radar.max_range)
+    found.alone[:, 0] = 2.0 * once.max(axis=1) / mirrored.direct
+    if max_bounces > 2:
+        found.alone[:, 1] = (mirrored.way**2 * (mirrored.length < radar.max_range)).max(axis=1) / mirrored.direct
+        for one in np.flatnonzero(mirrored.way.any(axis=1)):
+            others = slice(one + 1, None)
+            reached = 0.5 * (mirrored.length[one] + mirrored.length[others]) < radar.max_range
+            level = (mirrored.way[one] * mirrored.way[others] * reached).max(axis=1, initial=0.0)
+            found.across[one, others] = 2.0 * level / mirrored.direct
+    return found
+
+
+def second_order_levels(
+    radar: Radar,
+    pattern_gain: Callable[[FloatArray], FloatArray],
+    mirrors: Sequence[Mirror],
+    points: FloatArray,
+) -> FloatArray:
+    """(mirror, mirror) returns by one mirror, then another on one way, and straight on the other, both ways round
+    together, relative to the direct return; the arguments and the estimate are those of :func:`ghost_levels`."""
+    found = np.zeros((len(mirrors), len(mirrors)))
+    points = points[:: max(1, len(points) // SECOND_ORDER_SAMPLES)]
+    view = np.asarray(radar.position)
+    offset = points - view
+    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-6)
+    near = np.sqrt(pattern_gain(offset / distance[:, None])) / distance
+    direct = float((near**2).max(initial=0.0))
+    if direct <= 0 or len(mirrors) < 2:
+        return found
+    apart = _spacing(points)
+    normal, axes = np.stack([each.normal for each in mirrors]), np.stack([each.axes for each in mirrors])
+    low, high = (np.stack([getattr(each, end) for each in mirrors])[:, None] for end in ("low", "high"))
+    there = np.stack([each.height(points) for each in mirrors])  # (mirror, vertex)
+    feet = points - there[..., None] * normal[:, None]
+    frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _BAND_POSITIONS
+    for number, mirror in enumerate(mirrors):
+        image = mirror.image(view)
+        here = np.array([float(each.height(image)) for each in mirrors])
+        foot = image - here[:, None] * normal
+        both = np.where((here[:, None] > ON_MIRROR) & (there > ON_MIRROR), here[:, None] + there, np.nan)
+        place = foot[:, None] + (here[:, None] / both)[..., None] * (feet - foot[:, None])
+        span = np.einsum("mvi,mai->mva", place, axes)
+        rise = mirror.height(place)
+        turn = mirror.crossings(view, np.nan_to_num(place).reshape(-1, 3)).reshape(place.shape)
+        # Between two vertices something may be shown that neither is: outlines count as wider by how far these are
+        # apart on the mirror.
+        within = (span >= low - apart) & (span <= high + apart)
+        within = within.all(axis=2) & (rise > ON_MIRROR)
+        within &= mirror.spans(turn.reshape(-1, 3), apart).reshape(rise.shape)
+        length = np.linalg.norm(points - (image - 2.0 * here[:, None] * normal)[:, None], axis=2)
+        other, vertex = np.nonzero(within & (0.5 * (length + distance) < radar.max_range))
+        others = other != number
+        other, vertex = other[others].astype(np.int32), vertex[others]
+        if not len(other):
+            continue
+        leaves = turn[other, vertex] - view
+        leaves /= np.maximum(np.linalg.norm(leaves, axis=1), 1e-12)[:, None]
+        cos = [
+            (rise[other, vertex] + mirror.height(view)) / np.linalg.norm(place[other, vertex] - image, axis=1),
+            both[other, vertex] / length[other, vertex],
+        ]
+        way = np.sqrt(pattern_gain(leaves)) / length[other, vertex]
+        for which, materials, slope in (
+            (np.zeros(len(other), np.int32), [mirror.material], cos[0]),
+            (other, [each.material for each in mirrors], cos[1]),
+        ):
+            way *= strongest_reflection(materials, which, np.minimum(slope, 1.0), frequencies)
+        np.maximum.at(found[number], other, 2.0 * way * near[vertex] / direct)
+    return found
+
+
+def _spacing(points: FloatArray) -> float:
+    """About how far `points` (vertex, 3) [m] of a body are from their neighbours."""
+    near = cKDTree(points).query(points, k=min(4, len(points)))[0].reshape(len(points), -1)[:, -1]
+    return float(near.max(initial=0.0))
+
+
+class _MirroredVertices(NamedTuple):
+    """What mirrors show of some vertices."""
+
+    way: FloatArray
+    """(mirror, vertex) field by way of a mirror, one way; 0 where it does not show the vertex."""
+    length: FloatArray
+    """(mirror, vertex) of that way [m]."""
+    near: FloatArray
+    """(vertex,) field of the straight way."""
+    distance: FloatArray
+    """(vertex,) of it [m]."""
+    direct: float
+    """Largest direct return of one of them."""
+
+    @staticmethod
+    def of(
+        radar: Radar, pattern_gain: Callable[[FloatArray], FloatArray], mirrors: Sequence[Mirror], points: FloatArray
+    ) -> _MirroredVertices | None:
+        """None where no mirror shows any, or none can be seen directly."""
+        points = points[:: max(1, len(points) // SAMPLES)]
+        view = np.asarray(radar.position)
+
+        def listens(offset: FloatArray) -> FloatArray:
+            return np.sqrt(pattern_gain(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)))
+
+        distance = np.maximum(np.linalg.norm(points - view, axis=1), 1e-6)
+        near = listens(points - view) / distance
+        direct = float((near**2).max(initial=0.0))
+        way, lengths, rows = np.zeros((len(mirrors), len(points))), np.zeros((len(mirrors), len(points))), []
+        for number, mirror in enumerate(mirrors):
+            height = mirror.height(points)
+            before = np.flatnonzero(height > ON_MIRROR)
+            if not len(before):
+                continue
+            # Of large faces vertices on the mirror or behind it tell how far what it shows reaches.
+            reaching = mirror.crossings(view, points - np.minimum(height, 0.0)[:, None] * mirror.normal)
+            crossing, place = reaching[before], reaching @ mirror.axes.T
+            if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
+                continue
+            length = np.linalg.norm(points[before] - mirror.image(view), axis=1)
+            way[number, before], lengths[number, before] = listens(crossing - view) / length, length
+            cos = (mirror.height(points[before]) + mirror.height(view)) / length
+            rows.append(np.stack([np.full(len(before), number), before, cos]))
+        if not rows or direct <= 0:
+            return None
+        index, vertex, cos = np.concatenate(rows, axis=1)
+        number, column = index.astype(np.int32), vertex.astype(np.intp)
+        frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _BAND_POSITIONS
+        way[number, column] *= strongest_reflection([mirror.material for mirror in mirrors], number, cos, frequencies)
+        return _MirroredVertices(way, lengths, near, distance, direct)

@@ -1,0 +1,194 @@
+"""Small neighbouring facets that return as one path.
+
+A mesh has facets of a few millimetres, on hands and faces, beside some ten times as wide. Each is integrated by itself,
+but what those within a patch no wider than the larger facets return is as smooth over the band, the array and time as
+what one of these does: with the phase of one of them, its *leader*, they add up before paths are made of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import face_normals, lengths, triangle_centroids
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.moving.knots import max_phase_step
+from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
+from rfgen_sionna.tracing.surface.surfaces import Surface
+from rfgen_sionna.tracing.surface.tessellate import Tessellation
+
+CLUSTER_SHARE = 1.9
+"""Width of a patch over the mean of its mesh's facets' longest edges, by area, per fourth root of the tolerance, as
+cubics err by the fourth power."""
+BAND_PHASE = 3.2
+"""Phase [rad] by which an end of the band turns the near end of a patch against its far end; likewise."""
+ARRAY_PHASE = 1.0
+"""Phase [rad] by which an outermost element turns one end of a patch against the other; likewise."""
+
+CLUSTERED_PER_RTOL = 0.3
+"""What a facet's return may err by between instants, per unit of the tolerance, for going by another one's path: those
+of a body that spins err alike."""
+
+
+class FacetClusters:
+    """Which facets of moving surfaces go by whose path.
+
+    Parameters
+    ----------
+    band
+        Gives the band, the array and what the antennas make of directions.
+    viewpoint
+        (3,) phase centre of the radar [m].
+    rtol
+        Relative tolerance.
+    """
+
+    def __init__(self, band: BandTracer, viewpoint: FloatArray, rtol: float) -> None:
+        self._band, self._viewpoint, self._rtol = band, viewpoint, rtol
+        self.cluster_head: NDArray[np.intp] = np.zeros(0, np.intp)
+        """(facet,) the facet whose path each adds to: itself on rough surfaces, where each has a phase of its own."""
+
+    def form(
+        self,
+        surfaces: Sequence[Surface],
+        pieces: Sequence[Tessellation],
+        vertices: Sequence[FloatArray],
+        distance: FloatArray,
+    ) -> None:
+        """Choose the leaders of all facets, which `pieces` has of each of the `surfaces`, with their `vertices`
+        (vertex, 3) [m] and the range of the nearest, `distance` (surface,) [m]."""
+        band, found, first = self._band, [np.zeros(0, np.intp)], 0
+        for piece, points, surface, nearest in zip(pieces, vertices, surfaces, distance.tolist(), strict=True):
+            own = np.arange(len(piece.face))
+            if surface.material.scattering_coefficient == 0:
+                whole = np.setdiff1d(own, piece.pieces, assume_unique=True)
+                most = max_cluster_width(band.highest, band.half_band, band.aperture, nearest, self._rtol)
+                cluster_head = cluster_heads(points, surface.faces, surface.parts, piece.face[whole], most, self._rtol)
+                facet = np.zeros(len(surface.faces), np.intp)
+                facet[piece.face[whole]] = whole
+                own[whole] = facet[cluster_head[piece.face[whole]]]
+            found.append(first + own)
+            first += len(own)
+        self.cluster_head = np.concatenate(found)
+
+    def followed(self, centroids: Sequence[FloatArray], kept: NDArray[np.intp]) -> NDArray[np.intp]:
+        """(kept,) the facet whose path each of those `kept` adds to over a stretch with `centroids` (facet, 3) [m] at
+        its instants: those that turn against it too fast for a spline in time have a path of their own, and so has each
+        at a single instant, where a path goes on at its own rate."""
+        if len(centroids) == 1:
+            return kept
+        cluster_head = self.cluster_head[kept]
+        ranges = [lengths(each - self._viewpoint) for each in centroids]
+        swing = np.zeros(len(kept))
+        for before, after in pairwise([each[kept] - each[cluster_head] for each in ranges]):
+            np.maximum(swing, np.abs(after - before), out=swing)
+        most = max_phase_step(CLUSTERED_PER_RTOL * self._rtol, len(centroids) - 1) / (
+            4 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        )
+        return np.where(swing <= most, cluster_head, kept)
+
+    def pattern(self, visible: VisibleFacets, kept: NDArray[np.intp], cluster_head: NDArray[np.intp]) -> FloatArray:
+        """(kept,) the antennas' field gain towards each facet of those `kept`, over that towards its `cluster_head`
+        (kept,),
+        which a path has."""
+        found, other = np.ones(len(kept)), np.flatnonzero(cluster_head != kept)
+        led = cluster_head[other]
+        own, there = visible.weight[kept[other]], visible.weight[led]
+        unknown = np.flatnonzero(there == 0)  # leaders that look away
+        there[unknown] = self._band.pattern_gain(visible.facets.directions(self._viewpoint, led[unknown]))
+        found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
+        return found
+
+
+def max_cluster_width(frequency: float, half_band: float, aperture: float, distance: float, rtol: float) -> float:
+    """Width [m] that a patch may have for the radar.
+
+    Parameters
+    ----------
+    frequency, half_band
+        Highest frequency and half the band that is sampled [Hz].
+    aperture
+        Distance of the outermost virtual elements from the middle, Tx and Rx displacements added up [m].
+    distance
+        Range of the nearest facets [m].
+    rtol
+        Relative tolerance.
+    """
+    by_band = BAND_PHASE * SPEED_OF_LIGHT / (4 * np.pi * max(half_band, 1e-9))
+    by_array = ARRAY_PHASE * SPEED_OF_LIGHT * distance / (2 * np.pi * frequency * max(aperture, 1e-9))
+    return float(rtol**0.25 * min(by_band, by_array))
+
+
+def cluster_heads(
+    vertices: FloatArray, faces: IntArray, parts: IntArray, whole: IntArray, most: float, rtol: float
+) -> IntArray:
+    """(face,) the face that leads the patch that each belongs to; itself where it is alone.
+
+    Parameters
+    ----------
+    vertices, faces
+        (vertex, 3) [m] and (face, 3).
+    parts
+        (face,) part of the body; patches do not reach from one to the next.
+    whole
+        Faces that are facets as a whole; others stay alone.
+    most
+        Width [m] that no patch may exceed.
+    rtol
+        Relative tolerance.
+
+    Notes
+    -----
+    Patches are what of the mesh hangs together within cells of a lattice that stands on the widest face, so that they
+    do not depend on where the mesh is.
+    """
+    alone = np.arange(len(faces), dtype=np.int32)
+    if len(whole) < 2:
+        return alone
+    corners = vertices[faces]
+    edges = corners[:, [1, 2, 0]] - corners
+    longest = lengths(edges).max(axis=1)
+    area = 0.5 * lengths(face_normals(vertices, faces))
+    typical = float((area[whole] * longest[whole]).sum() / max(area[whole].sum(), 1e-300))
+    width = min(CLUSTER_SHARE * rtol**0.25 * typical, most)
+    small = np.zeros(len(faces), np.bool_)
+    small[whole] = longest[whole] < width
+    if np.count_nonzero(small) < 2:
+        return alone
+    centres = triangle_centroids(corners)
+    first = int(np.flatnonzero(area >= (1.0 - 1e-6) * area.max())[0])  # of equal ones the same wherever the mesh is
+    cells = np.floor((centres - corners[first, 0]) @ _frame(edges[first]).T / width).astype(np.int64)
+    one, other = _neighbours(faces, np.flatnonzero(small))
+    together = (cells[one] == cells[other]).all(axis=1) & (parts[one] == parts[other])
+    links = coo_array((np.ones(together.sum(), np.int8), (one[together], other[together])), shape=(len(faces),) * 2)
+    patch = connected_components(links, directed=False)[1]
+    # The one next to the middle leads.
+    weight = np.bincount(patch, area)
+    middle = np.stack([np.bincount(patch, area * axis) for axis in centres.T], axis=1)
+    away = lengths(centres - (middle / np.maximum(weight, 1e-300)[:, None])[patch])
+    order = np.lexsort((alone, np.round(away / width, 6), patch))
+    begin = np.flatnonzero(np.diff(patch[order], prepend=-1))
+    return alone[order[begin]][patch]
+
+
+def _frame(edges: FloatArray) -> FloatArray:
+    """(3, 3) unit vectors, rows, along a face's `edges` (3, 3) [m] and across it."""
+    along = edges[0] / max(float(np.linalg.norm(edges[0])), 1e-300)
+    across = np.cross(along, edges[1])
+    across /= max(float(np.linalg.norm(across)), 1e-300)
+    return np.stack([along, across, np.cross(along, across)])
+
+
+def _neighbours(faces: IntArray, chosen: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pairs of `chosen` faces that share an edge."""
+    run = np.sort(np.concatenate([faces[chosen][:, pair] for pair in combinations(range(3), 2)]), axis=1)
+    own = np.tile(chosen, 3)
+    order = np.lexsort((run[:, 1], run[:, 0]))
+    same = (run[order[1:]] == run[order[:-1]]).all(axis=1)
+    return own[order[:-1][same]], own[order[1:][same]]

@@ -1,0 +1,339 @@
+"""Facets and an expansion so fine that what moves returns directly is as accurate as the tolerance asks for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
+from rfgen_sionna.tracing.gains.error_estimate import SAFETY, ErrorEstimate, RefinedReturns
+from rfgen_sionna.tracing.gains.probes import PROBES
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.culling import LEAST_RTOL
+from rfgen_sionna.tracing.moving.facet_returns import relative_to_largest
+from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
+from rfgen_sionna.tracing.moving.interval import IntervalVisibility, TraceInterval
+from rfgen_sionna.tracing.moving.moving_facets import MovingFacets
+from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
+from rfgen_sionna.tracing.shadows.terminator import Terminator, near_terminator, unoccluded_by_neighbours
+from rfgen_sionna.tracing.surface.facets import sum_by_surface
+from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
+
+TERMINATOR_PER_RTOL, FINE_TERMINATOR_PER_RTOL = 1.5, 0.3
+"""What rims may come to, per unit of the tolerance, before they are traced; the second below `LEAST_RTOL`, where facets
+are cut at the horizon. Those of a person come to about the default tolerance, and take a tenth of a frame."""
+UNCUT_SHARE = 0.3
+"""Share of what rims return that is told wrong of facets that are not cut there, as strengths have a kink on them."""
+UNVERIFIED_PER_RTOL, CURVED_UNVERIFIED_PER_RTOL, PER_ELEMENT_PER_RTOL = 0.1, 1.0, 1.0
+"""What strips beside shadows' edges may miss by an estimate, per unit of the tolerance, before they are held against
+what pairs see from their own places, of flat surfaces and of bent ones, where the estimate is right to a factor of two;
+and what they may then be off by before that counts."""
+RISEN, HELD = 2.0, 2.0
+"""By what factor the estimate may rise before they are held against it anew, and what they are off by at other times
+and for other pairs, over what was found."""
+MAX_ROUNDS = 5
+"""How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
+_LOG = logging.getLogger(__name__)
+
+
+class ErrorControl:
+    """Chooses facets and expansion, and says what the direct return of `surfaces` errs by.
+
+    What is chosen is kept until the error is found to be above the tolerance; `trace_visibility` tells what is seen
+    directly at a time [s] of a stretch, `indirect` what by other ways.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        band: BandTracer,
+        rtol: float,
+        facets: MovingFacets,
+        indirect: IndirectPaths,
+        trace_visibility: Callable[[float, TraceInterval], VisibleFacets],
+    ) -> None:
+        self._surfaces, self._band, self._rtol = surfaces, band, rtol
+        self._facets, self._indirect, self._trace_visibility = facets, indirect, trace_visibility
+        self._materials = tuple(surface.material for surface in surfaces.moving)
+        self._tolerance_group = tolerance_groups(surfaces.moving)
+        self.reset()
+        self.cancellation = np.zeros(len(surfaces.moving))
+        """(surface,) :attr:`rfgen_sionna.tracing.gains.error_estimate.ErrorEstimate.cancellation` of each, 0 where
+        nobody
+        knows."""
+        self.terminator = np.zeros(len(surfaces.moving), np.bool_)
+        """(surface,) of which counts what facets show before the horizon that look away themselves."""
+        self.own = np.zeros(len(surfaces.moving), np.bool_)
+        """(surface,) of which counts what each pair sees from its own places."""
+        self._still = np.array([each.still for each in surfaces.moving], np.bool_)
+        self._held_at, self._told, self._off = np.zeros((3, len(surfaces.moving)))
+        self.verify_again()
+        self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
+        self._fine, self._round = rtol < LEAST_RTOL, bool(self._bent.any())
+        self._error = self._last = self._terminator_error = 0.0
+
+    def reset(self) -> None:
+        """Choose all anew: facets are other ones."""
+        self.expansion: Expansion | None = None
+        """The one in use, if any is."""
+        self.level = np.zeros(len(self._surfaces.moving))
+        """(surface,) return of each, the largest that was met, or what pairs see of it where they were asked."""
+        self._lowered = np.ones(len(self._surfaces.moving))
+
+    def ensure(
+        self,
+        sample_times: FloatArray,
+        interval: TraceInterval,
+        visibility: Callable[[FloatArray, Expansion], IntervalVisibility],
+        turn: int | None,
+    ) -> IntervalVisibility:
+        """What a `visibility` at the `sample_times` [s] of a stretch tells by an expansion that is fine enough, of
+        facets that
+        are: those of earlier stretches, where nothing says that they are not. That is measured where there is a `turn`,
+        which says for what pair."""
+        kept_on = self.expansion is not None
+        if kept_on and turn is not None and self._round:  # a thing that turns may show more of its rim
+            self._weigh_terminator(self._trace_visibility(_middle(sample_times), interval))
+        found = visibility(sample_times, self.expansion or self._refine(_middle(sample_times), interval, True))
+        if turn is None or self._measured(found, turn) <= 1.5 * max(self._rtol, self._error):
+            return found
+        self.expansion = None
+        # What was just chosen, from the coarsest on, goes on from where it is.
+        again = visibility(found.sample_times, self._refine(_middle(found.sample_times), interval, kept_on))
+        self._measured(again, turn)
+        return again._replace(discarded=[*found.discarded, *again.discarded])
+
+    def verify_again(self) -> None:
+        """Forget of which surfaces own places count: strips are held against them anew."""
+        self.level, self.cancellation = self.level / self._lowered, self.cancellation * self._lowered
+        self._lowered = np.ones(len(self.own))
+        self.own[:] = False
+        self._held_at[:], self._told[:], self._off[:] = 0.0, 1.0, 0.0
+
+    def unverified(
+        self, visibility: IntervalVisibility, shadowed_surfaces: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]
+    ) -> NDArray[np.bool_]:
+        """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see.
+        `shadowed_surfaces` says
+        on which of some surfaces (surface,) edges fall that the phase centre may not see, of which strips don't tell:
+        it is asked of what has none at all, and of what is flat, where no slabs are seen through."""
+        estimate = self._correction_error(visibility)
+        asked = (
+            (estimate > np.where(self._bent, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol)
+            & (estimate > RISEN * self._held_at)
+        )  # fmt: skip
+        silent = ~asked & (~self._bent | (estimate == 0)) & ~self._still & ~self.own
+        if silent.any() and not self._indirect.through_slabs:  # which rays from own places don't go through
+            asked |= shadowed_surfaces(silent)
+        # Of furniture there is not the time to hold them against anything.
+        asked &= ~self.own & ~self._still
+        return np.asarray(
+            np.isin(self._tolerance_group, self._tolerance_group[asked]) & ~self._beside_slabs(visibility.visible)
+        )
+
+    def exclude_slabs(self, visible: Sequence[VisibleFacets]) -> None:
+        """Let own places not count of surfaces beside slabs that are seen through: strips are all there is then."""
+        self.own &= ~self._beside_slabs(visible)
+
+    def _beside_slabs(self, visible: Sequence[VisibleFacets]) -> NDArray[np.bool_]:
+        """(surface,) on whose lot shadows fall that let something through."""
+        through = np.concatenate([each.through() for each in visible])
+        return np.asarray(np.isin(self._tolerance_group, self._tolerance_group[through]))
+
+    def verify_correction(
+        self, unverified: NDArray[np.bool_], off: FloatArray, level: FloatArray, visibility: IntervalVisibility
+    ) -> None:
+        """Take what strips of `unverified` surfaces are `off` by (surface,), as an amplitude, for what they are. Pairs
+        have returns of a `level` (surface,), which may be far above what is known of the first pair: then that is what
+        errors are relative to from now on. Of flat ones, of which mostly pieces return, it may be far below what shares
+        of whole facets come to as well."""
+        anew = unverified & (level > 0) & (~self._bent | (level > self.level))
+        lowered = np.where(anew & (self.level > 0), level / np.where(self.level > 0, self.level, 1.0), 1.0)
+        self._lowered, self.cancellation = self._lowered * lowered, self.cancellation / lowered
+        self.level = np.where(anew, level, self.level)
+        off = off / np.where(self.level > 0, self.level, np.inf)
+        estimate = self._correction_error(visibility)
+        self.own |= unverified & (off > PER_ELEMENT_PER_RTOL * self._rtol)
+        self._held_at = np.where(unverified, estimate, self._held_at)
+        # Beside edges that the phase centre hardly sees there are no strips that a factor would tell of.
+        tells = estimate > np.where(self._bent, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol
+        told = np.where(tells, HELD * off / np.where(tells, estimate, 1.0), 1.0)
+        self._told = np.where(unverified, told, self._told)
+        self._off = np.where(unverified, np.where(tells, 0.0, HELD * off), self._off)
+
+    def _correction_error(self, visibility: IntervalVisibility) -> FloatArray:
+        """(surface,) estimated error of strips."""
+        return np.asarray(SAFETY * np.maximum(self.cancellation, 1.0) * visibility.sampled_returns.missed)
+
+    def error(self, visibility: IntervalVisibility, cancellation: FloatArray) -> float:
+        """Estimated error of the direct return of the worst surface: that of integrals, and of what is not known of
+        shadows, by the `cancellation` (surface,) of each."""
+        cancellation = np.where(cancellation > 0, cancellation, 1.0)  # of what was hidden nobody knows
+        returned = np.stack([each.level for each in visibility.visible])
+        edges = relative_to_largest(
+            np.stack([each.missed for each in visibility.visible]), returned, returned.max(axis=0)
+        )
+        correction = SAFETY * np.maximum(cancellation, 1.0) * self._told * visibility.sampled_returns.missed
+        correction = np.maximum(correction, np.where(self.own, 0.0, self._off))
+        shadows = np.hypot(SAFETY * cancellation * edges, correction)
+        return float(np.linalg.norm([max(self._last, self._error), self._terminator_error, shadows.max(initial=0.0)]))
+
+    def _refine(self, t: float, interval: TraceInterval, afresh: bool) -> Expansion:
+        """Choose the expansion, and facets so fine that the error at `t` is allowed, and whether rims count.
+
+        `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
+        """
+        self.verify_again()  # what returns are is told anew
+        expansion, visible = self._refined(t, interval, afresh)
+        self._weigh_terminator(visible)
+        return expansion
+
+    def _weigh_terminator(self, visible: VisibleFacets) -> None:
+        """Tell of which surfaces rims count, and what the others' come to, by what is `visible` without."""
+        rim = self._missed_at_terminator(visible)
+        self.terminator = rim > (FINE_TERMINATOR_PER_RTOL if self._fine else TERMINATOR_PER_RTOL) * self._rtol
+        left = 0.0 if self._fine else UNCUT_SHARE
+        self._terminator_error = float((rim * np.where(self.terminator, left, 1.0)).max(initial=0.0))
+
+    def _refined(self, t: float, interval: TraceInterval, afresh: bool) -> tuple[Expansion, VisibleFacets]:
+        """Expansion and facets, and what is seen of these at `t`."""
+        facets: list[float] = []
+        whole: list[float] = []
+        self._last, vertices = 0.0, interval.positions(t)
+        if afresh:
+            self._facets.coarsen(vertices)
+        while True:
+            held, visible = self._held(t, interval)
+            error = self._noted([held.of_facets(self.level)[0]])
+            facets.append(self._error)
+            # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
+            last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])
+            # Facets that are too coarse by themselves need no expansion to tell it by.
+            if not last and self._facets.refine(error, vertices):
+                continue
+            expansion, error = self._expanded(held)
+            if not (error > self._rtol).any():
+                return expansion, visible
+            whole.append(self._error)
+            # What finer facets have hardly mended once is the expansion's own.
+            discarded = len(whole) > 1 and whole[-1] > 0.7 * whole[-2]
+            if last or discarded or not self._facets.refine(error, vertices):
+                break
+        worst = int(np.argmax(error))
+        alone = np.count_nonzero(self._tolerance_group == self._tolerance_group[worst]) == 1
+        whose = f"'{self._surfaces.moving[worst].name}'" if alone else "all that stays"
+        _LOG.warning("the return of %s is right to %.2g of itself (rtol: %g)", whose, error[worst], self._rtol)
+        return expansion, visible
+
+    def _held(self, t: float, interval: TraceInterval) -> tuple[RefinedReturns, VisibleFacets]:
+        """What is seen at `t` [s], with finer facets to compare it with, for the first pair; and that."""
+        visible = self._trace_visibility(t, interval)
+        share = self._indirect.weights(
+            lambda: interval.rays(t), interval.positions(t), visible.facets, visible.fraction
+        )
+        kept = np.flatnonzero(share > 0)
+        facets = visible.facets.with_pattern_gradient(self._band.pattern_gradient(visible.facets, kept)).take(kept)
+        weight = share[kept] * self._band.pattern_gain(facets.directions(self._band.viewpoint))
+        reference = visible.facets.centroids[self._facets.clusters.cluster_head[kept]]
+        return RefinedReturns.of(
+            self._band, facets, self._materials, weight, reference=reference, tolerance_group=self._tolerance_group
+        ), visible
+
+    def _expanded(self, held: RefinedReturns) -> tuple[Expansion, FloatArray]:
+        """The expansion that the facets `held` ask for, and the error (surface,) of each surface with it."""
+        known = self._band, held.facets, self._materials, held.weight
+        expansion = self._band.expansion_for(*known[1:], reference=held.reference, apart=self._tolerance_group)
+        values = self._band.values(held.facets, self._materials, expansion, held.reference)
+        gains = self._band.combined(expansion, values)
+        representative = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {
+            held.pair
+        }
+        others = [
+            RefinedReturns.of(*known, pair, reference=held.reference, tolerance_group=self._tolerance_group)
+            for pair in sorted(representative)
+        ]
+        self.expansion = expansion
+        return expansion, self._noted([each.of_expansion(gains[:, *each.pair], self.level) for each in [held, *others]])
+
+    def _noted(self, found: Sequence[ErrorEstimate]) -> FloatArray:
+        """The error (surface,) of each surface, the worst of those `found`; they are kept in mind."""
+        error = np.max([each.error for each in found], axis=0)
+        # Where the return fades no facets are asked for that it does not need elsewhere.
+        self.level = np.max([self.level, *(each.level for each in found)], axis=0)
+        self.cancellation = np.max([each.cancellation for each in found], axis=0)
+        self._error = float(error.max(initial=0.0))
+        return np.asarray(error)
+
+    def _measured(self, visibility: IntervalVisibility, turn: int) -> float:
+        """Error of the worst surface for one pair, another one from turn to turn. Over the band: where the return fades
+        at one place of it, the error there tells little."""
+        middle, own = len(visibility.sample_times) // 2, visibility.returned
+        gains = self._band.combined(visibility.expansion, visibility.sampled_returns.whole[middle])
+        weight = visibility.visible[middle].fraction[own.kept] * visibility.visible[middle].weight[own.kept]
+        if (outward := own.facets[middle].outward) is not None:
+            weight = weight * ~outward  # their kink is at the horizon, where they are cut, or told of by themselves
+        pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
+        given = self._materials, weight, pair, PROBES, visibility.references[middle], self._tolerance_group
+        held = RefinedReturns.of(self._band, own.facets[middle], *given)
+        self._last = float(held.of_expansion(gains[:, *pair], self.level).error.max(initial=0.0))
+        return self._last
+
+    def to_terminator(self, visible: VisibleFacets, everywhere: bool = False) -> VisibleFacets:
+        """What is `visible`, and what facets that look away still show before the horizon: those of surfaces whose
+        :attr:`terminator` count, or `everywhere`."""
+        if not (everywhere or self.terminator.any()):
+            return visible
+        known = self._band.viewpoint, self._band.reach
+        near = near_terminator(visible.facets, *known) & (everywhere | self.terminator[visible.facets.surface])
+        chosen = np.flatnonzero(near)
+        terminator = Terminator.of(visible.facets, chosen, *known)
+        any_visible = unoccluded_by_neighbours(
+            chosen, terminator.before, visible.weight > 0, visible.fraction, self._facets.places
+        )
+        chosen, terminator, outward = chosen[any_visible], terminator.take(any_visible), np.zeros(len(near), np.bool_)
+        fraction, weight = visible.fraction.copy(), visible.weight.copy()
+        outward[chosen], fraction[chosen] = True, 1.0
+        weight[chosen] = self._band.pattern_gain(visible.facets.directions(self._band.viewpoint, chosen))
+        if not (self._fine or everywhere):
+            return replace(visible, facets=visible.facets.with_outward(outward), fraction=fraction, weight=weight)
+        owner = np.concatenate([visible.owner, chosen[terminator.owner]])
+        order = np.argsort(owner, kind="stable")
+        no_edge = np.full((len(terminator.owner), visible.occluder.shape[1]), np.nan)
+        return replace(
+            visible,
+            facets=visible.facets.with_outward(outward),
+            fraction=fraction,
+            weight=weight,
+            owner=owner[order],
+            pieces=np.concatenate([visible.pieces, terminator.pieces])[order],
+            occluder=np.concatenate([visible.occluder, no_edge])[order],
+        )
+
+    def _missed_at_terminator(self, visible: VisibleFacets) -> FloatArray:
+        """(surface,) estimated error of each return where what facets show that look away is left out."""
+        whole, count = self.to_terminator(visible, True), len(self._materials)
+        terminator = np.flatnonzero(~visible.facets.facing & (whole.weight > 0))
+        if not len(terminator):
+            return np.zeros(count)
+        facets, cut = whole.facets.with_pattern_gradient(None).take(terminator), np.isin(whole.owner, terminator)
+        owner = np.searchsorted(terminator, whole.owner[cut])
+        entire = np.setdiff1d(np.arange(len(terminator)), owner)
+        pieces = np.concatenate([whole.pieces[cut], np.broadcast_to(np.eye(3), (len(entire), 3, 3))])
+        owner = np.concatenate([owner, entire])
+        facets = facets.cut(owner, pieces)
+        found = self._band.at_probes(facets, self._materials, PROBES, (0, 0), facets.parts)
+        waves = found.a * phasors(self._band.frequency(PROBES)[:, None] * found.tau) * whole.weight[terminator[owner]]
+        tolerance_group = self._tolerance_group[facets.surface]
+        together = np.abs(sum_by_surface(waves, tolerance_group, count))
+        apart = np.sqrt([np.bincount(tolerance_group, each, count) for each in np.abs(waves) ** 2])
+        missed = SAFETY * np.sqrt((np.maximum(together, apart) ** 2).mean(axis=0))[self._tolerance_group]
+        return np.asarray(missed / np.where(self.level > 0, self.level, np.inf))
+
+
+def _middle(sample_times: FloatArray) -> float:
+    return float(sample_times[len(sample_times) // 2])

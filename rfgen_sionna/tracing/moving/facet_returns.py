@@ -1,0 +1,276 @@
+"""What the facets of moving surfaces return at the instants of a stretch, those in half shadow piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.device_transfer import concatenate_aligned
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.expansion import Expansion
+from rfgen_sionna.tracing.gains.probes import PROBES
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.visible_facets import PerElementVisibility, VisibleFacets
+from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
+from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
+
+AT_ONCE = 200_000
+"""Facets that are integrated at once."""
+
+
+class SampledReturns(NamedTuple):
+    """What facets return at some instants."""
+
+    whole: list[ComplexArray]
+    """(value, facet) as if all of them were seen."""
+    values: list[ComplexArray]
+    """(value, facet) of what is seen from the phase centre."""
+    boundary_correction: list[BoundaryCorrection | None]
+    """What pairs see more or less of the facets kept; None where no shadow's edge falls on them."""
+    missed: FloatArray
+    """(surface,) estimated error of that, relative to what each returns without interfering when it returns most."""
+
+
+def relative_to_largest(missed: FloatArray, level: FloatArray, best: FloatArray) -> FloatArray:
+    """(surface,) the largest of errors `missed` (instant, surface) that are relative to a `level` (instant, surface),
+    relative to the `best` one (surface,): what is hidden for a while is not told to the last digit meanwhile."""
+    return np.asarray((missed * level).max(axis=0) / np.where(best > 0, best, np.inf))
+
+
+class FacetReturns:
+    """Integrates facets of surfaces made of `materials`.
+
+    An `expansion` says what is integrated, its values; `references` are the points (facet, 3) [m] that delays go by,
+    one array an instant. Surfaces of one `tolerance_group` (surface,) share a tolerance.
+    """
+
+    def __init__(self, band: BandTracer, materials: tuple[Material, ...], tolerance_group: IntArray) -> None:
+        self._band, self._materials, self._tolerance_group = band, materials, tolerance_group
+
+    def values(
+        self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
+    ) -> list[ComplexArray]:
+        """(value, facet) of each of `parts`, as if all were seen. They are integrated together, as far as memory
+        allows: to set a kernel up takes as long as it takes ten thousand facets."""
+        found: list[ComplexArray] = []
+        batch = np.cumsum([len(each) for each in parts]) // AT_ONCE
+        for number in np.unique(batch):
+            first, last = np.searchsorted(batch, [number, number + 1])
+            some, reference = parts[first:last], concatenate_aligned(references[first:last])
+            values = self._band.values(Facets.joined(some), self._materials, expansion, reference)
+            found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
+        return found
+
+    def visible(
+        self,
+        visible: Sequence[VisibleFacets],
+        kept: NDArray[np.intp],
+        facets: Sequence[Facets],
+        references: Sequence[FloatArray],
+        expansion: Expansion,
+        times: int = 1,
+    ) -> SampledReturns:
+        """Those of the `facets` kept, which `kept` counts out of all, at each instant, as they are `visible`. Of those
+        in half shadow the pieces that are seen count, each with its own phase. Each of `visible` may have facets of
+        several
+        `times`, one time's after the other's."""
+        cut = [number for number, each in enumerate(visible) if len(each.owner)]
+        parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
+        if cut:
+            # To cut facets takes a kernel, too: those of all instants are cut at once.
+            owners = [np.unique(visible[number].owner, return_inverse=True) for number in cut]
+            first = np.cumsum([0, *(len(owner) for owner, _ in owners)])
+            parents = Facets.joined([visible[n].facets.take(owner) for n, (owner, _) in zip(cut, owners, strict=True)])
+            place = np.concatenate([index + start for (_, index), start in zip(owners, first[:-1], strict=True)])
+            pieces, occluder = (
+                np.concatenate([getattr(visible[n], name) for n in cut]) for name in ("pieces", "occluder")
+            )
+            surfaces = len(self._materials)
+            of = np.repeat(np.arange(len(cut)), [len(visible[n].owner) for n in cut])
+            group = surfaces * of + self._tolerance_group[parents.surface[place]]
+            level = np.stack([visible[n].level for n in cut])
+            edges, of_cut = self._band.edges(parents, place, pieces, occluder, group, np.sqrt(times) * level.ravel())
+            best = np.max([each.level for each in visible], axis=0)
+            missed = relative_to_largest(of_cut.reshape(level.shape)[:, self._tolerance_group], level, best)
+            parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
+            own = np.concatenate(
+                [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]
+            )
+            theirs.append(np.concatenate([own[place], edges.middle + self._band.viewpoint]))
+        found = self.values(parts, expansion, theirs)
+        whole = found[: len(facets)]
+        sampled_returns = [own * each.fraction[kept] for own, each in zip(whole, visible, strict=True)]
+        boundary_correction: list[BoundaryCorrection | None] = [None for _ in visible]
+        if cut:
+            starts = np.flatnonzero(np.diff(place, prepend=-1))
+            sum_by_surface = np.split(np.add.reduceat(found[-1][:, : len(place)], starts, axis=1), first[1:-1], axis=1)
+            every = self._band.boundary_correction(edges, found[-1][:, len(place) :], own[edges.owner], expansion)
+            for n, (owner, _), of_pieces, start in zip(cut, owners, sum_by_surface, first.tolist(), strict=False):
+                at = np.searchsorted(kept, owner)
+                sampled_returns[n][:, at] = of_pieces
+                there = every.take(slice(*np.searchsorted(edges.owner, [start, start + len(owner)])))
+                boundary_correction[n] = there._replace(owner=at[there.owner - start])
+        for n, each in enumerate(visible):
+            if each.own is not None:
+                more = self._own(each.own.of(kept), facets[n], references[n], whole[n], sampled_returns[n], expansion)
+                correction = boundary_correction[n]
+                boundary_correction[n] = more if correction is None else BoundaryCorrection.joined([correction, more])
+        return SampledReturns(whole, sampled_returns, boundary_correction, missed)
+
+    def _own(
+        self,
+        own: PerElementVisibility,
+        facets: Facets,
+        references: FloatArray,
+        whole: ComplexArray,
+        sampled_returns: ComplexArray,
+        expansion: Expansion,
+    ) -> BoundaryCorrection:
+        """What pairs see of `facets` from their `own` places more than from the phase centre, from where what is seen
+        returns `sampled_returns` (value, facet), and all of them as a `whole` (value, facet), by way of the points
+        `references`
+        (facet, 3) [m]."""
+        changed, at = np.unique(own.facet, return_inverse=True)
+        weights = expansion.weights.reshape(expansion.order, -1, len(whole))
+        gains = np.zeros((*weights.shape[:2], len(changed)), np.complex128)
+        for pair in np.unique(own.pair):  # a wide array has many, of each of which the same facets change
+            lane = np.flatnonzero(own.pair == pair)
+            facet = own.facet[lane]
+            values = whole[:, facet] * own.fraction[lane]
+            place = np.full(len(own.facet), -1, np.intp)
+            place[lane] = np.arange(len(lane))
+            piece = np.flatnonzero(place[own.owner] >= 0)
+            if len(piece):
+                of, parent = place[own.owner[piece]], own.facet[own.owner[piece]]
+                given = [facets.cut(parent, own.pieces[piece])], expansion, [references[parent]]
+                starts = np.flatnonzero(np.diff(of, prepend=-1))
+                values[:, of[starts]] = np.add.reduceat(self.values(*given)[0], starts, axis=1)
+            gains[:, pair, at.reshape(-1)[lane]] = weights[:, pair] @ (values - sampled_returns[:, facet])
+        return BoundaryCorrection(changed, gains.reshape(*expansion.weights.shape[:3], len(changed)))
+
+    def beside(
+        self,
+        boundary_correction: BoundaryCorrection | None,
+        visible: VisibleFacets,
+        kept: NDArray[np.intp],
+        reference: FloatArray,
+        pair: tuple[int, int],
+        surfaces: NDArray[np.bool_],
+        place: float = 0.0,
+    ) -> ComplexArray:
+        """(lot,) what a pair sees more, or less, than the phase centre of all facets of some `surfaces` (surface,), by
+        the `boundary_correction` of those `kept` of what is `visible`, by way of the points `reference` (facet, 3)
+        [m], at a `place`
+        -1 … 1 of the band."""
+        count = len(self._materials)
+        if boundary_correction is None:
+            return np.zeros(count, np.complex128)
+        whose = visible.facets.surface[kept[boundary_correction.owner]]
+        mine = np.flatnonzero(surfaces[whose])
+        owner, gains = boundary_correction.owner[mine], boundary_correction.gains[:, *pair, mine]
+        waves = _there(gains, place) * self._waves(reference[owner], pair, place) * visible.weight[kept[owner]]
+        return sum_by_surface(waves[None], self._tolerance_group[whose[mine]], count)[0]
+
+    def _waves(self, reference: FloatArray, pair: tuple[int, int], place: float = 0.0) -> ComplexArray:
+        """(facet,) phasors of the propagation by way of points at a `place` -1 … 1 of the band."""
+        frequency = self._band.frequency(np.array([place]))[0]
+        return phasors(frequency * self._band.delays(reference, pair))
+
+    def per_element(
+        self,
+        visible: VisibleFacets,
+        surfaces: NDArray[np.bool_],
+        pairs: Sequence[tuple[int, int]],
+        expansion: Expansion,
+    ) -> list[tuple[ComplexArray, FloatArray]]:
+        """For some `pairs` (lot,) what each sees more of some `surfaces` (surface,) from its own places than the phase
+        centre, in the middle of the band, and the level over the band of all that it sees."""
+        there = visible.of(np.flatnonzero(visible.any_visible() & surfaces[visible.facets.surface]))
+        kept, count = np.arange(len(there.facets)), len(self._materials)
+        reference, tolerance_group = there.facets.centroids, self._tolerance_group[there.facets.surface]
+        sampled_returns = self.visible([there], kept, [there.facets], [reference], expansion)
+        found = []
+        for pair in pairs:
+            given = sampled_returns.boundary_correction[0], there, kept, reference, pair, surfaces
+            gains, energy = expansion.weights[:, *pair] @ sampled_returns.values[0], np.zeros(count)
+            for place in PROBES.tolist():
+                waves = _there(gains, place) * self._waves(reference, pair, place) * there.weight
+                energy += (
+                    np.abs(self.beside(*given, place) + sum_by_surface(waves[None], tolerance_group, count)[0]) ** 2
+                )
+            found.append((self.beside(*given), np.sqrt(energy / len(PROBES))))
+        return found
+
+    def coefficients(
+        self,
+        facets: Sequence[Facets],
+        shares: FloatArray,
+        values: Sequence[ComplexArray],
+        expansion: Expansion,
+        cluster_head: NDArray[np.intp],
+        boundary_correction: Sequence[BoundaryCorrection | None],
+        pattern: Sequence[FloatArray] | None = None,
+    ) -> tuple[ComplexArray, NDArray[np.intp]]:
+        """(order, tx, rx, path, instant) of the paths that facets with the same `cluster_head` (facet,) make together,
+        and
+        the (path,) leaders. `shares` (facet, instant) of the area are seen; of what rough ones scatter that share of
+        the energy counts, and at each instant the `boundary_correction`. `pattern` (facet,) is at each instant what
+        the antennas
+        make of a facet, over what they make of its leader; None is 1."""
+        order = np.argsort(cluster_head, kind="stable")
+        led, first = np.unique(cluster_head[order], return_index=True)
+        if len(led) == len(cluster_head):
+            gathered = (
+                values if np.array_equal(led, cluster_head) else [np.take(each, order, axis=1) for each in values]
+            )
+            if pattern is not None:
+                gathered = [each * gain[order] for each, gain in zip(gathered, pattern, strict=True)]
+            of_paths = np.stack(gathered, axis=-1)
+        else:
+            of_paths = np.empty((len(values[0]), len(led), len(values)), np.complex128)
+            ends = np.append(first, len(order))
+            for k, each in enumerate(values):
+                weights = np.ones(len(order)) if pattern is None else pattern[k][order]
+                rows = csr_array((weights, order, ends), shape=(len(led), len(order)))
+                # Real times complex as two real products side by side.
+                columns = np.ascontiguousarray(each.T).view(np.float64)
+                of_paths[:, :, k] = np.asarray(rows @ columns).view(np.complex128).T
+        found = self._band.combined(expansion, of_paths)
+        path = np.searchsorted(led, cluster_head)
+        for k, beside in enumerate(boundary_correction):
+            if beside is not None:
+                weight = 1.0 if pattern is None else pattern[k][beside.owner]
+                BoundaryCorrection(path[beside.owner], beside.gains * weight).add_to(found[..., k])
+        for k, there in enumerate(facets):
+            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
+                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
+                if there.outward is not None:  # next to nothing, seen as they are from aside
+                    rough[..., there.outward] = 0.0
+                found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
+        return found, led
+
+    def cancelling(
+        self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
+    ) -> FloatArray:
+        """(surface,) what paths of each lot by way of points, `by_way` (path, 3) [m] at each instant, with `gains`
+        (path, instant) of the first pair, return without interfering, over what they do, over all instants; 0 where
+        nothing comes. `surface` (path,) is that of each, one of so many `surfaces`."""
+        alone, together = np.zeros((2, surfaces))
+        surface = self._tolerance_group[surface]
+        for own, there in zip(gains.T, by_way, strict=True):
+            waves = own * phasors(self._band.centre * self._band.delays(there, (0, 0)))
+            real, imaginary = (np.bincount(surface, part, surfaces) for part in (waves.real, waves.imag))
+            alone += np.bincount(surface, own.real**2 + own.imag**2, surfaces)
+            together += real**2 + imaginary**2
+        return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))[self._tolerance_group]
+
+
+def _there(coefficients: ComplexArray, place: float) -> ComplexArray:
+    """(facet,) gains at a `place` -1 … 1 of the band, of which these are the `coefficients` (order, facet)."""
+    return np.asarray(place ** np.arange(len(coefficients)) @ coefficients)

@@ -1,0 +1,182 @@
+"""What moves, seen by further ways than the straight one: in walls, by flat and bent parts, through slabs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections, DoubleBounceVisibility
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.ghosts.ghosts import Ghosts, GhostVisibility
+from rfgen_sionna.tracing.ghosts.image_returns import Centroids
+from rfgen_sionna.tracing.moving.moving_facets import Positions
+from rfgen_sionna.tracing.moving.slab_transmission import SlabTransmission
+from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
+from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections, ReflectionVisibility
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.surfaces import Surfaces
+from rfgen_sionna.tracing.transmission.transmission import Transmission, TransmittedVisibility
+
+
+class IndirectVisibility(NamedTuple):
+    """What is seen by further ways at the instants of a stretch, of each kind that there is."""
+
+    facets: list[Facets]
+    """What was looked at, at each instant."""
+    mirrored: list[GhostVisibility]
+    bounced: list[list[ReflectionVisibility]]
+    """Of all bounces that there are, at each instant."""
+    rounded: list[DoubleBounceVisibility]
+    transmitted: list[TransmittedVisibility]
+
+    @property
+    def views(self) -> list[GhostVisibility | ReflectionVisibility | DoubleBounceVisibility | TransmittedVisibility]:
+        """All of them."""
+        return [*self.mirrored, *chain(*self.bounced), *self.rounded, *self.transmitted]
+
+
+class IndirectPaths:
+    """Finds what the radar sees of moving surfaces by further ways, and traces it.
+
+    Parameters
+    ----------
+    surfaces, band
+        The surfaces, and the radar's gains.
+    ghosts, bounces, rounds, veils
+        What there may be: ghosts in walls, what flat parts show, plainly and through slabs, what bent surfaces do, and
+        what is behind slabs.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        band: BandTracer,
+        ghosts: Ghosts | None = None,
+        bounces: Sequence[PlanarReflections] = (),
+        rounds: CurvedReflections | None = None,
+        transmission_tracer: Transmission | None = None,
+    ) -> None:
+        self._still = surfaces.static_vertices
+        self.ghosts, self._bounces, self._rounds, self._transmission_tracer = (
+            ghosts,
+            tuple(bounces),
+            rounds,
+            transmission_tracer,
+        )
+        self._slab_edges = None if transmission_tracer is None else SlabTransmission(transmission_tracer, band)
+
+    def __bool__(self) -> bool:
+        """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
+        return self.ghosts is not None or bool(self._bounces) or self._transmission_tracer is not None
+
+    @property
+    def through_slabs(self) -> bool:
+        """Whether slabs may show what is behind them."""
+        return self._transmission_tracer is not None
+
+    @property
+    def _mirrored(self) -> Ghosts | None:
+        return self.ghosts if self.ghosts is not None and self.ghosts.active else None
+
+    def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
+        """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
+        if self.ghosts is not None:
+            self.ghosts.prepare([positions(t) for t in times])
+        ghosts, bounces = self._mirrored, self.over(positions, times[0])
+        if ghosts is None and not bounces:
+            return positions
+
+        def delay_points(t: float) -> list[FloatArray]:
+            found = list(positions(t))
+            if ghosts is not None:
+                found = ghosts.delay_points(found)
+            return [*found, *(points for each in bounces for points in each.delay_points(positions(t)))]
+
+        return delay_points
+
+    def over(self, positions: Positions, start: float) -> list[PlanarReflections]:
+        """The bounces that there may be in a stretch that begins at `start` [s]."""
+        return [each for each in self._bounces if each.follow(positions, start)]
+
+    def weights(
+        self, rays: Callable[[], RayScene], vertices: Sequence[FloatArray], facets: Facets, fraction: FloatArray
+    ) -> FloatArray:
+        """(facet,) share that is seen, `fraction` (facet,) directly, and what gets through slabs: as fine as that asks
+        for facets have to be. `rays` gives the ray scene, in which the moving surfaces have their `vertices` [m]."""
+        if self._transmission_tracer is None:
+            return fraction
+        transmitted = self._transmission_tracer.trace_visibility(rays(), self._everything(vertices), facets, fraction)
+        return np.asarray(fraction + self._transmission_tracer.weights(transmitted, len(fraction)))
+
+    def trace_visibility(
+        self,
+        bounces: Sequence[PlanarReflections],
+        sample_times: Sequence[float],
+        positions: Positions,
+        rays: Callable[[float], RayScene],
+        facets: Sequence[Facets],
+        visible: Sequence[VisibleFacets],
+    ) -> tuple[IndirectVisibility, list[VisibleFacets]]:
+        """What is seen of the `facets`, those from all sides, at each of the `sample_times` [s], of which so much is
+        `visible` directly; and that again, with what slabs let through beside their shadows' edges.
+
+        `rays` gives the ray scene as it stands at an instant, and takes it on to that from where it stood.
+        """
+        indirect, direct = IndirectVisibility(list(facets), [], [[] for _ in bounces], [], []), list(visible)
+        for k, (t, own, there) in enumerate(zip(sample_times, facets, visible, strict=True)):
+            if not self:
+                break
+            scene, everything = rays(t), self._everything(positions(t))
+            if (ghosts := self._mirrored) is not None:
+                indirect.mirrored.append(ghosts.trace_visibility(scene, own, there.fraction))
+            for reflectors, any_visible in zip(bounces, indirect.bounced, strict=True):
+                any_visible.append(reflectors.trace_visibility(t, scene, own, there.fraction))
+            if self._rounds is not None:
+                indirect.rounded.append(
+                    self._rounds.trace_visibility(scene, everything, own.number[there.fraction > 0])
+                )
+            if self._transmission_tracer is not None:
+                indirect.transmitted.append(
+                    self._transmission_tracer.trace_visibility(scene, everything, own, there.fraction)
+                )
+            if self._slab_edges is not None:
+                direct[k] = self._slab_edges.beside(scene, everything, there)
+        return indirect, direct
+
+    def trace(
+        self,
+        bounces: Sequence[PlanarReflections],
+        knots: FloatArray,
+        sample_times: FloatArray,
+        positions: Positions,
+        centroids: Centroids,
+        visible: IndirectVisibility,
+        level: FloatArray,
+    ) -> tuple[list[RadarPaths], float]:
+        """Paths by all of these ways, with delays at the `knots` [s], and what may be off of them, relative to the
+        `level` (surface,) of direct returns."""
+        given = knots, sample_times, visible.facets
+        paths, error = list[RadarPaths](), 0.0
+        if self._transmission_tracer is not None:
+            through, missed, _ = self._transmission_tracer.trace(*given, visible.transmitted, centroids, level)
+            paths, error = [] if through is None else [through], missed
+        if (ghosts := self._mirrored) is not None:
+            found, missed = ghosts.trace(*given, visible.mirrored, centroids, level)
+            paths, error = paths + found, error + missed
+        for reflectors, any_visible in zip(bounces, visible.bounced, strict=True):
+            found, missed = reflectors.trace(*given, any_visible, centroids, level)
+            paths, error = paths + found, error + missed
+        if self._rounds is not None:
+            around, missed = self._rounds.trace(knots, sample_times, visible.rounded, positions, level)
+            paths, error = paths if around is None else [*paths, around], error + missed
+        return paths, error
+
+    def _everything(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
+        """(vertex, 3) positions [m] of all surfaces."""
+        return [*self._still, *vertices]

@@ -1,0 +1,187 @@
+"""The facets of moving surfaces: made so fine as was asked for, and kept until the motion asks for others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.diffuse import grain_of
+from rfgen_sionna.tracing.gains.error_estimate import tolerance_factor
+from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
+from rfgen_sionna.tracing.moving.clusters import FacetClusters
+from rfgen_sionna.tracing.shadows.adaptive_sampling import shared_vertices
+from rfgen_sionna.tracing.surface.facets import Facets, stack_facets, with_patches
+from rfgen_sionna.tracing.surface.resolution import needs_finer_facets
+from rfgen_sionna.tracing.surface.surfaces import Surface
+from rfgen_sionna.tracing.surface.tessellate import Tessellation, tessellate
+
+RANGE_MARGIN = 1.1
+"""Facets are made as far as this times the range window: they may come into it during the stretch."""
+
+Positions = Callable[[float], Sequence[FloatArray]]
+"""Time [s] to the (vertex, 3) positions [m] of every moving surface."""
+FacetCallback = Callable[[Sequence[FloatArray], NDArray[np.intp]], None]
+"""What is to be done with new facets: the (facet, 3, 3) corners [m] of each surface's, and which of all are pieces of
+bent faces."""
+
+
+class MovingFacets:
+    """Pieces of the faces of moving `surfaces`, seen from the `viewpoint` (3,) [m] as far as `max_range` [m], for a
+    relative tolerance `rtol`; as fine as images behind the `ghosts`' mirrors ask for. `made` is called with new ones.
+    """
+
+    def __init__(
+        self,
+        surfaces: tuple[Surface, ...],
+        band: BandTracer,
+        viewpoint: FloatArray,
+        max_range: float,
+        rtol: float,
+        ghosts: Ghosts | None,
+        made: FacetCallback,
+    ) -> None:
+        self.surfaces = surfaces
+        self._band, self._viewpoint, self._max_range, self._rtol = band, viewpoint, max_range, rtol
+        self._ghosts, self._made = ghosts, made
+        self.pieces: list[Tessellation] = []
+        self.places: IntArray = np.zeros((0, 3), np.int32)
+        """(facet, 3) where corners touch: :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`."""
+        self.clusters = FacetClusters(band, viewpoint, rtol)
+        self._parts: list[IntArray] = []
+        self._turns: list[FloatArray] | None = None  # (face,) of each surface; None where all are flat
+        self._resolution = np.ones(len(surfaces))
+        self._distance = np.zeros(len(surfaces))
+
+    def follow(self, positions: Positions, knots: FloatArray) -> bool:
+        """Make new facets where an actor has come nearer by a fifth or gone twice as far, where its range decides what
+        is made of it, or where something flat has turned or moved to where the antennas' gain changes more; returns
+        whether there are new ones, the coarsest."""
+        poses = [positions(t) for t in sorted({float(knots[0]), float(knots[-1])})]
+        changed = not self.pieces
+        for index, _ in enumerate(self.surfaces):
+            distances = [lengths(pose[index] - self._viewpoint) for pose in poses]
+            nearest = min(float(each.min()) for each in distances)
+            beyond = max(float(each.max()) for each in distances) > self._max_range
+            if beyond or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:
+                self._distance[index] = nearest
+                changed = True
+            elif not changed and self.surfaces[index].smooth is None:
+                corners = self.pieces[index].corners(poses[0][index], self.surfaces[index].faces)
+                known = self._viewpoint, self._band.highest, self._rtol, self._band.pattern_gain
+                changed = needs_finer_facets(corners, *known)
+        if changed:
+            # From the coarsest ones on: what was asked for elsewhere need not be here.
+            self._resolution[:] = 1.0
+            self._split(poses[0])
+        return changed
+
+    def coarsen(self, vertices: Sequence[FloatArray]) -> None:
+        """Make the coarsest ones again, for the `vertices` (vertex, 3) [m] of each surface, if there are others."""
+        if (self._resolution != 1.0).any():
+            self._resolution[:] = 1.0
+            self._split(vertices)
+
+    def refine(self, error: FloatArray, vertices: Sequence[FloatArray]) -> bool:
+        """Make finer facets of surfaces whose `error` (surface,) is above the tolerance; False where none is, or where
+        that would be more facets than a machine can hold."""
+        coarse = error > self._rtol
+        if not coarse.any():
+            return False
+        before = self._resolution.copy()
+        self._resolution[coarse] *= tolerance_factor(error[coarse], self._rtol)
+        try:
+            self._split(vertices)
+        except ValueError:
+            self._resolution = before
+            return False
+        return True
+
+    def turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:
+        """In how many parts facets are integrated, all through a stretch of time in which they are turned as in one of
+        the `poses`, (vertex, 3) positions [m] of each surface."""
+        placed = zip(self.pieces, self.surfaces, zip(*poses, strict=True), strict=True)
+        self._parts = [piece.parts_seen(turned, own.faces, self._viewpoint) for piece, own, turned in placed]
+
+    def at(self, vertices: Sequence[Sequence[FloatArray]]) -> list[Facets]:
+        """All of them at several times, left flat; `vertices` are those of every time."""
+        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        given = self.pieces, vertices, self._viewpoint, wavenumber, self._parts, self._turns
+        return stack_facets(self.surfaces, *given)
+
+    def bent(
+        self,
+        facets: Sequence[Facets],
+        vertices: Sequence[Sequence[FloatArray]],
+        chosen: NDArray[np.intp] | None = None,
+    ) -> list[Facets]:
+        """Those, bent as the surfaces are; others than those that `chosen` counts out may be left flat."""
+        return with_patches(facets, self.surfaces, self.pieces, vertices, chosen)
+
+    def from_all_sides(self, facets: Facets) -> Facets:
+        """All of them, integrated in as many parts as any direction asks for."""
+        return replace(facets, parts=np.concatenate([piece.parts for piece in self.pieces]))
+
+    def centroids(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
+        """(kept, 3) [m], those of the facets that `kept` counts out of all, ascending."""
+        found = [piece.centroids(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
+        return np.concatenate([np.zeros((0, 3)), *found])
+
+    def corners(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
+        """(kept, 3, 3) [m], likewise."""
+        found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
+        return np.concatenate([np.zeros((0, 3, 3)), *found])
+
+    def _own(
+        self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]
+    ) -> Iterator[tuple[Tessellation, FloatArray, IntArray, NDArray[np.intp]]]:
+        """Of each surface its pieces, vertices, faces, and which of the facets `kept` are its own."""
+        first = 0
+        for piece, points, surface in zip(self.pieces, vertices, self.surfaces, strict=True):
+            yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
+            first += len(piece.face)
+
+    def _split(self, vertices: Sequence[FloatArray]) -> None:
+        images = self._ghosts.images(vertices) if self._ghosts is not None else [[] for _ in vertices]
+        self.pieces = [
+            tessellate(
+                points,
+                surface.faces,
+                self._viewpoint,
+                self._band.highest,
+                self._rtol * fineness,
+                self._band.pattern_gain,
+                RANGE_MARGIN * self._max_range,
+                self._band.half_band,
+                images=mirrored,
+                smooth=surface.smooth,
+                grain=grain_of(surface),
+            )
+            for points, surface, fineness, mirrored in zip(
+                vertices, self.surfaces, self._resolution, images, strict=True
+            )
+        ]
+        # A body deforms, but how much its faces are bent hardly changes with its pose.
+        if any(surface.smooth is not None for surface in self.surfaces):
+            self._turns = [
+                np.zeros(len(surface.faces)) if surface.smooth is None else surface.smooth.turn(points, surface.faces)
+                for points, surface in zip(vertices, self.surfaces, strict=True)
+            ]
+        self.turn_to([vertices])
+        placed = zip(self.pieces, vertices, self.surfaces, strict=True)
+        corners = [piece.corners(points, surface.faces) for piece, points, surface in placed]
+        surface = np.repeat(np.arange(len(corners)), [len(each) for each in corners])
+        self.places = shared_vertices(np.concatenate([np.zeros((0, 3, 3)), *corners]), surface)
+        firsts = np.cumsum([0, *(len(each.face) for each in self.pieces)])
+        of_curved = [
+            first + piece.pieces
+            for piece, first, surface in zip(self.pieces, firsts.tolist(), self.surfaces, strict=False)
+            if surface.smooth is not None
+        ]
+        self._made(corners, np.concatenate([np.zeros(0, np.intp), *of_curved]))
+        self.clusters.form(self.surfaces, self.pieces, vertices, self._distance)

@@ -1,0 +1,482 @@
+"""What moves: its paths, whose facets are kept fine enough from one stretch of time to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.culling import LEAST_RTOL
+from rfgen_sionna.tracing.moving.error_control import ErrorControl
+from rfgen_sionna.tracing.moving.facet_returns import FacetReturns
+from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths, IndirectVisibility
+from rfgen_sionna.tracing.moving.interval import IntervalVisibility, RefinedFacets, ReturnedFacets, TraceInterval
+from rfgen_sionna.tracing.moving.knots import SplinedPositions
+from rfgen_sionna.tracing.moving.moving_facets import MovingFacets, Positions
+from rfgen_sionna.tracing.moving.moving_visibility import MovingVisibility
+from rfgen_sionna.tracing.moving.per_element_visibility import PerElementSampler
+from rfgen_sionna.tracing.moving.reference_level import best_visible_level
+from rfgen_sionna.tracing.moving.temporal_refinement import (
+    BETWEEN_PER_RTOL,
+    TemporalRefinement,
+    fine_times,
+    moved_shadow_returns,
+)
+from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
+from rfgen_sionna.tracing.shadows.silhouettes import SilhouetteRays
+from rfgen_sionna.tracing.shadows.terminator import near_terminator
+from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets, facet_paths, over_time
+from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
+
+MEASURED_EVERY = 5
+"""The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
+next and takes about as long to know as all else."""
+PAIR, UNSTEADY = 2, 4
+"""The fewest instants of a stretch, and in how many stretches no pair is tried after one in which shadows moved."""
+TYPICAL_CANCELLATION = 1.5
+"""What people's facets return without interfering, over what they return: 0.5 to 3, mostly less than this."""
+
+
+@dataclass(frozen=True)
+class MovingTrace:
+    """The moving surfaces over a stretch of time."""
+
+    paths: RadarPaths
+    refined: RadarPaths | None
+    """Direct returns of facets that were looked at between instants, at their own knots; None where there are none."""
+    error: float
+    """Estimated relative error of the return of the worst of them; see
+    :mod:`rfgen_sionna.tracing.gains.error_estimate`."""
+    time_error: float
+    """Estimated relative error between knots of the direct return of the worst of them, for shadows that move on; see
+    :mod:`rfgen_sionna.tracing.moving.temporal_refinement`."""
+    facets: int
+    """Facets looked at."""
+    rays: int
+    places: Callable[[float], FloatArray]
+    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, go by. It holds
+    until the next stretch is traced."""
+    refined_places: Callable[[float], FloatArray]
+    """The same of `refined`."""
+    sample_times: FloatArray
+    """(instant,) at which gains were traced [s]."""
+
+
+class MovingTracer:
+    """Traces the moving surfaces stretch by stretch, and what is seen of them by `indirect` ways.
+
+    Facets stay the same until the motion asks for finer ones (:mod:`rfgen_sionna.tracing.moving.moving_facets`); small
+    neighbouring ones make a path together (:mod:`rfgen_sionna.tracing.moving.clusters`). Their error is measured in
+    every few stretches; where it is above the tolerance, facets and expansion are chosen anew. Not `aimed`, what is
+    faint to the antennas (:mod:`rfgen_sionna.tracing.moving.culling`) is traced as well.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        band: BandTracer,
+        viewpoint: FloatArray,
+        max_range: float,
+        rtol: float,
+        indirect: IndirectPaths,
+        aimed: bool = True,
+    ) -> None:
+        self._surfaces, self._band = surfaces, band
+        self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
+        self._indirect, self._aimed = indirect, aimed
+        self._tolerance_group = tolerance_groups(surfaces.moving)
+        materials = tuple(surface.material for surface in surfaces.moving)
+        self._sight = MovingVisibility(surfaces, band, viewpoint, max_range, rtol)
+        self._returns = FacetReturns(band, materials, self._tolerance_group)
+        self._temporal_refinement = TemporalRefinement(
+            band, self._sight, self._returns, viewpoint, max_range, rtol, self._tolerance_group
+        )
+        kept = surfaces.moving, band, viewpoint, max_range, rtol, indirect.ghosts
+        self._facets = MovingFacets(*kept, self._sight.use_silhouette_search)
+        self._precision = ErrorControl(
+            surfaces,
+            band,
+            rtol,
+            self._facets,
+            indirect,
+            lambda t, interval: self._trace_visibility([t], interval, True)[0],
+        )
+        self._per_element = PerElementSampler(
+            surfaces, *band.elements, viewpoint, 2 * np.pi * band.highest / SPEED_OF_LIGHT, rtol
+        )
+        self._cancelling = np.zeros(len(surfaces.moving))
+        self._turn = self._unsteady = 0
+
+    def trace(
+        self,
+        knots: FloatArray,
+        sample_times: FloatArray,
+        positions: Positions,
+        rays: Callable[[float], RayScene],
+        ray_scene: RayScene,
+        rays_between: Callable[[float], RayScene],
+    ) -> MovingTrace:
+        """Paths with delays at `knots` and gains traced at `sample_times` [s]; where shadows move, two of them are not
+        enough. `rays` gives the `ray_scene` as it is at an instant, `rays_between` at any time, by itself."""
+        interval = TraceInterval(
+            knots, positions, rays, ray_scene, rays_between, self._indirect.over(positions, float(knots[0]))
+        )
+        visibility = self._visibility(interval, sample_times)
+        level, cancellation = self._when_seen_best(visibility)
+        rest, refined, time_error = self._refine_in_time(interval, visibility, level)
+        paths, led = self._direct(interval, rest, visibility)
+
+        def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
+            return self._facets.centroids(positions(t), chosen)
+
+        given = interval.bounces, knots, visibility.sample_times, positions, centroids
+        more, beyond = self._indirect.trace(*given, visibility.indirect, self._precision.level)
+        self._turn += 1
+        views = [
+            *visibility.visible,
+            *visibility.discarded,
+            *visibility.indirect.views,
+            *([] if refined is None else [refined.found]),
+        ]
+        return MovingTrace(
+            RadarPaths.concatenate([paths, *more]) if more else paths,
+            None if refined is None else refined.paths,
+            self._precision.error(visibility, cancellation) + beyond,
+            time_error,
+            sum(each.sampled_facets for each in views),
+            sum(each.rays for each in views),
+            lambda t: self._facets.centroids(positions(t), led),
+            lambda t: self._facets.centroids(positions(t), led[:0] if refined is None else refined.facets),
+            visibility.sample_times,
+        )
+
+    def _visibility(self, interval: TraceInterval, sample_times: FloatArray) -> IntervalVisibility:
+        """What is seen in the stretch, as accurately as it has to be."""
+        self._unsteady -= 1
+        if len(sample_times) == PAIR and (self._unsteady > 0 or self._precision.own.any()):
+            sample_times = _with_middle(sample_times)
+        positions, middle = interval.positions, len(sample_times) // 2
+        if self._facets.follow(positions, interval.knots):
+            self._precision.reset()
+        self._facets.turn_to(
+            [positions(float(sample_times[each])) for each in sorted({0, middle, len(sample_times) - 1})]
+        )
+        turn, time_error = divmod(self._turn, MEASURED_EVERY)
+        if not time_error:
+            self._precision.verify_again()
+        visibility = self._precision.ensure(
+            sample_times,
+            interval,
+            lambda times, by: self._sampled_visibility(interval, times, by),
+            None if time_error else turn,
+        )
+        unverified = self._precision.unverified(
+            visibility, lambda surfaces: self._shadowed_surfaces(visibility, surfaces)
+        )
+        if not unverified.any():
+            return visibility
+        self._precision.verify_correction(unverified, *self._off(visibility, interval, unverified), visibility)
+        if not self._precision.own[unverified].any():
+            return visibility
+        if len(visibility.sample_times) == PAIR:  # which tell nothing of edges that pairs see
+            self._unsteady = UNSTEADY + 1
+            again = self._sampled_visibility(interval, _with_middle(visibility.sample_times), visibility.expansion)
+            return again._replace(discarded=[*visibility.visible, *again.discarded])
+        visible = self._all_per_element(visibility.visible, visibility.sample_times, interval)
+        return self._integrated(
+            visibility.sample_times,
+            visible,
+            visibility.expansion,
+            visibility.indirect,
+            visibility.steady,
+            visibility.discarded,
+        )
+
+    def _shadowed_surfaces(self, visibility: IntervalVisibility, surfaces: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(surface,) on which of the `surfaces` (surface,) edges of shadows fall at an instant, as pairs see them."""
+        given = zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
+        found = [
+            self._per_element.shadowed_surfaces(self._sight.silhouette_rays(t), each, surfaces) for t, each in given
+        ]
+        return np.asarray(np.any(found, axis=0))
+
+    def _off(
+        self, visibility: IntervalVisibility, interval: TraceInterval, unverified: NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray]:
+        """(surface,) error of what strips beside shadows' edges tell of the `unverified` ones, of the pairs that see
+        most
+        differently, at the ends and half way, and (surface,) the largest return of these."""
+        own, width, pairs = visibility.returned, len(self._band.elements[1]), self._per_element.representative()
+        known = self._facets.places, unverified, self._precision.cancellation
+        most = np.max([each.level for each in visibility.visible], axis=0)
+        both = [(pair // width, pair % width) for pair in pairs.tolist()]
+        off, level = np.zeros((2, len(unverified)))
+        for k in sorted({0, len(visibility.sample_times) // 2, len(visibility.sample_times) - 1}):
+            t, there = float(visibility.sample_times[k]), visibility.visible[k]
+            (bent,) = self._bent([there], np.array([t]), interval)
+            sampled = self._per_element.visibility(
+                interval.rays_between(t), interval.positions(t), bent, *known, pairs, most
+            )
+            given = bent.per_element(sampled, unverified), unverified, both, visibility.expansion
+            for pair, (more, whole) in zip(both, self._returns.per_element(*given), strict=True):
+                correction = (
+                    visibility.sampled_returns.boundary_correction[k],
+                    there,
+                    own.kept,
+                    visibility.references[k],
+                    pair,
+                    unverified,
+                )
+                off = np.maximum(off, np.abs(more - self._returns.beside(*correction)))
+                level = np.maximum(level, whole)
+        return off[self._tolerance_group], level[self._tolerance_group]
+
+    def _sampled_visibility(
+        self, interval: TraceInterval, sample_times: FloatArray, expansion: Expansion
+    ) -> IntervalVisibility:
+        """What is seen at the `sample_times` [s], at three of them where shadows move too much for two, and what the
+        facets
+        that are seen return."""
+        positions, steady, discarded = interval.positions, 0.0, list[VisibleFacets]()
+        visible = self._trace_visibility(sample_times.tolist(), interval)
+        if len(sample_times) == PAIR:
+            steady = self._changed(*visible)
+            if steady > BETWEEN_PER_RTOL * self._rtol:
+                sample_times, steady, self._unsteady, discarded = _with_middle(sample_times), 0.0, UNSTEADY + 1, visible
+                visible = self._trace_visibility(sample_times.tolist(), interval)
+        whole = [self._facets.from_all_sides(each.facets) if self.beside else each.facets for each in visible]
+        times = sample_times.tolist(), positions, interval.rays
+        indirect, visible = self._indirect.trace_visibility(interval.bounces, *times, whole, visible)
+        visible = [self._precision.to_terminator(each) for each in visible]
+        visible = self._all_per_element(visible, sample_times, interval)
+        return self._integrated(sample_times, visible, expansion, indirect, steady, discarded)
+
+    def _integrated(
+        self,
+        sample_times: FloatArray,
+        visible: list[VisibleFacets],
+        expansion: Expansion,
+        indirect: IndirectVisibility,
+        steady: float,
+        discarded: list[VisibleFacets],
+    ) -> IntervalVisibility:
+        """What facets return that are `visible` at the `sample_times` [s]."""
+        kept = np.flatnonzero(np.any([each.any_visible() for each in visible], axis=0))
+        pattern_gradient = self._band.pattern_gradient(visible[0].facets, kept)
+        visible = [replace(each, facets=each.facets.with_pattern_gradient(pattern_gradient)) for each in visible]
+        facets = Facets.taken([each.facets for each in visible], kept)
+        cluster_head = self._facets.clusters.followed([each.facets.centroids for each in visible], kept)
+        references = [np.take(each.facets.centroids, cluster_head, axis=0) for each in visible]
+        sampled_returns = self._returns.visible(visible, kept, facets, references, expansion)
+        shares = np.stack([each.shares(len(self._per_element.pairs))[kept] for each in visible], axis=-1)
+        returned = ReturnedFacets(
+            kept, facets, cluster_head, shares, sampled_returns.values, sampled_returns.boundary_correction
+        )
+        return IntervalVisibility(
+            sample_times, visible, returned, references, sampled_returns, expansion, indirect, steady, discarded
+        )
+
+    def _when_seen_best(self, visibility: IntervalVisibility) -> tuple[FloatArray, FloatArray]:
+        """(surface,) level and interference of each, of one that goes behind another when it is seen best."""
+
+        def waves(k: int) -> ComplexArray:
+            gains = (
+                visibility.expansion.weights[0, 0, 0]
+                @ visibility.sampled_returns.values[k]
+                * visibility.visible[k].weight[visibility.returned.kept]
+            )
+            return np.asarray(gains * phasors(self._band.centre * self._band.delays(visibility.references[k], (0, 0))))
+
+        own, middle, known = visibility.returned, len(visibility.sample_times) // 2, self._precision
+        tolerance_group = self._tolerance_group[own.facets[middle].surface]
+        return best_visible_level(waves, own.shares, tolerance_group, middle, known.level, known.cancellation)
+
+    def _refine_in_time(
+        self, interval: TraceInterval, visibility: IntervalVisibility, level: FloatArray
+    ) -> tuple[ReturnedFacets, RefinedFacets | None, float]:
+        """Facets that shadows' edges pass over are looked at between instants and go by paths of their own: the others,
+        these, if there are any, and what is missed between times."""
+        own, sample_times, positions = visibility.returned, visibility.sample_times, interval.positions
+        given = own.facets, visibility.references, own.values, own.boundary_correction, own.shares, visibility.expansion
+        chosen = self._temporal_refinement.choose(*given, level)
+        followed = own.kept[chosen.facets]
+        if not len(followed):
+            return own, None, max(chosen.error(), visibility.steady)
+        placed, most = (
+            SplinedPositions(interval.knots, positions),
+            np.max([each.level for each in visibility.visible], axis=0),
+        )
+        found = self._temporal_refinement.follow(
+            chosen, followed, self._facets.places[followed], sample_times, visibility.visible, visibility.expansion,
+            placed, lambda t: self._facets.corners(placed(t), followed), interval.ray_scene,
+            lambda visible, t: self._per_element_visible(visible, t, self._facets.places[followed], interval, most),
+        )  # fmt: skip
+        # As many knots as delays ask for, the times among them.
+        often = fine_times(found.times, -(-(len(interval.knots) - 1) // (len(found.times) - 1)))
+        paths = self._paths(often, found.times, placed, found.facets, found.coefficients, followed, {})
+        rest = np.setdiff1d(np.arange(len(own.kept)), chosen.facets, assume_unique=True)
+        return own.take(rest), RefinedFacets(found, paths, followed), found.error
+
+    def _direct(
+        self, interval: TraceInterval, own: ReturnedFacets, visibility: IntervalVisibility
+    ) -> tuple[RadarPaths, NDArray[np.intp]]:
+        """Paths of the facets that are seen directly, small neighbours together, and the facets they go by."""
+        pattern = [self._facets.clusters.pattern(each, own.kept, own.cluster_head) for each in visibility.visible]
+        given = (
+            own.facets,
+            own.shares,
+            own.values,
+            visibility.expansion,
+            own.cluster_head,
+            own.boundary_correction,
+            pattern,
+        )
+        coefficients, led = self._returns.coefficients(*given)
+        led_by, count = visibility.visible[0].facets.take(led), len(self._cancelling)
+        by_way = [np.take(each.facets.centroids, led, axis=0) for each in visibility.visible]
+        self._cancelling = self._returns.cancelling(by_way, coefficients[0, 0, 0], led_by.surface, count)
+        known = {
+            t: each.facets.centroids
+            for t, each in zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
+        }
+        return self._paths(
+            interval.knots, visibility.sample_times, interval.positions, led_by, coefficients, led, known
+        ), led
+
+    def _changed(self, first: VisibleFacets, last: VisibleFacets) -> float:
+        """Error between two instants for shadows that move on, at most, of the worst surface."""
+        wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        change = moved_shadow_returns(first, last, self._viewpoint, wavenumber, self._tolerance_group)
+        return float((0.5 * np.maximum(self._precision.cancellation, 1.0) * change).max(initial=0.0))
+
+    def silhouette_rays(self, t: float) -> SilhouetteRays:
+        """Rays that just pass the outlines of what moves at one of the instants [s]."""
+        return self._sight.silhouette_rays(t)
+
+    def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
+        """:meth:`IndirectPaths.prepare`"""
+        return self._indirect.prepare(positions, times)
+
+    @property
+    def cancelled(self) -> FloatArray:
+        """(surface,) how much larger errors of single facets are for all of a surface than for a body, whose facets
+        return without order, as told in the stretch before: where a flat thing looks elsewhere they cancel nearly, and
+        their errors don't."""
+        return np.maximum(self._cancelling / TYPICAL_CANCELLATION, 1.0)
+
+    @property
+    def beside(self) -> bool:
+        """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
+        return bool(self._indirect)
+
+    def _trace_visibility(
+        self, times: Sequence[float], interval: TraceInterval, all_around: bool = False
+    ) -> list[VisibleFacets]:
+        """What is seen directly at several `times` [s] of the stretch, bent where it is seen, and `all_around` or where
+        that counts along the horizon, too."""
+        vertices, everything = [interval.positions(t) for t in times], self.beside
+        facets, around = self._facets.at(vertices), self._precision.terminator | all_around
+        if everything:
+            facets = self._facets.bent(facets, vertices)
+        # Of what was not seen before nobody knows how it interferes.
+        known = (self._precision.cancellation > 0) & (self._aimed and not everything and self._rtol >= LEAST_RTOL)
+        share = np.where(known, 1.0 / np.maximum(self._precision.cancellation, 1.0), 0.0)
+        visible = self._sight(interval.ray_scene, facets, self._facets.places, times, vertices, share)
+        if everything:
+            return visible
+        any_visible = np.any([each.fraction > 0 for each in visible], axis=0)
+        if around.any():
+            any_visible |= np.any(
+                [near_terminator(each.facets, self._viewpoint, self._band.reach) for each in visible], axis=0
+            )
+        facets = self._facets.bent([each.facets for each in visible], vertices, np.flatnonzero(any_visible))
+        return [replace(each, facets=own) for each, own in zip(visible, facets, strict=True)]
+
+    def _all_per_element(
+        self, visible: Sequence[VisibleFacets], times: FloatArray, interval: TraceInterval
+    ) -> list[VisibleFacets]:
+        """What is `visible` at some `times` [s], as :meth:`_per_element_visible` has it."""
+        self._precision.exclude_slabs(visible)
+        if not self._precision.own.any():
+            return list(visible)
+        visible = self._bent(visible, times, interval)
+        level = np.max([each.level for each in visible], axis=0)
+        given = zip(visible, times.tolist(), strict=True)
+        return [self._per_element_visible(each, t, self._facets.places, interval, level) for each, t in given]
+
+    def _bent(
+        self, visible: Sequence[VisibleFacets], times: FloatArray, interval: TraceInterval
+    ) -> list[VisibleFacets]:
+        """What is `visible` at some `times` [s], all bent that is looked at, as pairs may see it where the phase centre
+        does not."""
+        vertices = [interval.positions(t) for t in times.tolist()]
+        chosen = np.flatnonzero(np.any([each.weight > 0 for each in visible], axis=0))
+        facets = self._facets.bent([each.facets for each in visible], vertices, chosen)
+        return [replace(each, facets=own) for each, own in zip(visible, facets, strict=True)]
+
+    def _per_element_visible(
+        self, visible: VisibleFacets, t: float, places: IntArray, interval: TraceInterval, level: FloatArray
+    ) -> VisibleFacets:
+        """What is `visible` at `t` [s] of facets at some `places` (facet, 3), of surfaces of which that counts from
+        each
+        pair's own places; the others are those of :meth:`PerElementSampler.visibility`."""
+        own, every = self._precision.own, self._per_element
+        if not own.any():
+            return visible
+        given = interval.positions(t), visible, places, own, self._precision.cancellation, every.pairs, level
+        return visible.per_element(every.visibility(interval.rays_between(t), *given), own)
+
+    def _paths(
+        self,
+        knots: FloatArray,
+        sample_times: FloatArray,
+        positions: Positions,
+        facets: Facets,
+        gains: NDArray[np.complex128],
+        led: NDArray[np.intp],
+        known: Mapping[float, FloatArray],
+    ) -> RadarPaths:
+        """Paths by way of `facets`, which `led` counts out of all, with `gains` (order, tx, rx, facet, instant); the
+        centroids (facet, 3) [m] of all facets are `known` at some times."""
+        direction = np.empty((len(led), len(knots), 3))
+        column = {float(t): k for k, t in enumerate(knots)}
+
+        def centroids(t: float) -> FloatArray:
+            return np.take(known[t], led, axis=0) if t in known else self._facets.centroids(positions(t), led)
+
+        def delays(t: float) -> FloatArray:
+            there = centroids(t)
+            if t in column:
+                offset = there - self._viewpoint
+                direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
+            return self._band.delays(there)
+
+        def rates(t: float) -> FloatArray:
+            before, after = positions(t - RATE_STEP), positions(t + RATE_STEP)
+            velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
+            return self._band.rates(centroids(t), self._facets.centroids(velocities, led))
+
+        curves = over_time(knots, sample_times, gains, delays, rates)
+        return facet_paths(
+            self._surfaces.moving,
+            facets,
+            knots,
+            *curves,
+            direction,
+            self._band.centre,
+            self._band.half_band,
+            (self._surfaces.object_names, self._surfaces.part_names),
+        )
+
+
+def _with_middle(sample_times: FloatArray) -> FloatArray:
+    """Two instants and the one half way."""
+    return np.linspace(sample_times[0], sample_times[-1], 3)

@@ -1,0 +1,353 @@
+"""What pairs of elements see of moving facets from their own places.
+
+Shadows are cast from the array's phase centre, and strips beside their edges tell what pairs see more or less
+(:mod:`rfgen_sionna.tracing.shadows.boundary_correction`), to the first order. That is not enough where a surface
+returns little
+but for the corners of its shadow, where an edge falls far aside of the centre's, and where the centre sees none at all
+yet. There each pair looks for itself: at points that both its elements see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths, unit
+from rfgen_sionna.scene.point_visibility import PointVisibility
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.moving.visible_facets import PerElementSamples, PerElementVisibility, VisibleFacets
+from rfgen_sionna.tracing.shadows.adaptive_sampling import CornerVisibility, sample_visibility
+from rfgen_sionna.tracing.shadows.silhouettes import (
+    RAY_CLEARANCE,
+    STATIC_RAY_SPACING,
+    FacetLocator,
+    MeshSilhouette,
+    SilhouetteRays,
+)
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
+
+MAX_REPRESENTATIVE_PAIRS = 12
+"""Pairs by which it is told whether all others have to look for themselves, at most."""
+MAX_LANES = 60_000
+"""Facets and pairs that are looked at together."""
+_LATERAL_CLEARANCE = 1.5 * RAY_CLEARANCE
+"""How high above a facet's plane, over the way there, an outline has to be that casts a shadow on it: rays pass the
+facet's own, and those of all that is convex with it, by less."""
+MAX_FINER = 30.0
+"""How many times more closely shadows' edges are looked at than the tolerance asks for, at most, where facets cancel
+one another."""
+
+
+class _ElementOccluders:
+    """What hides points from sets of places, `ends` (set, place, 3) [m], by the facets' numbers: those of the ray scene
+    and, times the number of its facets, the set."""
+
+    def __init__(self, rays: RayScene, ends: FloatArray) -> None:
+        self._rays, self._ends = rays, ends
+
+    def targets(
+        self,
+        viewpoint: FloatArray,
+        corners: FloatArray,
+        facets: NDArray[np.int64],
+        moving: bool = False,
+        bundled: bool = False,
+    ) -> PointVisibility:
+        """Points that all places of a set have to see, whatever the viewpoint."""
+        of, own = np.divmod(facets, self._rays.num_facets)
+        return self._rays.targets(self._ends[of], corners, own, moving, bundled)
+
+
+class PerElementSampler:
+    """Looks at facets from the places of pairs.
+
+    Parameters
+    ----------
+    surfaces
+        All that there are.
+    tx, rx
+        (element, 3) places [m].
+    viewpoint
+        (3,) the phase centre [m].
+    wavenumber
+        At the highest frequency [rad/m].
+    rtol
+        Tolerance of what all facets of a lot return.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        tx: FloatArray,
+        rx: FloatArray,
+        viewpoint: FloatArray,
+        wavenumber: float,
+        rtol: float,
+    ) -> None:
+        self._surfaces = surfaces
+        self._silhouettes, self._tolerance_group = (
+            [MeshSilhouette(each.faces) for each in surfaces.moving],
+            tolerance_groups(surfaces.moving),
+        )
+        self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
+        self._tx, self._rx, self._viewpoint = tx, rx, viewpoint
+        self._wavenumber, self._rtol = wavenumber, rtol
+        self._static: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}  # by element and surface
+
+    @property
+    def pairs(self) -> NDArray[np.intp]:
+        """All of them."""
+        return np.arange(len(self._tx) * len(self._rx))
+
+    @cached_property
+    def _outermost(self) -> NDArray[np.intp]:
+        """Elements, first all Tx, of the pairs that tell of all others."""
+        tx, rx = np.divmod(self.representative(), len(self._rx))
+        return np.unique(np.concatenate([tx, len(self._tx) + rx]))
+
+    def representative(self) -> NDArray[np.intp]:
+        """Pairs that tell of all others, those that see most differently: each is the furthest from those before."""
+        tx, rx = (each - self._viewpoint for each in (self._tx, self._rx))
+        both = np.concatenate([np.repeat(tx, len(rx), axis=0), np.tile(rx, (len(tx), 1))], axis=1)
+        found, distance = list[int](), np.linalg.norm(both, axis=1)
+        for _ in range(min(len(both), MAX_REPRESENTATIVE_PAIRS)):
+            found.append(int(np.argmax(distance)))
+            distance = np.minimum(distance, np.linalg.norm(both - both[found[-1]], axis=1))
+            distance[found] = -1.0
+        return np.sort(np.array(found))
+
+    def shadowed_surfaces(
+        self, silhouette_rays: SilhouetteRays, visible: VisibleFacets, surfaces: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """(surface,) on which of the `surfaces` (surface,), of which facets are `visible`, shadows' edges fall as the
+        outermost elements see them, where the phase centre sees one and where it sees none, by rays `silhouette_rays`
+        outlines
+        of other things from there."""
+        found, facets = np.zeros(len(surfaces), np.bool_), visible.facets
+        elements = np.concatenate([self._tx, self._rx])[self._outermost]
+        chosen = np.flatnonzero((visible.weight > 0) & surfaces[facets.surface])
+        corners = np.take(facets.corners, chosen, axis=0) - self._viewpoint
+        edges, away = silhouette_rays.directions, lengths(silhouette_rays.directions)
+        reach = float(lengths(elements - self._viewpoint).max(initial=0.0))
+        for surface in np.unique(facets.surface[chosen]).tolist():
+            own = corners[facets.surface[chosen] == surface]
+            # By the cone that holds it, opened as far as elements may see an edge shifted.
+            ways = unit(own.reshape(-1, 3))
+            axis = unit(ways.mean(axis=0))
+            opening = (
+                np.arccos(np.clip((ways @ axis).min(), -1.0, 1.0)) + (reach + 0.5 * silhouette_rays.span * away) / away
+            )
+            beside = np.arccos(np.clip(edges @ axis / away, -1.0, 1.0)) < opening
+            others = True if silhouette_rays.owner is None else silhouette_rays.owner != surface
+            near = np.flatnonzero(beside & others & (away < lengths(own.reshape(-1, 3)).max()))
+            for some in np.array_split(near, -(-len(near) * len(own) // MAX_LANES)) if len(near) else ():
+                if any(
+                    _shadow_reaches(edges[some], silhouette_rays.span[some], own, end - self._viewpoint)
+                    for end in elements
+                ):
+                    found[surface] = True
+                    break
+        return found
+
+    def visibility(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        visible: VisibleFacets,
+        places: IntArray,
+        surfaces: NDArray[np.bool_],
+        cancellation: FloatArray,
+        pairs: NDArray[np.intp],
+        level: FloatArray,
+    ) -> PerElementSamples:
+        """What some `pairs` see of the `surfaces` (surface,) that the phase centre has `visible`.
+
+        `rays` is the ray scene as it is then, with the `vertices` (vertex, 3) [m] of all moving surfaces, and `places`
+        (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`. By its `cancellation`
+        (surface,)
+        a surface's facets cancel one another; flat ones, which may do so to the last digit, are searched for edges and
+        looked at the more closely. `level` (surface,) is what errors are relative to, as :attr:`VisibleFacets.level`
+        where most is seen.
+        """
+        facets, ends = visible.facets, np.stack([pairs // len(self._rx), len(self._tx) + pairs % len(self._rx)])
+        sampled_facets = (visible.weight > 0) & surfaces[facets.surface]
+        if facets.outward is not None:  # of these strips at the horizon are told of, which rays don't see
+            sampled_facets &= ~facets.outward
+        chosen = np.flatnonzero(sampled_facets)
+        if not len(chosen):
+            return PerElementSamples(PerElementVisibility.none(), np.zeros(len(surfaces)), level, 0)
+        light, silhouette, sent = self._guided(rays, vertices, facets, places, chosen, ends)
+        silhouette = np.maximum(silhouette, visible.silhouette[chosen])
+        # Where all see all or nothing, as the phase centre does, there is no edge.
+        alike = (light == light[:1, :, :1]).all(axis=(0, 2)) & (light[0, :, 0] == visible.fraction[chosen])
+        edged = ~alike | np.isin(chosen, visible.owner) | (silhouette > 0).any(axis=0)
+        # Between corners an edge may cross what touches those.
+        edged = np.isin(places[chosen], places[chosen[edged]]).any(axis=1)
+        of_groups = np.zeros(len(surfaces))
+        of_groups[self._tolerance_group] = level
+        views, energy, bent = [PerElementVisibility.none()], np.zeros(len(surfaces)), self._bent[facets.surface[chosen]]
+        finer = float(np.clip(cancellation[surfaces & ~self._bent].max(initial=1.0), 1.0, MAX_FINER))
+        for closely, kind in ((True, ~bent), (False, bent)):
+            some, missed = np.flatnonzero(edged & kind), np.zeros(len(surfaces))
+            batches = min(-(-len(some) * len(pairs) // MAX_LANES), len(pairs))
+            for batch in np.array_split(np.arange(len(pairs)), batches) if batches else ():
+                given = rays, visible, chosen[some], pairs[batch], ends[:, batch], light[:, some], silhouette[:, some]
+                view, error, more = self._sampled(*given, of_groups, self._rtol / (finer if closely else 1.0), closely)
+                views.append(view)
+                missed, sent = np.maximum(missed, error), sent + more  # of the worst pair
+            energy += missed**2
+        missed = np.sqrt(energy)
+        return PerElementSamples(
+            PerElementVisibility.joined(views, [0] * len(views)), missed[self._tolerance_group], level, sent
+        )
+
+    def _sampled(
+        self,
+        rays: RayScene,
+        visible: VisibleFacets,
+        chosen: NDArray[np.intp],
+        pairs: NDArray[np.intp],
+        ends: NDArray[np.intp],
+        light: NDArray[np.bool_],
+        silhouette: FloatArray,
+        level: FloatArray,
+        rtol: float,
+        search: bool,
+    ) -> tuple[PerElementVisibility, FloatArray, int]:
+        """What the `pairs` (pair,) see of the `chosen` facets, with elements at both `ends` (2, pair), what is missed
+        of each lot, relative to its `level` (lot,), and the rays sent. The others are those of :meth:`_guided`, and of
+        :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.sample_visibility`."""
+        facets, groups_of_all, elements = visible.facets, len(level), np.concatenate([self._tx, self._rx])
+        of, facet = np.repeat(np.arange(len(pairs)), len(chosen)), np.tile(chosen, len(pairs))
+        group = self._tolerance_group[facets.surface[facet]] + groups_of_all * of
+        own = sample_visibility(
+            _ElementOccluders(rays, np.moveaxis(elements[ends], 0, 1)), self._viewpoint,
+            np.take(facets.corners, facet, axis=0), facets.number[facet] + np.int64(rays.num_facets) * of,
+            (light[ends[0]] & light[ends[1]]).reshape(-1, 3), self._wavenumber, rtol,
+            np.maximum(silhouette[ends[0]], silhouette[ends[1]]).ravel(), visible.weight[facet], group,
+            level=np.tile(level, len(pairs)), search=search, times=len(pairs),
+        )  # fmt: skip
+        kept = np.flatnonzero((own.fraction != visible.fraction[facet]) | ((own.fraction > 0) & (own.fraction < 1)))
+        lane = np.full(len(facet), -1, np.intp)
+        lane[kept] = np.arange(len(kept))
+        mine = lane[own.owner] >= 0
+        view = PerElementVisibility(
+            facet[kept], pairs[of[kept]], own.fraction[kept], lane[own.owner[mine]], own.pieces[mine]
+        )
+        energy = np.bincount(group, own.missed**2, len(pairs) * groups_of_all).reshape(len(pairs), -1)
+        error = np.sqrt(energy.max(axis=0, initial=0.0))
+        return view, error / np.where(level > 0, level, np.inf), own.rays
+
+    def _guided(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        facets: Facets,
+        places: IntArray,
+        chosen: NDArray[np.intp],
+        ends: NDArray[np.intp],
+    ) -> tuple[NDArray[np.bool_], FloatArray, int]:
+        """(element, chosen, 3) whether elements, first all Tx, see the corners of the `chosen` facets, (element,
+        chosen) length of outlines that fall on these [rad], of those elements that are `ends` (2, pair) of
+        pairs, and the rays sent."""
+        elements, used = np.concatenate([self._tx, self._rx]), np.unique(ends)
+        corners, number = np.take(facets.corners, chosen, axis=0), facets.number[chosen]
+        light = np.zeros((len(elements), len(chosen), 3), np.bool_)
+        silhouette = np.zeros((len(elements), len(chosen)))
+        # All of them at once: a kernel takes as long to set up as some ten thousand rays.
+        step = max(1, MAX_LANES // max(len(chosen), 1))
+        sent = 0
+        for some in np.split(used, np.arange(step, len(used), step)):
+            ends_of, each = elements[some], np.arange(len(some))[:, None]
+            own = (number + rays.num_facets * each).ravel()
+            there = np.tile(corners, (len(some), 1, 1))
+            met = (places[chosen] + (int(places.max(initial=-1)) + 1) * each[..., None]).reshape(-1, 3)
+            visible, guides = CornerVisibility(self._viewpoint, there, own, met).visible(
+                _ElementOccluders(rays, ends_of[:, None])
+            )
+            light[some] = visible.reshape(len(some), -1, 3)
+            past = [
+                [one.silhouette_rays(points - end) for one, points in zip(self._silhouettes, vertices, strict=True)]
+                + [self._rays_past_static(element, corners.reshape(-1, 3) - end)]
+                for element, end in zip(some.tolist(), ends_of, strict=True)
+            ]
+            count = [sum(len(span) for _, span in of_one) for of_one in past]
+            directions, span = (np.concatenate(columns) for columns in zip(*chain(*past), strict=True))
+            of = np.repeat(np.arange(len(some)), count)
+            hit = rays.first_facet(ends_of[of], directions)
+            fallen = SilhouetteRays(directions, np.where(hit < 0, -1, hit + rays.num_facets * of), span)
+            from_there = there - np.repeat(ends_of, len(chosen), axis=0)[:, None]
+            silhouette[some] = FacetLocator(from_there, own).silhouette_lengths(fallen)[0].reshape(len(some), -1)
+            sent += guides + len(span)
+        light[np.setdiff1d(np.arange(len(elements)), used)] = light[used[:1]]
+        return light, silhouette, sent
+
+    def _rays_past_static(self, element: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rays from an element, first all Tx, that just pass outlines of what stays before some `points` (point, 3) [m]
+        seen from there, and what each stands for. As the element itself sees them: in the points' own cone."""
+        end, far = np.concatenate([self._tx, self._rx])[element], lengths(points)
+        ways = points / np.maximum(far, 1e-12)[:, None]
+        axis = unit(ways.mean(axis=0))
+        opening, furthest = float((ways @ axis).min()) - 1e-3, float(far.max())
+        rays, spans = [np.zeros((0, 3))], [np.zeros(0)]
+        for number, (low, high) in enumerate(self._boxes):
+            if np.linalg.norm(np.clip(end, low, high) - end) >= furthest:
+                continue  # of a town that is most
+            if (element, number) not in self._static:
+                there = self._surfaces.static_vertices[number] - end
+                self._static[element, number] = self._static_silhouettes[number].silhouette_rays(
+                    there, STATIC_RAY_SPACING
+                )
+            past, span = self._static[element, number]
+            away = lengths(past)
+            before = (past @ axis > opening * away) & (away < furthest)
+            rays.append(past[before])
+            spans.append(span[before])
+        return np.concatenate(rays), np.concatenate(spans)
+
+    @cached_property
+    def _static_silhouettes(self) -> list[MeshSilhouette]:
+        return [MeshSilhouette(each.faces) for each in self._surfaces.static]
+
+    @cached_property
+    def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Least and largest coordinates [m] of all that stays."""
+        return [(each.min(axis=0), each.max(axis=0)) for each in self._surfaces.static_vertices]
+
+
+def _shadow_reaches(edges: FloatArray, span: FloatArray, corners: FloatArray, element: FloatArray) -> bool:
+    """Whether the shadow of an outline, of which there are points `edges` (point, 3) [m] that stand for a length `span`
+    (point,) [rad] each, falls on one of the facets with `corners` (facet, 3, 3) [m] as an `element` (3,) [m] sees it;
+    all from the same viewpoint."""
+    a, b, c = np.moveaxis(corners - element, 1, 0)
+    normal = np.cross(b - a, c - a)
+    ways = edges - element
+    along, height = ways @ normal.T, np.einsum("fi,fi->f", a, normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        indirect = height / along  # (point, facet) the way to the facet's plane, over that to the outline
+    area = lengths(normal)
+    before = (
+        (indirect > 1.0)
+        & np.isfinite(indirect)
+        & (np.abs(height - along) > _LATERAL_CLEARANCE * lengths(ways)[:, None] * area)
+    )
+    if not before.any():
+        return False
+    point, facet = np.nonzero(before)
+    there = indirect[point, facet][:, None] * ways[point] - a[facet]
+    area, across = area[facet], normal[facet]
+    # On the inner side of all three sides, or as little without as lies between two points of the outline.
+    slack = 0.5 * span[point] * indirect[point, facet] * lengths(ways)[point]
+    slack *= area * lengths(ways)[point] / np.maximum(np.abs(along[point, facet]), 1e-300)  # seen aslant it is longer
+    inside = np.ones(len(point), np.bool_)
+    for first, second in ((a, b), (b, c), (c, a)):
+        start, side = (first - a)[facet], (second - first)[facet]
+        out = np.einsum("pi,pi->p", np.cross(side, there - start), across) / area
+        inside &= out >= -slack * lengths(side)
+    return bool(inside.any())

@@ -1,0 +1,370 @@
+"""Glances between instants at facets that shadows' edges pass over.
+
+Gains are splines through instants. Where the edge of a shadow moves over a facet, above all over a large one seen
+aslant, its gain changes with the wavelengths that the edge passes and not with the turns of the body: in a walking
+person a few facets of thousands, behind the arm that swings. By how much splines miss them between instants is told by
+leaving each instant out in turn. Those that matter are looked at in between as well, and go by paths of their own.
+
+Instants tell of edges that they see. What hides a facet for less than the time between two of them, a rod of 2 cm at
+1.5 m/s, may be missed by all; and what ghosts and slabs show of actors follows its instants alone. Of what actors hide
+of the static scene :mod:`rfgen_sionna.tracing.static.static_refinement` takes care.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import knot_weights
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.occluders import times_at_once
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.expansion import Expansion
+from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.moving.facet_returns import AT_ONCE, FacetReturns, SampledReturns
+from rfgen_sionna.tracing.moving.interpolation_loss import (
+    has_shadow_edge,
+    interpolation_loss,
+    largest_energy,
+    leave_one_out,
+    missed_energy,
+    rms,
+)
+from rfgen_sionna.tracing.moving.knots import QUIET_GAPS, SplinedPositions
+from rfgen_sionna.tracing.moving.moving_visibility import MovingVisibility
+from rfgen_sionna.tracing.moving.slab_transmission import interpolate_transmission
+from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
+from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
+from rfgen_sionna.tracing.shadows.return_bounds import max_returns
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
+
+BETWEEN_PER_RTOL = 3.0
+"""What a return may err by between instants for shadows that move on, relative to itself [root mean square over time],
+per unit of the tolerance: as much as for gains that turn with the body."""
+MAX_SUBDIVISIONS = 8
+"""Times from one instant to the next, at most; twice as many from the first of three to the second."""
+_CHOSEN_SHARE = 0.7
+"""Share of that which facets that are looked at in between may err by, and the others."""
+MIN_SAMPLE_TIMES = 3
+"""Instants that tell anything."""
+
+
+class RefinementChoice(NamedTuple):
+    """Facets to be looked at between instants."""
+
+    facets: NDArray[np.intp]
+    """(chosen,) ascending."""
+    rounds: int
+    """Times from one instant to the next."""
+    rest: FloatArray
+    """(surface,) estimated error of all others between instants."""
+    level: FloatArray
+    """(surface,) return that errors are relative to."""
+    width: FloatArray
+    """(chosen,) phase between the ends of each facet, both ways [rad]."""
+
+    def error(self, followed: FloatArray | float = 0.0) -> float:
+        """Estimated relative error between times of the worst surface, of which the chosen facets have the energy
+        `followed` (surface,)."""
+        energy = self.rest**2 + followed
+        return float(np.sqrt(energy / np.where(self.level > 0, self.level, np.inf) ** 2).max(initial=0.0))
+
+
+def choose_refinement(
+    gains: ComplexArray,
+    phasors: ComplexArray,
+    shares: FloatArray,
+    width: FloatArray,
+    steady: NDArray[np.bool_],
+    surface: NDArray[np.integer[Any]],
+    level: FloatArray,
+    rtol: float,
+    most: int = MAX_SUBDIVISIONS,
+    aside: ComplexArray | None = None,
+) -> RefinementChoice:
+    """Choose facets that splines through the instants miss most of, where all that edges pass over miss more than the
+    tolerance.
+
+    Parameters
+    ----------
+    gains, phasors
+        (facet, instant) of one pair at one frequency, antennas included, and of the propagation, at `MIN_SAMPLE_TIMES`
+        or more evenly spaced instants.
+    shares
+        (facet, instant) of the area that is seen.
+    width
+        (facet,) phase between the ends of each facet, both ways [rad].
+    steady
+        (facet,) whether a facet faces the radar all the time; others are not chosen.
+    surface
+        (facet,) position in the list of surfaces.
+    level
+        (surface,) return that errors are relative to.
+    rtol
+        Relative tolerance.
+    most
+        Times from one instant to the next, at most.
+    aside
+        (inner instant,) what is missed of others of the only surface there is, which are not to be chosen.
+    """
+    chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
+    missed = np.where(has_shadow_edge(shares)[:, None], leave_one_out(gains), 0.0)
+    # An edge that moves on by a wavelength from one instant to the next may seem to rest.
+    swing = width * np.abs(np.diff(shares)).max(axis=1)
+    visible = np.where(has_shadow_edge(shares), largest_energy(gains), 0.0)
+    gaps = gains.shape[1] - 1
+    energy = np.maximum(largest_energy(missed), visible * interpolation_loss(swing, gaps))
+    missed = missed * phasors[:, 1:-1]
+    for number in range(len(level)):
+        mine = np.flatnonzero(surface == number)
+        allowed = BETWEEN_PER_RTOL * rtol * level[number]
+        able = mine[steady[mine] & (energy[mine] > 0)]
+        able = able[np.argsort(-energy[able], kind="stable")]
+        # What the others miss when the first so many are followed: one by one, and as they add up, side by side.
+        apart, together = np.zeros(len(able) + 1), np.zeros((len(able) + 1, missed.shape[1]), np.complex128)
+        np.cumsum(energy[able], out=apart[1:])
+        np.cumsum(missed[able], axis=0, out=together[1:])
+        others = np.sqrt(np.maximum(energy[mine].sum() - apart, 0.0))
+        left = missed[mine].sum(axis=0) if aside is None else missed[mine].sum(axis=0) + aside
+        others = np.maximum(others, rms(left - together))
+        count = 0
+        if others[0] > allowed > 0:
+            enough = np.maximum.accumulate(others[::-1])[::-1] <= _CHOSEN_SHARE * allowed
+            count = int(enough.argmax()) if enough.any() else len(able)
+            chosen.append(followed := able[:count])
+            while (
+                rounds < most
+                and (visible * interpolation_loss(swing / rounds, gaps * rounds))[followed].sum()
+                > (_CHOSEN_SHARE * allowed) ** 2
+            ):
+                rounds += 1
+        rest[number] = others[count]
+    found = np.sort(np.concatenate(chosen))
+    return RefinementChoice(found, rounds, rest, level, width[found])
+
+
+def moved_shadow_returns(
+    first: VisibleFacets, last: VisibleFacets, viewpoint: FloatArray, wavenumber: float, tolerance_group: IntArray
+) -> FloatArray:
+    """(surface,) how much of what each `tolerance_group` (surface,) returns without interfering may come or go from
+    one instant to
+    the next for shadows' edges that move on: what facets may return when an edge cuts them, by the share that changes,
+    side by side. Where all edges go one way a line between both misses half of that at most; what comes back, or passes
+    a facet as a whole in between, is not told (`STRAIGHT` and `PAIR_TURN` of
+    :mod:`rfgen_sionna.tracing.moving.sample_times` keep it small)."""
+    chosen = np.flatnonzero((first.fraction > 0) | (last.fraction > 0))
+    facets = first.facets
+    most, cut, _ = max_returns(np.take(facets.corners, chosen, axis=0) - viewpoint, wavenumber)
+    before, after = first.fraction[chosen], last.fraction[chosen]
+    weight, surface, count = (
+        np.maximum(first.weight, last.weight)[chosen],
+        tolerance_group[facets.surface[chosen]],
+        len(tolerance_group),
+    )
+    change = np.bincount(surface, weight * cut * np.abs(after - before), count)
+    level = np.sqrt(np.bincount(surface, 0.5 * (before**2 + after**2) * (weight * most) ** 2, count))
+    return np.where(level > 0, change / np.where(level > 0, level, 1.0), 0.0)
+
+
+def max_subdivisions(sample_times: int, most: int = MAX_SUBDIVISIONS) -> int:
+    """Times from one to the next of so many instants, at most: `most`, twice as many of those further apart."""
+    return most if sample_times - 1 > QUIET_GAPS else 2 * most
+
+
+def fine_times(sample_times: FloatArray, rounds: int) -> FloatArray:
+    """(time,) `rounds` of them from each of the evenly spaced `sample_times` [s] to the next, which are among them."""
+    part = np.arange(rounds) / rounds  # those of twice as many hold these to the bit
+    between = sample_times[:-1, None] + part * np.diff(sample_times)[:, None]
+    return np.append(between, sample_times[-1])
+
+
+class RefinedGains(NamedTuple):
+    """Facets that were looked at between instants."""
+
+    times: FloatArray
+    """(time,) [s]"""
+    facets: Facets
+    """As they are at the first of them."""
+    coefficients: ComplexArray
+    """(order, tx, rx, facet, time) of a path for each."""
+    sampled_facets: int
+    """Facets looked at, each as often as it was."""
+    rays: int
+    error: float
+    """Estimated error of all facets between the times, relative to its return, of the worst surface."""
+
+
+class TemporalRefinement:
+    """Finds the facets whose gains splines through instants miss, and looks at them in between."""
+
+    def __init__(
+        self,
+        band: BandTracer,
+        sight: MovingVisibility,
+        returns: FacetReturns,
+        viewpoint: FloatArray,
+        max_range: float,
+        rtol: float,
+        tolerance_group: IntArray,
+    ) -> None:
+        self._band, self._sight, self._returns = band, sight, returns
+        self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
+        self._pairs = int(np.prod([len(each) for each in band.elements]))
+        self._tolerance_group = tolerance_group  # (surface,) what shares one tolerance
+
+    def choose(
+        self,
+        facets: Sequence[Facets],
+        references: Sequence[FloatArray],
+        values: Sequence[ComplexArray],
+        boundary_correction: Sequence[BoundaryCorrection | None],
+        shares: FloatArray,
+        expansion: Expansion,
+        level: FloatArray,
+    ) -> RefinementChoice:
+        """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
+        `references` (facet, 3) [m], are those of what is seen of them, with the `boundary_correction`, and `shares`
+        (facet,
+        instant) of the area; `level` (surface,) is what each surface's return usually is."""
+        some = np.flatnonzero(has_shadow_edge(shares))
+        if len(facets) < MIN_SAMPLE_TIMES or not len(some):
+            return RefinementChoice(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
+        half = len(facets) // 2
+        surface = self._tolerance_group[facets[half].surface]
+        own = Facets.taken(facets, some)
+        ends = lengths(own[half].corners - self._viewpoint)
+        # Who comes into the range window is not coming out of a shadow.
+        near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)
+        beside = [None if each is None else each.within(some) for each in boundary_correction]
+        found = choose_refinement(
+            self._single(own[half], [each[:, some] for each in values], beside, expansion),
+            np.concatenate([self._phasors(each[some]) for each in references], axis=1),
+            np.where(near[:, None], shares[some], 1.0),
+            4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
+            np.all([each.facing for each in own], axis=0),
+            surface[some],
+            level,
+            self._rtol,
+            max_subdivisions(len(facets)),
+        )
+        return found._replace(facets=some[found.facets])
+
+    def follow(
+        self,
+        chosen: RefinementChoice,
+        followed: NDArray[np.intp],
+        places: IntArray,
+        sample_times: FloatArray,
+        visible: Sequence[VisibleFacets],
+        expansion: Expansion,
+        positions: SplinedPositions,
+        corners: Callable[[float], FloatArray],
+        rays: RayScene,
+        per_element: Callable[[VisibleFacets, float], VisibleFacets],
+    ) -> RefinedGains:
+        """Look at the `chosen` facets, those that `followed` counts out of all that are `visible` at the
+        `sample_times` [s], until splines miss no more than the tolerance, or as often as may be.
+
+        `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`; `positions`
+        and
+        `corners` give those (vertex, 3) of all moving surfaces and theirs (facet, 3, 3) [m] at a time [s], and `rays`
+        is the ray scene at one of the instants. What is seen at a time [s] is told `per_element` of pairs, where
+        that counts.
+        """
+        at_instants = [each.of(followed) for each in visible]
+        first, count = at_instants[0].facets, len(followed)
+        known, sampled = sample_times, replace(VisibleFacets.joined(at_instants), sampled_facets=0, rays=0)
+        silhouette = np.max([each.silhouette for each in at_instants], axis=0)
+        level = np.min([each.level for each in visible], axis=0)
+        patches = [each.facets.patch for each in at_instants if each.facets.patch is not None]
+        rounds = chosen.rounds
+        while True:
+            times = fine_times(sample_times, rounds)
+            fresh = np.setdiff1d(times, known)
+            positions.look_up(fresh)
+            step = times_at_once(rays.num_facets, self._viewpoint, positions(float(sample_times[0])))
+            for begin in range(0, len(fresh), step):
+                some = fresh[begin : begin + step]
+                there = np.stack([corners(t) for t in some.tolist()])
+                facets = first.at(there, QuadraticPatch.blended(patches, knot_weights(sample_times, some)))
+                occluders = self._sight.occluders(rays, [positions(t) for t in some.tolist()], there)
+                found = self._sight.resample(occluders, facets, places, silhouette, level)
+                found = interpolate_transmission(found, some, sample_times, visible, self._viewpoint)
+                if visible[0].own is not None:
+                    counted = replace(found, rays=0, sampled_facets=0), found
+                    single = [counted[k == 0].of(np.arange(count * k, count * (k + 1))) for k in range(len(some))]
+                    found = VisibleFacets.joined(
+                        [per_element(each, t) for each, t in zip(single, some.tolist(), strict=True)]
+                    )
+                known, sampled = np.concatenate([known, some]), VisibleFacets.joined([sampled, found])
+            # All that is known is at these times, though not in their order.
+            order = np.argsort(known)
+            own, references = sampled.facets, sampled.facets.centroids
+            every = np.arange(len(own))
+            sampled_returns = self._lit(sampled, count, max(1, AT_ONCE // count), expansion)
+            values = sampled_returns.values[0]
+            by_time = [values[:, count * k : count * (k + 1)] for k in order]
+            shares = sampled.shares(self._pairs).reshape(-1, count)[order].T
+            waves = self._phasors(references).reshape(-1, count)[order].T
+            of_time = (
+                [None] * len(order)
+                if sampled_returns.boundary_correction[0] is None
+                else sampled_returns.boundary_correction[0].split(count, len(order))
+            )
+            beside = [of_time[k] for k in order]
+            gains = self._single(first, by_time, beside, expansion)
+            own_group, tolerance_groups = self._tolerance_group[first.surface], len(chosen.level)
+            missed = missed_energy(gains, waves, shares, chosen.width, own_group, tolerance_groups)
+            error = chosen.error(missed)
+            if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > max_subdivisions(len(sample_times)):
+                break
+            rounds *= 2
+        parts = [own.take(every[count * k : count * (k + 1)]) for k in order]
+        coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count), beside)
+        return RefinedGains(times, first, coefficients, sampled.sampled_facets, sampled.rays, error)
+
+    def _lit(self, sampled: VisibleFacets, count: int, most: int, expansion: Expansion) -> SampledReturns:
+        """What is seen of `count` facets at several times, each by way of its centroid, at so many times at most at
+        once; as of a single instant."""
+        found, boundary_correction = list[ComplexArray](), list[BoundaryCorrection]()
+        for first in range(0, len(sampled.facets), most * count):
+            some = sampled.of(np.arange(first, min(first + most * count, len(sampled.facets))))
+            own = some.facets
+            times = len(own) // count
+            sampled_returns = self._returns.visible(
+                [some], np.arange(len(own)), [own], [own.centroids], expansion, times
+            )
+            found += sampled_returns.values
+            boundary_correction += [
+                each._replace(owner=each.owner + first)
+                for each in sampled_returns.boundary_correction
+                if each is not None
+            ]
+        values = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+        beside = BoundaryCorrection.joined(boundary_correction) if boundary_correction else None
+        return SampledReturns([], [values], [beside], sampled_returns.missed)
+
+    def _phasors(self, reference: FloatArray) -> ComplexArray:
+        """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""
+        return phasors(self._band.centre * self._band.delays(reference, (0, 0)))[:, None]
+
+    def _single(
+        self,
+        facets: Facets,
+        values: Sequence[ComplexArray],
+        boundary_correction: Sequence[BoundaryCorrection | None],
+        expansion: Expansion,
+    ) -> ComplexArray:
+        """(facet, time) gains of the first pair in the middle of the band, antennas included."""
+        found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
+        for k, beside in enumerate(boundary_correction):
+            if beside is not None:
+                found[:, k] += beside.of_first(len(found))
+        return np.asarray(found * self._band.pattern_gain(facets.directions(self._viewpoint))[:, None])

@@ -1,0 +1,211 @@
+"""Where plates show facets to the radar: ray tubes from a plate's outline, cut out of the facets that they land on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets
+from rfgen_sionna.tracing.integral.facet import FacetGains, GainBuffer, Nodes, facet_gains, split_by_curvature
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.quadratic_patch import barycentric
+
+DIRECT = -1
+"""Stands for the straight way, in place of a plate's number."""
+ON_PLANE = 1e-4
+"""What lies nearer to a plate than this [m] is on it."""
+
+
+@dataclass(frozen=True)
+class ClippedFootprints:
+    """Pieces of facets that are seen by way of plates, at an instant."""
+
+    facet: NDArray[np.intp]
+    """(entry,) number of the facet; entries are in ascending order of `key`."""
+    first: IntArray
+    """(entry,) plate on the one way, or `DIRECT`."""
+    last: IntArray
+    """(entry,) plate on the other way."""
+    pieces: FloatArray
+    """(piece, 3, 3) [m], world."""
+    owner: NDArray[np.intp]
+    """(piece,) entry that each piece belongs to."""
+    share: FloatArray
+    """(piece,) how much of each is seen, above 0."""
+
+    @staticmethod
+    def none() -> ClippedFootprints:
+        empty = np.zeros(0, np.int32)
+        return ClippedFootprints(
+            empty.astype(np.intp), empty, empty, np.zeros((0, 3, 3)), empty.astype(np.intp), np.zeros(0)
+        )
+
+    def take(self, chosen: NDArray[np.bool_]) -> ClippedFootprints:
+        """The entries that `chosen` marks."""
+        place = np.cumsum(chosen) - 1
+        kept = chosen[self.owner]
+        return ClippedFootprints(
+            self.facet[chosen],
+            self.first[chosen],
+            self.last[chosen],
+            self.pieces[kept],
+            place[self.owner[kept]],
+            self.share[kept],
+        )
+
+    def swapped(self) -> ClippedFootprints:
+        """The same with both ways changed over."""
+        return replace(self, first=self.last, last=self.first)
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """(entry, 3) facet and plates."""
+        return np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class ReflectedFacets(MirroredFacets):
+    """Facets as plates show them: of each only the pieces that are seen count."""
+
+    pieces: FloatArray
+    """(piece, 3, 3) [m], world."""
+    owner: NDArray[np.intp]
+    """(piece,) facet of each."""
+    share: FloatArray
+    """(piece,) what each counts."""
+
+    @staticmethod
+    def clipped(
+        facets: Facets,
+        keys: NDArray[np.int64],
+        footprints: ClippedFootprints,
+        swapped: bool,
+        place: NDArray[np.intp] | None = None,
+    ) -> ReflectedFacets:
+        """Facets by `keys` (facet, 3), sorted by their rows; what else is in `footprints` is left out.
+
+        `swapped` are seen the other way round: first the last plate. `place` is where in `keys` each entry is, if that
+        is known.
+        """
+        chosen = facets.take(keys[:, 0]).with_pattern_gradient(None)
+        base = {each.name: getattr(chosen, each.name) for each in fields(Facets)}
+        first, last = (keys[:, column].astype(np.int32) for column in ((2, 1) if swapped else (1, 2)))
+        at = (_find_rows(keys, footprints.keys) if place is None else place)[footprints.owner]
+        kept = at >= 0
+        return ReflectedFacets(
+            **base,
+            first=first,
+            last=last,
+            pieces=footprints.pieces[kept],
+            owner=at[kept],
+            share=footprints.share[kept],
+        )
+
+    def finer(self) -> tuple[ReflectedFacets, NDArray[np.intp]]:
+        """The same in twice as many parts."""
+        return replace(self, parts=2 * self.parts), np.arange(len(self))
+
+    def times(self, factor: FloatArray) -> ReflectedFacets:
+        """The same, of which each counts `factor` (facet,) times as much."""
+        return replace(self, share=self.share * factor[self.owner])
+
+    def take(self, index: NDArray[np.intp]) -> ReflectedFacets:
+        """The facets that `index`, no number of them twice, counts out."""
+        place = np.full(len(self), -1, dtype=np.intp)
+        place[index] = np.arange(len(index))
+        owner = place[self.owner]
+        kept = owner >= 0
+        chosen = super().take(index)
+        return ReflectedFacets(
+            **{each.name: getattr(chosen, each.name) for each in fields(MirroredFacets)},
+            pieces=self.pieces[kept],
+            owner=owner[kept],
+            share=self.share[kept],
+        )
+
+
+def _find_rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Where in `keys`, sorted by its rows, each row of `wanted` is; -1 where it is not."""
+    if len(keys) == 0:
+        return np.full(len(wanted), -1, dtype=np.intp)
+    base = int(max(keys[:, 1:].max(), wanted[:, 1:].max(initial=0))) + 2
+    powers = np.array([base * base, base, 1])
+    shift = np.array([0, 1, 1])
+    known, sought = (keys + shift) @ powers, (wanted + shift) @ powers
+    place = np.minimum(np.searchsorted(known, sought), len(known) - 1)
+    return np.where(known[place] == sought, place, -1)
+
+
+def find_rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
+    """As :func:`_find_rows`, for rows of any length, no two of them alike."""
+    _, back = np.unique(np.concatenate([keys, wanted]), axis=0, return_inverse=True)
+    back = back.reshape(-1)
+    place = np.full(len(back), -1, dtype=np.intp)
+    place[back[: len(keys)]] = np.arange(len(keys))
+    return np.asarray(place[back[len(keys) :]])
+
+
+class ReflectedBand(ImageBand):
+    """As :class:`~rfgen_sionna.tracing.ghosts.image_band.ImageBand`, for :class:`ReflectedFacets`."""
+
+    def _gains(
+        self, facets: Facets, materials: tuple[Material, ...], nodes: Nodes, parts: IntArray | None = None
+    ) -> FacetGains:
+        from scipy.sparse import csr_array
+
+        if not isinstance(facets, ReflectedFacets):
+            raise TypeError(f"facets is a {type(facets).__name__}: ReflectedFacets are needed")
+        owner = facets.owner
+        media, parts = Media.at(materials, nodes.frequency, self.half_band), facets.parts if parts is None else parts
+        reference = facets.centroids - self._origin
+        patch = None
+        if facets.patch is not None:
+            patch = facets.patch.take(owner).within(barycentric(facets.pieces, facets.corners[owner]))
+
+        def of(index: NDArray[np.intp] | slice, curved: bool, buffer: GainBuffer | None) -> FacetGains:
+            whose = owner[index]
+            return facet_gains(
+                facets.pieces[index] - self._origin,
+                facets.surface[whose],
+                media,
+                nodes,
+                *self.fields,
+                parts[whose],
+                reference=reference[whose],
+                patch=patch.take(index) if curved and patch is not None else None,
+                buffer=buffer,
+                **self._by(facets, nodes, whose),
+            )
+
+        found = split_by_curvature(None if facets.curved is None else facets.curved[owner], of)
+        sums = csr_array((facets.share, (owner, np.arange(len(owner)))), shape=(len(facets), len(owner)))
+        tau = np.zeros((len(nodes), len(facets)))
+        tau[:, owner] = found.tau
+        return FacetGains(np.ascontiguousarray((sums @ found.a.T).T)[None], tau)
+
+
+def merge_footprints(footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
+    """All entries, in ascending order of their keys; no key may be there twice."""
+    footprint_sets = [each for each in footprint_sets if len(each.facet)]
+    if not footprint_sets:
+        return ClippedFootprints.none()
+    keys = np.concatenate([each.keys for each in footprint_sets])
+    order = np.lexsort(keys.T[::-1])
+    rank = np.empty(len(order), np.intp)
+    rank[order] = np.arange(len(order))
+    firsts = np.cumsum([0] + [len(each.facet) for each in footprint_sets])
+    owner = np.concatenate([each.owner + start for each, start in zip(footprint_sets, firsts, strict=False)])
+    return ClippedFootprints(
+        keys[order, 0].astype(np.intp),
+        keys[order, 1].astype(np.int32),
+        keys[order, 2].astype(np.int32),
+        np.concatenate([each.pieces for each in footprint_sets]),
+        rank[owner],
+        np.concatenate([each.share for each in footprint_sets]),
+    )

@@ -1,0 +1,439 @@
+"""Returns by way of flat parts of anything: corner reflectors, from body to board, furniture.
+
+Of two surfaces on a path one is the mirror (geometrical optics: the image of the radar, cut to the shadow of the
+mirror's outline), the other is integrated (physical optics): radar, mirror, facet, radar and the same backwards. Of
+three the middle one is integrated, for the images of Tx and Rx behind the two others. So Tx and Rx may be changed over
+without changing anything. Of two flat parts each is the mirror once, or the much larger one alone
+(:mod:`rfgen_sionna.tracing.reflectors.mirror_selection`).
+
+A radar that moves sees the scene move (:mod:`rfgen_sionna.tracing.relative`): walls are plates then, and ghosts in
+them, furniture and corners of the room are traced here as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.ghosts.image_band import ImageBand
+from rfgen_sionna.tracing.ghosts.image_returns import LEG_COMBINATIONS, Centroids, ImageReturns
+from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.reflectors.clipped_footprints import (
+    DIRECT,
+    ClippedFootprints,
+    ReflectedBand,
+    ReflectedFacets,
+    merge_footprints,
+)
+from rfgen_sionna.tracing.reflectors.edge_diffraction import EdgeDiffractionError
+from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
+from rfgen_sionna.tracing.reflectors.mirror_selection import UNBOUNDED, mirror_weights
+from rfgen_sionna.tracing.reflectors.planar_reflectors import (
+    PlanarPart,
+    PlanarReflector,
+    adjacent_parts,
+    find_planar_parts,
+    min_widths,
+    wide_reflectors,
+)
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
+
+OMITTED_SHARE = 0.5
+"""Share of the tolerance that the returns left out may make up together."""
+IMAGE_SAMPLES = 200
+"""Vertices of an image in a plate that moves that tell how many knots delays need."""
+REST_INTERVALS = 3
+"""Stretches of time for which what was too weak is not looked at again, up to twice that, in turns ..."""
+WAKE_GROWTH = 1.1
+"""... unless plates may show so many times more facets than when it came to rest."""
+MAX_IMAGES = 12
+"""Plates whose images do."""
+
+
+@dataclass(frozen=True)
+class ReflectionVisibility:
+    """What plates show of facets at an instant."""
+
+    once: ClippedFootprints
+    """One way by a plate, the other straight."""
+    twice: ClippedFootprints
+    """Both ways by plates, in either order."""
+    sampled_facets: int
+    rays: int
+    left: Callable[[ClippedFootprints], FloatArray]
+    """(entry,) amplitude that is left at most by what the ways go through."""
+
+
+class PlanarReflections:
+    """Finds and traces what plates show of moving surfaces, but for what the ghosts in walls that stay are.
+
+    Parameters
+    ----------
+    surfaces
+        All of the scene.
+    radar
+        Where it stands.
+    rtol
+        Tolerance, relative to the return of each actor.
+    max_bounces
+        2 or 3.
+    walls
+        The mirrors that ghosts are traced by, asked for at first use.
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        radar: Radar,
+        rtol: float,
+        max_bounces: int,
+        walls: Callable[[], tuple[Mirror, ...]],
+    ) -> None:
+        self._surfaces, self._radar, self._rtol, self._max_bounces = surfaces, radar, rtol, max_bounces
+        self._walls = walls
+        self._viewpoint = np.asarray(radar.position)
+        self._planar_parts: tuple[PlanarPart, ...] | None = None
+        self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
+        self._adjacent: list[set[int]] = []  # (plate,) those that it has an edge in common with
+        self._stretch = 0
+        # Until when what is too weak is left alone: plates, and kind, surface and plates of groups.
+        self._until: dict[tuple[int, ...], int] = {}
+        # (plate, surface) facets that plates may show: lately, and when each of those came to rest.
+        self._counts: IntArray = np.zeros((0, len(surfaces.moving)), np.int32)
+        self._rested: dict[tuple[int, ...], IntArray] = {}
+        self._skipped = set[tuple[int, ...]]()  # in this stretch
+        self._imaging: list[int] = []
+        self._reflectors: dict[float, tuple[PlanarReflector | None, ...]] = {}
+        # (surface,) of those that move: whether it is the radar that does.
+        self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
+        names = surfaces.object_names, surfaces.part_names
+        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, self._band)
+        self._edges = EdgeDiffractionError(
+            radar, [each.material for each in surfaces.moving], tolerance_groups(surfaces.moving)
+        )
+
+    def follow(self, positions: Callable[[float], Sequence[FloatArray]], t: float) -> bool:
+        """Take the vertices of the moving surfaces from `positions` for a stretch of time that `t` [s] is in; whether
+        there is any flat part at all."""
+        self._positions = positions
+        self._reflectors.clear()
+        if self._planar_parts is None:
+            vertices = [*self._surfaces.static_vertices, *positions(t)]
+            every = (*self._surfaces.static, *self._surfaces.moving)
+            counts = len(self._surfaces.static), len(self._surfaces.moving)
+            self._planar_parts = find_planar_parts(every, vertices, min_widths(*counts, self._radar.wavelength))
+            self._counts = np.zeros((len(self._planar_parts), len(self._surfaces.moving)), np.int32)
+            if self._still.any():
+                self._adjacent = adjacent_parts(self._planar_parts, vertices)
+        self._imaging = self._chosen(t)
+        return len(self._planar_parts) > 0
+
+    def delay_points(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
+        """A choice of the images of the actors' `vertices` in plates, whose distances the delays follow: in the same
+        ones throughout a stretch of time, whatever side they turn to the radar."""
+        every = [*self._surfaces.static_vertices, *vertices]
+        few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
+        planar_parts = [self.planar_parts[number] for number in self._imaging]
+        return [flat.image(every[flat.surface], points) for flat in planar_parts for points in few]
+
+    def _chosen(self, t: float) -> list[int]:
+        """Plates in which images are followed: some of those that move and show something at `t` [s]."""
+        first, reflectors = len(self._surfaces.static), zip(self.planar_parts, self.at(t), strict=True)
+        moving = [
+            n for n, (flat, reflector) in enumerate(reflectors) if flat.surface >= first and reflector is not None
+        ]
+        return moving[:: max(1, -(-len(moving) // MAX_IMAGES))]
+
+    @property
+    def planar_parts(self) -> tuple[PlanarPart, ...]:
+        """Flat parts of all surfaces, after :meth:`follow`."""
+        return self._planar_parts or ()
+
+    def at(self, t: float) -> tuple[PlanarReflector | None, ...]:
+        """The plates as they are at `t` [s]."""
+        if t not in self._reflectors:
+            count, moving = len(self._surfaces.static), self._positions(t)
+            self._reflectors[t] = tuple(
+                self._fixed[number] if flat.surface < count else flat.at(moving[flat.surface - count], self._viewpoint)
+                for number, flat in enumerate(self.planar_parts)
+            )
+        return self._reflectors[t]
+
+    def _mirrors(self, t: float) -> tuple[Mirror, ...]:
+        """The plates at `t` [s], blind ones in place of those that are none."""
+        return tuple(
+            blind if reflector is None else reflector
+            for reflector, blind in zip(self.at(t), self._no_reflectors, strict=True)
+        )
+
+    @cached_property
+    def _no_reflectors(self) -> list[PlanarReflector]:
+        up, none = np.array([0.0, 0.0, 1.0]), np.zeros(2)
+        return [
+            PlanarReflector(f.name, f.material, f.faces[:0], up, 0.0, np.eye(3)[:2], none, none, ())
+            for f in self.planar_parts
+        ]
+
+    @cached_property
+    def _fixed(self) -> list[PlanarReflector | None]:
+        points, view = self._surfaces.static_vertices, self._viewpoint
+        return [
+            flat.at(points[flat.surface], view) if flat.surface < len(points) else None for flat in self.planar_parts
+        ]
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """(face,) number of the plate that each face of the ray scene belongs to, -1 for none."""
+        every = (*self._surfaces.static, *self._surfaces.moving)
+        owner = np.full(sum(len(each.faces) for each in every), -1, np.int32)
+        for number, flat in enumerate(self.planar_parts):
+            owner[flat.faces] = number
+        return owner
+
+    @cached_property
+    def _wall(self) -> NDArray[np.bool_]:
+        """(plate,) whether it is a wall that ghosts are traced by."""
+        of_walls = {int(number) for wall in self._walls() for number in wall.faces}
+        return np.array([int(flat.faces[0]) in of_walls for flat in self.planar_parts], np.bool_)
+
+    @cached_property
+    def _stays(self) -> NDArray[np.bool_]:
+        """(plate,) whether it stays in the world."""
+        every = (*self._surfaces.static, *self._surfaces.moving)
+        return np.array([every[flat.surface].still for flat in self.planar_parts], np.bool_)
+
+    @cached_property
+    def _area(self) -> FloatArray:
+        """(plate,) [m^2], those of which no facets are there to be integrated being `UNBOUNDED`."""
+        fixed = len(self._surfaces.static)
+        return np.array([UNBOUNDED if flat.surface < fixed else flat.area for flat in self.planar_parts])
+
+    def trace_visibility(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> ReflectionVisibility:
+        """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
+        wall, still = self._wall, self._stays
+        clipper, visible = self._clipper(t, rays, facets), self._straight(facets, fraction)
+        own = self.owner[facets.number]
+        unoccluded, once = {}, []
+        for number, reflector in enumerate(self.at(t)):
+            reached = clipper.candidates(number) if reflector is not None else np.zeros(0, np.intp)
+            reached = reached[own[reached] != number]
+            self._counts[number] = np.bincount(facets.surface[reached], minlength=self._counts.shape[1])
+            if len(reached) == 0 or self._is_resting((number,), self._counts[number]):
+                continue
+            unoccluded[number] = reached
+            if not wall[number]:
+                chosen = reached[visible[reached] & (mirror_weights(self._area, own[reached], number, DIRECT) > 0)]
+                once.append(clipper.clip_facets(self._strong(chosen, facets, number, DIRECT), number, DIRECT))
+        twice = []
+        if self._max_bounces > 2:
+            across = self._across(t)
+            for number, first in unoccluded.items():
+                for other, last in unoccluded.items():
+                    walls = still[number] and still[other]
+                    if other < number or (walls and (wall[number] or other not in across[number])):
+                        continue
+                    both = np.intersect1d(first, last, assume_unique=True)
+                    found = clipper.clip_facets(self._strong(both, facets, number, other), number, other)
+                    twice.append(found)
+                    if other != number:
+                        twice.append(found.swapped())
+        sampled_facets = sum(len(each) for each in unoccluded.values())
+        return ReflectionVisibility(self._joined(once), self._joined(twice), sampled_facets, clipper.sent, clipper.left)
+
+    # What these are is another thing where slabs are seen through.
+
+    def _clipper(self, t: float, rays: RayScene, facets: Facets) -> FootprintClipper:
+        return FootprintClipper(rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range)
+
+    def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+        """(facet,) which may be seen the straight way."""
+        return np.asarray(fraction > 0)
+
+    def _joined(self, footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
+        return merge_footprints(footprint_sets)
+
+    def _facets_over_time(
+        self,
+        facets: Sequence[Facets],
+        keys: NDArray[np.int64],
+        footprint_sets: Sequence[ClippedFootprints],
+        swapped: bool,
+    ) -> Sequence[ReflectedFacets]:
+        """Facets by `keys` as they are seen at each of some instants."""
+        both = zip(facets, footprint_sets, strict=True)
+        return [ReflectedFacets.clipped(there, keys, footprints, swapped) for there, footprints in both]
+
+    def _band(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
+        return ReflectedBand(radar, rtol, mirrors, tx, rx)
+
+    def _across(self, t: float) -> list[set[int]]:
+        """(plate,) by way of which plates that stay in the world, together with each of them, others are shown: itself,
+        and to a radar that moves those that it meets, as in corner reflectors, and among wide ones all others."""
+        found = [{number} for number in range(len(self.planar_parts))]
+        if not self._still.any():
+            return found
+        for number, others in enumerate(self._adjacent):
+            found[number] |= others
+        scene = [points for points, still in zip(self._positions(t), self._still, strict=True) if still]
+        radar = self._radar
+        wide = wide_reflectors(self.planar_parts, self.at(t), scene, self._viewpoint, radar.wavelength, radar.max_range)
+        for number in wide:
+            found[number].update(wide)
+        return found
+
+    def _strong(self, index: NDArray[np.intp], facets: Facets, first: int, last: int) -> NDArray[np.intp]:
+        """Those of the facets `index` whose surface was not too weak by these plates lately."""
+        surface = facets.surface[index]
+        keys = [(int(last != DIRECT), number, first, last) for number in np.unique(surface).tolist()]
+        resting = [key[1] for key in keys if self._is_resting(key, self._facets_reached(key))]
+        return index[~np.isin(surface, resting)] if resting else index
+
+    def _is_resting(self, key: tuple[int, ...], count: IntArray) -> bool:
+        """Whether a plate or group is left alone, where plates may show so many facets."""
+        rests = self._until.get(key, -1) > self._stretch and bool((count <= WAKE_GROWTH * self._rested[key]).all())
+        if rests:
+            self._skipped.add(key)
+        return rests
+
+    def _facets_reached(self, key: tuple[int, ...]) -> IntArray:
+        """Facets that the plates of a group, or a plate alone, may show of its surface, or of each."""
+        if len(key) == 1:
+            return self._counts[key[0]]
+        return np.array([self._counts[reflector, key[1]] for reflector in key[2:] if reflector != DIRECT], np.int32)
+
+    def trace(
+        self,
+        knots: FloatArray,
+        sample_times: FloatArray,
+        facets: Sequence[Facets],
+        visible: Sequence[ReflectionVisibility],
+        centroids: Centroids,
+        reference_level: FloatArray,
+    ) -> tuple[list[RadarPaths], float]:
+        """Paths and their error, relative to the actors' direct returns `reference_level` (surface,) or their own.
+
+        `facets` and `visible` are those of each of the `sample_times` [s]; delays are for the `knots` [s].
+        """
+        middle, paths, error, used = len(sample_times) // 2, [], 0.0, set[int]()
+        reference_level = self._shared_levels(reference_level)
+        weak, reference_level = self._weak(
+            float(sample_times[middle]), facets[middle], visible[middle], reference_level
+        )
+        total, knot = np.zeros(1, np.complex128), int(np.abs(knots - sample_times[middle]).argmin())
+        for way in LEG_COMBINATIONS:
+            footprint_sets = [each.twice if all(way) else each.once for each in visible]
+            keys = np.unique(np.concatenate([each.keys for each in footprint_sets]), axis=0)
+            groups = _surface_and_reflectors(keys, facets[middle])
+            keys = keys[[tuple(group) not in weak[all(way)] for group in groups.tolist()]]
+            if len(keys) == 0:
+                continue
+            visible_facets = self._weighted_facets(facets, keys, footprint_sets, way == (False, True))
+            used.update(keys[:, 1:3].ravel().tolist())
+            ones = np.ones((len(sample_times), len(keys)))
+            column = keys[:, 0].astype(np.intp)
+            more, missed = self._returns(
+                way, knots, sample_times, visible_facets, ones, column, centroids, reference_level
+            )
+            paths.append(more)
+            error += missed
+            total = total + self._edges.returned(more, facets[middle].surface[column], knot)
+        self._returns.finish(error)
+        self._stretch += 1
+        idle = [(number,) for number in range(len(self.planar_parts)) if number not in used]
+        for key in (*idle, *((kind, *group) for kind, those in enumerate(weak) for group in those)):
+            if key not in self._skipped:
+                # Not all at once: what comes back is looked at in turns.
+                self._until[key] = self._stretch + REST_INTERVALS + sum(key) % REST_INTERVALS
+                self._rested[key] = self._facets_reached(key).copy()
+        self._skipped.clear()
+        # No facets mend what the mirrors' outlines do.
+        if paths:
+            level = np.abs(total)
+            np.maximum.at(level, tolerance_groups(self._surfaces.moving), reference_level)
+            beside = self._edge_error(float(sample_times[middle]), facets[middle], visible[middle], weak)
+            error = float(np.hypot(error, (beside / np.maximum(level, 1e-300)).max()))
+        return paths, error
+
+    def _edge_error(
+        self,
+        t: float,
+        facets: Facets,
+        visible: ReflectionVisibility,
+        weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]],
+    ) -> FloatArray:
+        """(lot,) what waves make of the outlines of the plates that show something at `t` [s]."""
+        points = [*self._surfaces.static_vertices, *self._positions(t)]
+        footprint_sets = []
+        for footprints, those in zip((visible.once, visible.twice), weak, strict=True):
+            groups = _surface_and_reflectors(footprints.keys, facets).tolist()
+            strong = footprints.take(np.array([tuple(group) not in those for group in groups], np.bool_))
+            footprint_sets.append((strong, visible.left(strong)))
+        return self._edges(
+            self.planar_parts, self.at(t), points, facets, self.owner[facets.number], self._area, footprint_sets
+        )
+
+    def _weighted_facets(
+        self,
+        facets: Sequence[Facets],
+        keys: NDArray[np.int64],
+        footprint_sets: Sequence[ClippedFootprints],
+        swapped: bool,
+    ) -> list[ReflectedFacets]:
+        """As :meth:`_facets_over_time`, each by how much it counts."""
+        shares = mirror_weights(self._area, self.owner[facets[0].number[keys[:, 0]]], keys[:, 1], keys[:, 2])
+        return [
+            visible_facets.times(shares)
+            for visible_facets in self._facets_over_time(facets, keys, footprint_sets, swapped)
+        ]
+
+    def _shared_levels(self, reference_level: FloatArray) -> FloatArray:
+        """(surface,) levels that errors are relative to: for what stays in the world the strongest one's."""
+        return np.where(self._still, reference_level[self._still].max(initial=0.0), reference_level)
+
+    def _weak(
+        self, t: float, facets: Facets, visible: ReflectionVisibility, reference_level: FloatArray
+    ) -> tuple[tuple[set[tuple[int, ...]], set[tuple[int, ...]]], FloatArray]:
+        """Groups (surface, first, last) of `visible.once` and `visible.twice` that are too weak to count, and the
+        level of
+        each surface's strongest return, direct or not."""
+        found: list[tuple[NDArray[np.int64], FloatArray]] = []
+        reference_level = reference_level.copy()
+        for footprints, way in ((visible.once, (True, False)), (visible.twice, (True, True))):
+            groups, index = np.unique(_surface_and_reflectors(footprints.keys, facets), axis=0, return_inverse=True)
+            if len(groups) == 0:
+                continue
+            (visible_facets,) = self._weighted_facets([facets], footprints.keys, [footprints], False)
+            coherent, single = self._returns.levels(way, t, visible_facets, index.reshape(-1), len(groups))
+            np.maximum.at(reference_level, groups[:, 0], coherent)
+            times = 1 if all(way) else 2  # both ways round
+            found.append(
+                (np.column_stack([np.full(len(groups), all(way)), groups]), times * np.maximum(coherent, single))
+            )
+        reference_level = self._shared_levels(reference_level)
+        weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]] = (set(), set())
+        if found:
+            groups, levels = (np.concatenate([each[part] for each in found]) for part in (0, 1))
+            tolerance_group = np.where(
+                self._still, -1, np.arange(len(reference_level))
+            )  # what stays shares one tolerance
+            for each in np.unique(tolerance_group):
+                index = np.flatnonzero(tolerance_group[groups[:, 1]] == each)
+                index = index[np.argsort(levels[index], kind="stable")]
+                level = reference_level[tolerance_group == each].max()
+                for number in index[np.cumsum(levels[index]) <= OMITTED_SHARE * self._rtol * level]:
+                    weak[groups[number, 0]].add(tuple(groups[number, 1:].tolist()))
+        return weak, reference_level
+
+
+def _surface_and_reflectors(keys: NDArray[np.int64], facets: Facets) -> NDArray[np.int64]:
+    """(entry, 3) surface and plates of entries by their keys."""
+    return np.column_stack([facets.surface[keys[:, 0]], keys[:, 1:3]]).astype(np.int64)

@@ -1,0 +1,182 @@
+"""Shadows that the outlines of plates throw, and what they fall on: what
+:mod:`~rfgen_sionna.tracing.reflectors.edge_diffraction` integrates along."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT, ClippedFootprints
+from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarReflector
+from rfgen_sionna.tracing.surface.clip import clip_triangles, triangle_areas
+from rfgen_sionna.tracing.surface.facets import Facets
+
+ON_EDGE = 1e-6
+"""What is nearer to an edge or to a plane than this [m] is on it."""
+
+
+class ImageSource(NamedTuple):
+    """An end of the way: the radar, or its image with the shadow that a window of a plate throws; all relative to the
+    viewpoint [m]."""
+
+    image: FloatArray
+    normal: FloatArray
+    """(3,) of the plate; 0 where there is none."""
+    sides: FloatArray
+    """(side, 3) half-spaces of the shadow, sides . x >= offsets; the plate itself is the last one."""
+    offsets: FloatArray
+    edges: FloatArray
+    """(edge, 2, 3) ends of the window's edges, in the order of `sides`."""
+    outer: NDArray[np.intp]
+    """Those that are the plate's, and no seam between its windows."""
+    material: Material | None
+
+
+DIRECT_SOURCE = ImageSource(
+    np.zeros(3), np.zeros(3), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 2, 3)), np.zeros(0, np.intp), None
+)
+
+
+def image_sources(reflector: PlanarReflector | None, view: FloatArray) -> list[ImageSource]:
+    """One for each window; none where there is no plate."""
+    if reflector is None:
+        return []
+    image = -2.0 * float(reflector.height(view)) * reflector.normal
+    edges = [np.stack([each, np.roll(each, -1, axis=0)], axis=1) - view for each in reflector.windows]
+    # What lies between two windows is in both.
+    places = np.rint(np.concatenate(edges).sum(axis=1) / (2 * ON_EDGE)).astype(np.int64)
+    _, same, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    seam, found, begin = count[same.reshape(-1)] > 1, [], 0
+    for own, (sides, offsets) in zip(edges, reflector.shadow(view), strict=True):
+        outer = np.flatnonzero(~seam[begin : begin + len(own)])
+        begin += len(own)
+        before = np.append(offsets[:-1], offsets[-1] + ON_EDGE)
+        found.append(ImageSource(image, reflector.normal, sides, before, own, outer, reflector.material))
+    return found
+
+
+class ShadowTargets(NamedTuple):
+    """Plane things that shadows fall on."""
+
+    pieces: FloatArray
+    """(piece, 3, 3) triangles [m], relative to the viewpoint."""
+    owner: NDArray[np.intp]
+    """(piece,) target that each is of."""
+    normal: FloatArray
+    """(target, 3)"""
+    group: NDArray[np.intp]
+    """(target,) those of one group return together."""
+    weight: FloatArray
+    """(target,) share that is seen."""
+    surface: IntArray
+    """(group,) what a group is part of ..."""
+    flat: IntArray
+    """(group,) ... and the flat part that it is; -1 are faces of what is bent, beside which others go on."""
+
+
+def reflector_targets(
+    facet: NDArray[np.intp],
+    visible: FloatArray,
+    ways: Sequence[tuple[ImageSource, ImageSource]],
+    outline: Callable[[int], FloatArray],
+    facets: Facets,
+    own: IntArray,
+) -> ShadowTargets:
+    """Flat parts that some facets (entry,) are on, of which an area `visible` (entry,) [m^2] returns; `outline` tells
+    the
+    triangles that one is made of, relative to the viewpoint [m]."""
+    flat = own[facet]
+    facet, visible, flat = facet[flat >= 0], visible[flat >= 0], flat[flat >= 0]
+    planar_parts, first, index = np.unique(flat, return_index=True, return_inverse=True)
+    count, triangles = len(planar_parts), [outline(number) for number in planar_parts.tolist()]
+    pieces = np.concatenate([*triangles, np.zeros((0, 3, 3))])
+    owner = np.repeat(np.arange(count), [len(each) for each in triangles])
+    visible_facets = np.zeros(count)
+    for one, other in ways:
+        left, of = clip_triangles(
+            pieces, owner, np.concatenate([one.sides, other.sides]), np.append(one.offsets, other.offsets)
+        )
+        visible_facets += np.bincount(of, triangle_areas(left), count)
+    weight = np.minimum(np.bincount(index.reshape(-1), visible, count) / np.maximum(visible_facets, 1e-300), 1.0)
+    normal = triangle_normals(np.stack([each[0] for each in triangles])) if count else np.zeros((0, 3))
+    return ShadowTargets(pieces, owner, normal, np.arange(count), weight, facets.surface[facet[first]], planar_parts)
+
+
+def facet_targets(
+    facet: NDArray[np.intp],
+    size: FloatArray,
+    visible: FloatArray,
+    facets: Facets,
+    own: IntArray,
+    view: FloatArray,
+) -> ShadowTargets:
+    """Those of the facets (entry,) that are on no flat part; of an area `size` (entry,) `visible` returns [m^2]."""
+    bent = own[facet] < 0
+    facet, weight = facet[bent], visible[bent] / np.maximum(size[bent], 1e-300)
+    surface, group = np.unique(facets.surface[facet], return_inverse=True)
+    pieces, every = facets.corners[facet] - view, np.arange(len(facet))
+    return ShadowTargets(
+        pieces, every, triangle_normals(pieces), group.reshape(-1), weight, surface, np.full(len(surface), -1)
+    )
+
+
+def triangle_normals(triangles: FloatArray) -> FloatArray:
+    """(triangle, 3) unit vectors."""
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300))
+
+
+def reflector_pairs(footprints: ClippedFootprints) -> list[tuple[int, int, NDArray[np.intp]]]:
+    """Pairs of plates, and which entries go by them; of both ways round one."""
+    once = np.flatnonzero(
+        (footprints.last == DIRECT) | ((footprints.first <= footprints.last) & (footprints.first != DIRECT))
+    )
+    order = once[np.lexsort([footprints.last[once], footprints.first[once]])]
+    pair = np.stack([footprints.first[order], footprints.last[order]], axis=1)
+    starts = 1 + np.flatnonzero((np.diff(pair, axis=0) != 0).any(axis=1))
+    tolerance_groups = np.split(order, starts)
+    return [
+        (int(footprints.first[tolerance_group[0]]), int(footprints.last[tolerance_group[0]]), tolerance_group)
+        for tolerance_group in tolerance_groups
+        if len(tolerance_group)
+    ]
+
+
+def triangle_spans(t: FloatArray, s: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(piece, cell) where lines across, at `at` (piece, cell), enter and leave triangles with corners `t`, `s`
+    (piece, corner); the other way round where they miss them."""
+    away = t[:, :, None] - at[:, None]
+    after, beyond = np.roll(away, -1, axis=1), np.roll(s, -1, axis=1)
+    met = away * after < 0
+    share = away / np.where(met, away - after, 1.0)
+    place = s[:, :, None] + share * (beyond - s)[:, :, None]
+    return np.where(met, place, np.inf).min(axis=1), np.where(met, place, -np.inf).max(axis=1)
+
+
+def paths_over_edge(
+    source: ImageSource, edge: NDArray[np.intp], places: FloatArray, normal: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of the shortest ways from the lamp by its `edge` (line,) to `places` (line, place, 3) on a surface with a
+    `normal` (line, 3): by how much longer than straight ones they are [m], what of them comes after the edge, divided
+    by the share that comes before it [m], and the cosine of their incidence. All (line, place)."""
+    one, other = np.moveaxis(source.edges[edge][:, :, None], 1, 0)
+    along = (other - one) / np.linalg.norm(other - one, axis=-1, keepdims=True)
+
+    def unrolled(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far along the edge and from it."""
+        offset = points - one
+        length = (offset * along).sum(axis=-1)
+        return length, np.linalg.norm(offset - length[..., None] * along, axis=-1)
+
+    (here, near), (there, other_source) = unrolled(source.image), unrolled(places)
+    way, share = np.hypot(near + other_source, here - there), near / (near + other_source)
+    longer = np.maximum(way - np.linalg.norm(places - source.image, axis=-1), 0.0)
+    rest = way * (1 - share)
+    turn = one + (here + share * (there - here))[..., None] * along
+    height = np.abs(np.einsum("lpi,li->lp", places - turn, normal))
+    return longer, rest / share, np.where(rest > ON_EDGE, height / np.maximum(rest, ON_EDGE), 0.0)

@@ -1,0 +1,221 @@
+"""Straight pieces of shadows' edges on facets, as elements beside the phase centre see them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.shadows.adaptive_sampling import error_budget
+from rfgen_sionna.tracing.shadows.return_bounds import MAX_BOUNDARY_WIDTH
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.quadratic_patch import barycentric
+
+MAX_SLANT = 2.0
+"""By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
+along its plane."""
+_TINY = 1e-4
+"""Width of the pieces that tell what a facet returns beside an edge, over its own."""
+_MAX_PHASE_ERROR = 0.03
+"""Phase that straight lines may miss at the ends of a piece of an edge [rad]."""
+_MOST_PIECES = 256
+_LEFT_PER_RTOL = 1.0
+"""What edges that are left out may come to by :meth:`ShadowEdges.at_most`, per unit of the tolerance."""
+_LIKELY, _MISSED = 0.2, (0.005, 0.015)
+"""What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
+made of many short edges, of which ever more are found the more closely they are looked at."""
+
+
+@dataclass(frozen=True)
+class ShadowEdges:
+    """Straight pieces of shadows' edges on facets."""
+
+    owner: NDArray[np.intp]
+    """(edge,) facet that each falls on."""
+    piece: NDArray[np.intp]
+    """(edge,) piece of a facet that it bounds."""
+    tiny: FloatArray
+    """(edge, corner, 3) barycentric coordinates of a small piece of the facet around the edge's middle."""
+    area: FloatArray
+    """(edge,) of that [m^2]."""
+    middle: FloatArray
+    """(edge, 3) of the edge [m], from the viewpoint."""
+    along: FloatArray
+    """(edge, 3) unit vector, and the length (edge,) [m]."""
+    length: FloatArray
+    tangents: FloatArray
+    """(edge, 2, 3) of the surface, which may be bent, for a metre across and along; and (edge, 3, 3) its second
+    derivatives [1/m]: across, along and mixed."""
+    edge_curvature: FloatArray
+    inward: FloatArray
+    """(edge, 3) unit vector on the facet, across the edge to the side that is lit."""
+    normal: FloatArray
+    """(edge, 3) unit vector."""
+    occluder: FloatArray
+    """(edge,) how far it is to what casts the shadow, over the way to the edge."""
+    weight: FloatArray
+    """(edge,) how much of it counts, 0 … 1."""
+    band: FloatArray
+    """(edge,) how far it is lit, on from the edge [m], and how far (edge,) it is to what casts the shadow from there
+    on, over the way there; infinity and NaN where that is further than any element tells."""
+    beyond: FloatArray
+    through: ComplexArray
+    """(edge, 2, 3) amplitude that what casts the shadow lets through, one way, and there and back, at the first, the
+    middle and the last frequency of the band; (edge, 0, 3) where slabs are not seen through."""
+
+    @staticmethod
+    def of(
+        facets: Facets,
+        owner: NDArray[np.intp],
+        pieces: FloatArray,
+        occluder: FloatArray,
+        viewpoint: FloatArray,
+        wavenumber: float,
+    ) -> ShadowEdges:
+        """Those of `pieces` (piece, 3, 3) of the facets `owner` (piece,), with their `occluder` (piece, 4), as
+        :class:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled` has them, or (piece, 16), as
+        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabEdges` does; in so many parts that the phase, of that
+        `wavenumber` [rad/m], is straight along each, on facets that are taken for flat."""
+        edged = np.flatnonzero(occluder[:, 0] < 1.0)  # not NaN
+        through = np.ascontiguousarray(occluder[edged, 4:]).view(np.complex128)
+        through = through.reshape(len(edged), through.shape[1] // 3, 3)
+        owner, occluder, band = owner[edged], occluder[edged, :2].mean(axis=1), occluder[edged, 2:4]
+        corners = np.take(facets.corners, owner, axis=0) - viewpoint
+        start, stop = (pieces[edged, corner] for corner in (1, 2))
+        first, last = (np.einsum("ec,eci->ei", each, corners) for each in (start, stop))
+        patch = np.sqrt(4.0 * _MAX_PHASE_ERROR / wavenumber * lengths(0.5 * (first + last)))
+        count = np.clip(np.ceil(lengths(last - first) / patch), 1, _MOST_PIECES).astype(np.intp)
+        edge = np.repeat(np.arange(len(edged)), count)
+        step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+        share = ((step + 0.5) / count[edge])[:, None]
+        place = (1.0 - share) * start[edge] + share * stop[edge]
+        along = (last - first)[edge] / count[edge, None]
+        length = lengths(along)
+        along /= np.maximum(length, 1e-300)[:, None]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = lengths(across)
+        normal = (across / np.maximum(size, 1e-300)[:, None])[edge]
+        inward = np.cross(normal, along)
+        return ShadowEdges(
+            owner[edge],
+            edged[edge],
+            place[:, None] + _TINY * (np.eye(3) - 1 / 3),
+            0.5 * _TINY**2 * size[edge],
+            np.einsum("ec,eci->ei", place, corners[edge]),
+            along,
+            length,
+            np.stack([inward, along], axis=1),
+            np.zeros((len(edge), 3, 3)),
+            inward,
+            normal,
+            occluder[edge],
+            np.ones(len(edge)),
+            band[edge, 0],
+            band[edge, 1],
+            through[edge],
+        )
+
+    def significant(
+        self,
+        at_most: FloatArray,
+        unknown: FloatArray,
+        known: FloatArray,
+        bent: NDArray[np.bool_],
+        group: NDArray[np.intp],
+        level: FloatArray,
+        rtol: float,
+    ) -> tuple[ShadowEdges, FloatArray]:
+        """Those that return enough to count, by :meth:`at_most`, as far as they are `known` (edge,), and what is missed
+        of each group, relative to its `level` (group,), for those that are left out, for what the others are off by and
+        for what comes from where they are `unknown` (edge,); `group` (edge,), and whether they are on `bent` facets
+        (edge,). An edge that grows counts little by little."""
+
+        def energy(strength: FloatArray) -> FloatArray:
+            return np.asarray(np.bincount(group, strength**2, len(level)))
+
+        least = np.zeros(len(level))
+        for each in np.flatnonzero(np.bincount(group)):
+            least[each] = error_budget(at_most[group == each], _LEFT_PER_RTOL * rtol * level[each])
+        counted = np.clip(at_most / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
+        missed = energy(_LIKELY * (1.0 - counted) * at_most) + energy((1.0 - known) * counted * unknown)
+        missed = np.sqrt(missed + energy(np.where(bent, _MISSED[1], _MISSED[0]) * at_most))
+        missed, weight = missed / np.where(level > 0, level, np.inf), known * counted
+        return replace(self, weight=weight).take(np.flatnonzero(weight)), missed
+
+    def bent(self, facets: Facets) -> ShadowEdges:
+        """The same on `facets` as they are bent."""
+        if facets.patch is None or not len(self.owner):
+            return self
+        corners = np.take(facets.corners, self.owner, axis=0)
+        ways = np.concatenate([self.tangents, self.tangents.sum(axis=1, keepdims=True)], axis=1)
+        steps = barycentric(corners[:, :1] + ways, corners) - [1.0, 0.0, 0.0]
+        slope, more = facets.patch.take(self.owner).turned(self.tiny.mean(axis=1), steps)
+        edge_curvature = np.concatenate([2.0 * more[:, :2], more[:, 2:] - more[:, :1] - more[:, 1:2]], axis=1)
+        return replace(self, tangents=self.tangents + slope[:, :2], edge_curvature=edge_curvature)
+
+    def take(self, index: NDArray[np.intp] | slice) -> ShadowEdges:
+        """Those that `index` counts out."""
+        return self._of(lambda name: getattr(self, name)[index])
+
+    @staticmethod
+    def joined(parts: Sequence[ShadowEdges]) -> ShadowEdges:
+        """One after the other."""
+        return parts[0]._of(lambda name: np.concatenate([getattr(each, name) for each in parts]))
+
+    def _of(self, column: Callable[[str], NDArray[Any]]) -> ShadowEdges:
+        return ShadowEdges(**{each.name: column(each.name) for each in fields(self)})
+
+    def moved(self, elements: FloatArray) -> FloatArray:
+        """(element, edge) how far inward the edge is for `elements` (element, 3) [m] from the viewpoint [m]."""
+        return _moved(elements, self.middle, self.inward, self.normal, self.occluder)
+
+    def at_most(
+        self, tx: FloatArray, rx: FloatArray, wavenumber: float, edge_curvature: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(edge,) about what any pair sees more or less beside each edge, in units of
+        :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled.returned`: twice the solid angle of its strip;
+        what (edge,)
+        it may return where the surface so far aside is not known; and how far (edge,) it is, 0 … 1. Facets bend by
+        `edge_curvature` (edge,) [1/m], the largest curvature.
+
+        A wide strip on what lies aslant, the limb of a ball, returns what comes from its two sides alone: across it the
+        phase turns by 2 k sin(t) a metre at an angle t to the normal. Along a way of curvature b that changes by
+        d sin(t) = b cos(t) ds, so over all of the strip by b times its width as it is seen at most. And pieces of an
+        edge add up in phase as far as that stays the same along it, to where it has turned by 1 rad or to half the
+        first Fresnel zone: side by side, short ones count as more by the root of how many there are in that length."""
+        distance = np.maximum(lengths(self.middle), 1e-9)
+        towards = self.middle / distance[:, None]
+        turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
+        width = np.abs(self.moved(np.concatenate([tx, rx]))).max(axis=0, initial=0.0)
+        upright = np.abs(np.einsum("ei,ei->e", self.normal, towards))
+        widest = MAX_BOUNDARY_WIDTH * np.sqrt(2 * np.pi / wavenumber * distance)
+        known = np.clip(2.0 - width / widest, 0.0, 1.0)
+        width = np.minimum(width, 2.0 * widest)
+        angle = upright * width * self.length / distance**2
+        if self.through.size:
+            once, twice = self.through[:, 0], self.through[:, 1]
+            angle *= (np.abs(1.0 - once) + np.abs(once - twice)).max(axis=1)
+        aslant = np.abs(np.einsum("ei,ei->e", self.inward, towards)) - edge_curvature * upright * width
+        at_most = 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0)
+        zone = np.sqrt(np.pi / (2.0 * wavenumber * (edge_curvature * upright + 1.0 / distance)))
+        in_phase = np.minimum(2.0 / np.maximum(turn, 1e-9), zone)
+        more = np.sqrt(np.maximum(in_phase / np.maximum(self.length, 1e-12), 1.0))
+        return at_most, at_most * more / np.maximum(wavenumber * aslant * width, 1.0), known
+
+
+def _moved(
+    elements: FloatArray, middle: FloatArray, inward: FloatArray, normal: FloatArray, occluder: FloatArray
+) -> FloatArray:
+    """:meth:`ShadowEdges.moved` of edges at `middle`."""
+    height, own = np.einsum("ei,ei->e", normal, middle), elements @ normal.T
+    below = occluder * height - own
+    on = (height - own) * occluder / np.where(np.abs(below) > 1e-12, below, 1e-12)
+    on = np.clip(on, 1.0 / MAX_SLANT, MAX_SLANT) / np.maximum(occluder, 1e-6)
+    # From the element by way of what casts the shadow, `on` times as far as that.
+    here, there = elements @ inward.T, np.einsum("ei,ei->e", inward, middle)
+    return np.asarray(here + on * (occluder * there - here) - there)

@@ -1,0 +1,236 @@
+"""What pairs see beside shadows' edges: integrals over strips, on Dr.Jit's float64 arrays (LLVM or CUDA).
+
+One lane for each edge and pair of elements; a strip is integrated across by Gauss' points, as many as its phase asks
+for, and along in closed form, in as many parts as have a straight phase.
+
+Be S(x) the integral over the strip from the phase centre's edge to x, towards the light, and n and f where the edges of
+the two elements are, f further that way. Beside an opaque edge a pair has S(f) less than the centre. Where a slab casts
+the shadow, and lets an amplitude of t through, and of t' there and back, the centre has 1 on the lit side and t' on the
+other, a pair t' as far as n, t from there to f, where one way goes through the slab, and 1 beyond: in all
+(1 - t) S(f) + (t - t') S(n) less.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.tracing.shadows.boundary_edges import MAX_SLANT, ShadowEdges
+
+_ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
+"""Up to how many radians from one side of a strip to the other each of the next has enough points."""
+_RULES = [np.polynomial.legendre.leggauss(2**k) for k in range(len(_ACROSS) + 1)]
+_POINTS = np.concatenate([np.column_stack([0.5 + 0.5 * place, 0.5 * weight]) for place, weight in _RULES])
+"""(point, 2) their places, 0 … 1, and weights; those of 2^k begin at number 2^k - 1."""
+_MAX_ARCH = 0.03
+"""Phase that the parts of a strip may be bowed by from their middle to their ends [rad]."""
+_MOST_PARTS = 64.0
+_MOST_SKEW = 3.0
+"""By how many metres along a strip's sides may go on a metre across."""
+_COLUMNS = ("middle", "inward", "normal", "across", "along", "edge_curvature", "arch", "twist", "reference")
+
+
+def boundary_gains(
+    edges: ShadowEdges,
+    tx: FloatArray,
+    rx: FloatArray,
+    centre: float,
+    half_band: float,
+    gains: ComplexArray,
+    reference: FloatArray,
+) -> ComplexArray:
+    """(order, tx, rx, edge) gains of strips: what each pair sees more beside each edge than from the viewpoint, or
+    less, as polynomials over the band.
+
+    Parameters
+    ----------
+    edges
+        The edges, seen from the viewpoint.
+    tx, rx
+        (element, 3) [m] from there.
+    centre, half_band
+        The band [Hz].
+    gains
+        (order, tx, rx, edge) of the small pieces around the edges' middles, by way of these.
+    reference
+        (edge, 3) points [m] from the viewpoint that delays go by instead.
+    """
+    dr, types = drjit_types()
+    Float, UInt32 = types.Float64, types.UInt32
+    count = int(np.prod(gains.shape[1:]))
+    if not count:
+        return gains.copy()
+    columns = {
+        "middle": edges.middle,
+        "inward": edges.inward,
+        "normal": edges.normal,
+        "across": edges.tangents[:, 0],
+        "along": edges.tangents[:, 1],
+        "edge_curvature": edges.edge_curvature[:, 0],
+        "arch": edges.edge_curvature[:, 1],
+        "twist": edges.edge_curvature[:, 2],
+        "reference": reference,
+    }
+    scalars = edges.length, edges.occluder, edges.band, edges.beyond, -edges.weight / edges.area
+    through = bool(edges.through.any())
+    found = dr.empty(Float, 2 * gains.size)
+    given = {
+        "lanes": dr.arange(UInt32, count),
+        "edges": dr.opaque(UInt32, len(edges.owner)),
+        "transmitters": dr.opaque(UInt32, len(tx)),
+        "receivers": dr.opaque(UInt32, len(rx)),
+        "count": dr.opaque(UInt32, count),
+        "elements": upload(Float, np.concatenate([tx, rx])),
+        "band": upload(Float, np.array([centre, half_band])),
+        "points": upload(Float, _POINTS),
+        "vectors": upload(Float, np.concatenate([columns[name].T for name in _COLUMNS])),
+        "scalars": upload(Float, np.stack(scalars)),
+        "gains": upload(Float, gains.view(np.float64)),
+        "found": found,
+    }
+    if through:
+        given["shares"] = upload(Float, _shares(edges.through).view(np.float64))
+    _BOUNDARY_GAINS(given, len(gains), through)
+    return np.asarray(found.numpy()).view(np.complex128).reshape(gains.shape)
+
+
+def _shares(through: ComplexArray) -> ComplexArray:
+    """(strip, power, edge) how much of the further and of the nearer strip a pair has less, as polynomials in u, of
+    what comes `through` (edge, 2, 3)."""
+    once, twice = through[:, 0], through[:, 1]
+    low, middle, high = np.stack([1.0 - once, once - twice]).transpose(2, 0, 1)
+    return np.ascontiguousarray(np.stack([middle, 0.5 * (high - low), 0.5 * (high + low) - middle], axis=1))
+
+
+def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> None:
+    """The kernel of :func:`boundary_gains`; `through`, slabs let some of the light through."""
+    dr, types = drjit_types()
+    Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
+    lane, edges, receivers, count = (given[name] for name in ("lanes", "edges", "receivers", "count"))
+    edge, pair = lane % edges, lane // edges
+    centre, half_band = (dr.gather(Float, given["band"], UInt32(k)) for k in range(2))
+    wavenumber = centre * (2 * np.pi / SPEED_OF_LIGHT)
+
+    def element(index: Any) -> Any:
+        return Array3(*(dr.gather(Float, given["elements"], 3 * index + axis) for axis in range(3)))
+
+    def vector(name: str) -> Any:
+        first = 3 * _COLUMNS.index(name)
+        return Array3(*(dr.gather(Float, given["vectors"], (first + axis) * edges + edge) for axis in range(3)))
+
+    ends = element(pair // receivers), element(given["transmitters"] + pair % receivers)
+    middle, inward, normal, across, along, edge_curvature, arch, twist, reference = (vector(name) for name in _COLUMNS)
+    length, occluder, band, beyond, share = (dr.gather(Float, given["scalars"], k * edges + edge) for k in range(5))
+
+    def moved(middle: Any, inward: Any, occluder: Any) -> tuple[Any, Any]:
+        """The further and the nearer one of the two ends' edges."""
+        height, there = dr.dot(normal, middle), dr.dot(inward, middle)
+        indirect, nearer = Float(-dr.inf), Float(dr.inf)
+        for each in ends:
+            own, here = dr.dot(normal, each), dr.dot(inward, each)
+            below = occluder * height - own
+            on = (height - own) * occluder / dr.select(abs(below) > 1e-12, below, 1e-12)
+            on = dr.clip(on, 1.0 / MAX_SLANT, MAX_SLANT) / dr.maximum(occluder, 1e-6)
+            # From the element by way of what casts the shadow, `on` times as far as that.
+            own = here + on * (occluder * there - here) - there
+            indirect, nearer = dr.maximum(indirect, own), dr.minimum(nearer, own)
+        return indirect, nearer
+
+    width, nearer = moved(middle, inward, occluder)
+    # Where the lit band beside the edge ends no pair sees less than nothing of it; half of what it would is spared
+    # here, and half at the other edge.
+    ended = dr.isfinite(band)
+    far = dr.select(ended, band, 0.0)
+    left = far - width - moved(middle + far * inward, -inward, dr.select(ended, beyond, 1.0))[0]
+    width = width + dr.select(ended, 0.5 * dr.minimum(left, 0.0), 0.0)
+
+    # Sides of a strip go across as the viewpoint sees it, so that those of neighbours meet.
+    visible = middle / dr.maximum(dr.norm(middle), 1e-9)
+    ahead = dr.dot(along, visible)
+    skew = dr.dot(across, visible) * ahead - dr.dot(across, along)
+    skew = dr.clip(skew / dr.maximum(dr.dot(along, along) - ahead * ahead, 1e-9), -_MOST_SKEW, _MOST_SKEW)
+    across, edge_curvature, twist = (
+        across + skew * along,
+        edge_curvature + skew * (2.0 * twist + skew * arch),
+        twist + skew * arch,
+    )
+
+    turn, turned, sagitta_error, arched, twisted, way = (Float(0.0) for _ in range(6))
+    cycles = Float(0.0)
+    for each in ends:
+        offset = middle - each
+        distance = dr.maximum(dr.norm(offset), 1e-9)
+        towards = offset / distance
+        slope, sloped = dr.dot(towards, across), dr.dot(towards, along)
+        turn, turned = turn + wavenumber * slope, turned + wavenumber * sloped
+        sagitta_error = sagitta_error + wavenumber * (
+            (dr.dot(across, across) - slope * slope) / distance + dr.dot(towards, edge_curvature)
+        )
+        arched = arched + wavenumber * ((dr.dot(along, along) - sloped * sloped) / distance + dr.dot(towards, arch))
+        twisted = twisted + wavenumber * ((dr.dot(across, along) - slope * sloped) / distance + dr.dot(towards, twist))
+        # From the edge's middle to the point that delays go by.
+        own = (dr.norm(offset) - dr.norm(reference - each)) / SPEED_OF_LIGHT
+        way, cycles = way + own, cycles + (centre * own - dr.floor(centre * own))
+
+    def strip(width: Any) -> Any:
+        """What the strip as far as a `width` returns, over what the small piece does."""
+        spread = abs(turn * width) + 0.5 * abs(sagitta_error) * width * width
+        kind = UInt32(0)
+        for limit in _ACROSS:
+            kind = kind + dr.select(spread > limit, UInt32(1), UInt32(0))
+        many = UInt32(1) << kind
+        parts = dr.clip(dr.ceil(length * dr.sqrt(abs(arched) / (8.0 * _MAX_ARCH))), 1.0, _MOST_PARTS)
+        half = 0.5 * length / parts
+
+        def step(number: Any, real: Any, imaginary: Any) -> tuple[Any, Any, Any]:
+            # Point by point across and, from there, part by part along.
+            place, weight = (
+                dr.gather(Float, given["points"], 2 * (many - 1 + (number & (many - 1))) + k) for k in range(2)
+            )
+            off, at = place * width, (2.0 * Float(number >> kind) + 1.0) * half - 0.5 * length
+            along = (turned + arched * at + twisted * off) * half
+            straight = dr.select(abs(along) > 1e-6, dr.sin(along) / dr.select(abs(along) > 1e-6, along, 1.0), 1.0)
+            sin, cos = dr.sincos(
+                -off * (turn + 0.5 * sagitta_error * off) - at * (turned + 0.5 * arched * at + twisted * off)
+            )
+            return number + 1, real + weight * straight * cos, imaginary + weight * straight * sin
+
+        total = many * UInt32(parts)
+        start = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane)), dr.zeros(Float, dr.width(lane))
+        found = types.Complex2f64(*dr.while_loop(start, lambda number, *_: number < total, step)[1:])
+        sin, cos = dr.sincos(-2 * np.pi * (cycles - dr.floor(cycles)))
+        return (share * width * length / parts) * found * types.Complex2f64(cos, sin)
+
+    factors = [strip(width)]
+    if through:  # a polynomial over the band
+        both = factors[0], strip(dr.minimum(nearer, width))
+
+        def shares(which: int, power: int) -> Any:
+            first = 2 * ((3 * which + power) * edges + edge)
+            return types.Complex2f64(*(dr.gather(Float, given["shares"], first + k) for k in range(2)))
+
+        factors = [sum(shares(k, power) * both[k] for k in range(2)) for power in range(min(orders, 3))]
+    own_gains = [
+        types.Complex2f64(*(dr.gather(Float, given["gains"], 2 * (order * count + lane) + k) for k in range(2)))
+        for order in range(orders)
+    ]
+    powers = [types.Complex2f64(1.0, 0.0)]
+    for order in range(1, orders):
+        powers.append(powers[-1] * types.Complex2f64(0.0, -2 * np.pi * half_band * way / order))
+    nothing, by_way = types.Complex2f64(0.0, 0.0), []
+    for order in range(orders):
+        by_way.append(sum((powers[k] * own_gains[order - k] for k in range(order + 1)), nothing))
+    for order in range(orders):
+        total = by_way[order] * factors[0]
+        for k in range(1, min(len(factors), order + 1)):
+            total = total + by_way[order - k] * factors[k]
+        for k, value in enumerate((total.real, total.imag)):
+            dr.scatter(given["found"], value, 2 * (order * count + lane) + k, mode=dr.ReduceMode.Permute)
+    dr.eval(given["found"])
+
+
+_BOUNDARY_GAINS = FrozenKernel(_integrate_boundaries)

@@ -1,0 +1,200 @@
+"""What a `sionna.rt.Paths` says about one radar, as flat arrays, and delays in double precision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.scene.mitsuba_backend import ensure_backend
+
+SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION, SENSING = 1, 2, 4, 8, 16
+"""Sionna's `InteractionType`; 0 is no interaction."""
+FIXED_POINT = (DIFFUSE, DIFFRACTION, SENSING)
+"""Interactions at a point that mirroring does not give."""
+_POSITION_RTOL = 1e-6  # of the largest coordinate: single precision and the rounding of a rotation
+_SURFACE_RTOL = 3e-6  # likewise for the interaction points that the image method finds
+
+
+@dataclass(frozen=True)
+class PathEntries:
+    """Valid paths of all element pairs of one radar, one after another."""
+
+    tx: NDArray[np.intp]
+    """(entry,) Tx element."""
+    rx: NDArray[np.intp]
+    """(entry,) Rx element."""
+    a: ComplexArray
+    """(entry,) gains, element patterns included."""
+    doppler: FloatArray
+    """(entry,) [Hz], approaching is positive."""
+    types: NDArray[np.int64]
+    """(entry, depth) interaction types."""
+    objects: NDArray[np.int64]
+    """(entry, depth) Mitsuba's number of the shape; the index of the target where the type is SENSING."""
+    primitives: NDArray[np.int64]
+    """(entry, depth) face of the shape; the scattering point of the target where the type is SENSING."""
+    vertices: FloatArray
+    """(entry, depth, 3) interaction points [m]."""
+
+    def __len__(self) -> int:
+        return len(self.tx)
+
+    def take(self, chosen: NDArray[np.intp]) -> PathEntries:
+        return PathEntries(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+    @property
+    def depth(self) -> NDArray[np.intp]:
+        """(entry,) number of interactions."""
+        return np.asarray((self.types > 0).sum(axis=1), dtype=np.intp)
+
+    @property
+    def signature(self) -> NDArray[np.int64]:
+        """(entry, …) interactions that the same path has in every element pair."""
+        point = np.where(self.types == SENSING, self.primitives, 0)
+        return np.concatenate([self.types, np.where(self.types > 0, self.objects, 0), point], axis=1)
+
+    def nodes(self, tx: FloatArray, rx: FloatArray) -> FloatArray:
+        """(entry, depth + 2, 3) points of each path from `tx` to `rx` (entry, 3), the last one repeated to the end."""
+        points = np.concatenate([tx[:, None], self.vertices, rx[:, None]], axis=1)
+        beyond = np.arange(points.shape[1]) > self.depth[:, None]
+        return np.where(beyond[..., None], rx[:, None], points)
+
+
+def read_entries(paths: Any, radar: Radar) -> PathEntries:
+    """Paths from the radar's Tx elements to its Rx elements.
+
+    Raises
+    ------
+    ValueError
+        If no transmitter or no receiver of the scene has its elements where the radar has them.
+    """
+    sender = _device(paths.sources, paths.num_tx, radar.tx_world, radar, "transmitter")
+    listener = _device(paths.targets, paths.num_rx, radar.rx_world, radar, "receiver")
+    rx, tx, path = np.nonzero(paths.valid.numpy()[listener, :, sender])
+
+    def each(tensor: Any) -> NDArray[Any]:
+        return np.asarray(tensor.numpy()[listener, rx, sender, tx, path])
+
+    def each_depth(tensor: Any, kind: type) -> NDArray[Any]:
+        values = np.moveaxis(tensor.numpy()[:, listener, rx, sender, tx, path], 0, 1).astype(kind)
+        # At least one interaction, though none may be meant: that spares all that follows a special case.
+        return values if values.shape[1] else np.zeros((len(values), 1, *values.shape[2:]), kind)
+
+    real, imaginary = (each(part).astype(np.float64) for part in paths.a)
+    return PathEntries(
+        tx=tx,
+        rx=rx,
+        a=real + 1j * imaginary,
+        doppler=each(paths.doppler).astype(np.float64),
+        types=each_depth(paths.interactions, np.int64),
+        objects=each_depth(paths.objects, np.int64),
+        primitives=each_depth(paths.primitives, np.int64),
+        vertices=each_depth(paths.vertices, np.float64),
+    )
+
+
+def _device(positions: Any, devices: int, elements: FloatArray, radar: Radar, kind: str) -> int:
+    """Which of the scene's devices has its elements where `elements` (element, 3) are."""
+    places = positions.numpy().astype(np.float64).T
+    if len(places) == devices * len(elements):
+        off = np.abs(places.reshape(devices, len(elements), 3) - elements).max(axis=(1, 2))
+        if off.min() <= _POSITION_RTOL * max(1.0, float(np.abs(elements).max())):
+            return int(off.argmin())
+    near = float(np.linalg.norm(places - np.asarray(radar.position), axis=1).min())
+    raise ValueError(
+        f"radar '{radar.name}': none of the {devices} {kind}s of these paths has the radar's {len(elements)} elements "
+        f"at their places ({len(places)} elements in all, the nearest {near:.6g} m from the radar's position "
+        f"{radar.position} m); put the radar into the scene with rfgen_sionna.scene.add_radar before solving"
+    )
+
+
+def path_lengths(entries: PathEntries, tx: FloatArray, rx: FloatArray) -> FloatArray:
+    """(entry,) lengths [m] from `tx` to `rx` (entry, 3), in double precision.
+
+    A stretch between two fixed points is as long as the way from the one to the image of the other in the planes of
+    the triangles that reflect it: the interaction points between, which Sionna rounds, don't enter. A refracted path
+    goes straight on, as in Sionna. Where a triangle is no longer where the path met it, the points have to serve.
+    """
+    points = entries.nodes(tx, rx)
+    slack = _SURFACE_RTOL * np.maximum(1.0, np.abs(points).max(axis=(1, 2), initial=0.0))
+    image, length = rx.copy(), np.zeros(len(entries))
+    known = np.ones(len(entries), dtype=np.bool_)
+    for depth in reversed(range(entries.types.shape[1])):
+        types, place = entries.types[:, depth], entries.vertices[:, depth]
+        mirrored = np.flatnonzero(types == SPECULAR)
+        corners = _triangles(entries.objects[mirrored, depth], entries.primitives[mirrored, depth])
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        normal /= np.where(size > 0, size, 1.0)
+        above, met = (((each[mirrored] - corners[:, 0]) * normal).sum(axis=1, keepdims=True) for each in (image, place))
+        known[mirrored] &= (size[:, 0] > 0) & (np.abs(met[:, 0]) <= slack[mirrored])
+        image[mirrored] -= 2 * above * normal
+        fixed = np.isin(types, FIXED_POINT)
+        length += np.where(fixed, np.linalg.norm(image - place, axis=1), 0.0)
+        image[fixed] = place[fixed]
+    length += np.linalg.norm(image - tx, axis=1)
+    return np.where(known, length, np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1))
+
+
+def without_duplicates(entries: PathEntries, tx: FloatArray, rx: FloatArray) -> NDArray[np.intp]:
+    """Entries without those that Sionna found twice.
+
+    Two points are joined by at most one path that is reflected and refracted by given triangles in a given order.
+    Where a surface comes within a millimetre or so of another's plane, the foot of a table and the floor, say, the
+    path solver returns this path once for each of both, on the same triangle in the end, one with its points off
+    by millimetres. The shortest way by its points is right.
+    """
+    points = entries.nodes(tx, rx)
+    by_points = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+    # Of paths through a point that is anywhere on a triangle or an edge there may be many.
+    free = np.isin(entries.types, (DIFFUSE, DIFFRACTION)).any(axis=1)
+    met = entries.types > 0
+    key = np.concatenate(
+        [
+            np.where(free, np.arange(len(entries)), -1)[:, None],
+            entries.tx[:, None],
+            entries.rx[:, None],
+            entries.types,
+            np.where(met, entries.objects, 0),
+            np.where(met, entries.primitives, 0),
+        ],
+        axis=1,
+    )
+    order = np.argsort(by_points, kind="stable")
+    _, first = np.unique(key[order], axis=0, return_index=True)
+    return np.sort(order[first])
+
+
+def _triangles(shapes: NDArray[np.int64], faces: NDArray[np.int64]) -> FloatArray:
+    """(entry, 3, 3) corners [m] of faces of Mitsuba's shapes; zeros where there is no such shape any more."""
+    if len(shapes) == 0:
+        return np.zeros((0, 3, 3))
+    ensure_backend()
+    import drjit as dr
+    import mitsuba
+
+    mi: Any = mitsuba
+    pointer: Any = dr.reinterpret_array(mi.MeshPtr, mi.UInt32(shapes.astype(np.uint32)))
+    index = pointer.face_indices(mi.UInt32(faces.astype(np.uint32)))
+    corners = [pointer.vertex_position(index[corner]) for corner in range(3)]
+    return np.stack([corner.numpy().astype(np.float64).T for corner in corners], axis=1)
+
+
+def shape_names(shapes: list[int]) -> dict[int, str]:
+    """Names of Mitsuba's shapes by their numbers, as Sionna calls the objects."""
+    ensure_backend()
+    import drjit as dr
+    import mitsuba
+    from sionna.rt.scene_object import SceneObject
+
+    mi: Any = mitsuba
+    pointer: Any = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(shapes)) if shapes else []
+    return {
+        number: SceneObject.shape_id_to_name(shape.id()) if shape is not None else f"object {number}"
+        for number, shape in zip(shapes, list(pointer), strict=True)
+    }

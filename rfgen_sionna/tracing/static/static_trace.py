@@ -1,0 +1,402 @@
+"""The part of a scene that stays: traced once per radar pose."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.gains.band import BandTracer
+from rfgen_sionna.tracing.gains.error_estimate import SAFETY, RefinedReturns, tolerance_factor
+from rfgen_sionna.tracing.shadows.adaptive_sampling import (
+    CornerVisibility,
+    SampledVisibility,
+    sample_visibility,
+    shared_vertices,
+)
+from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
+from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
+from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
+from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
+from rfgen_sionna.tracing.static.static_facets import static_facets
+from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
+from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
+from rfgen_sionna.tracing.surface.surfaces import Surfaces
+
+MAX_ROUNDS = 4
+"""How often the facets are made finer before the tolerance is given up with a warning."""
+MAX_EFFORT = 10_000_000
+"""Triangles to integrate at each node, beyond which the tolerance is given up as well."""
+_MIDDLE = slice(1, 2)
+"""The probe in the middle of the band."""
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class StaticTrace:
+    """Paths of the static scene without actors, and what is needed to know what actors hide of them."""
+
+    paths: RadarPaths
+    """One path per facet of `facets`, a single knot."""
+    facets: Facets
+    """Those that are seen; of such as are seen in part the pieces that are."""
+    fraction: FloatArray
+    """(facet,) visible share without actors, above 0."""
+    scene: RayScene | None
+    """The static surfaces; None where there are none."""
+    viewpoint: FloatArray
+    rays: int
+    """Rays sent."""
+    error: float
+    """Estimated error of the coherent return, relative to what `tracing.gains.accuracy.Accuracy.total` says."""
+    level: float
+    """What that is."""
+    levels: FloatArray
+    """(surface,) coherent return of each surface."""
+    whole: int
+    """So many of `facets` come first; the others are pieces of such as are seen in part."""
+    hidden: Facets
+    """Facets that are hidden, or in part."""
+    hidden_fraction: FloatArray
+    """(hidden,) visible share of those."""
+    tolerance: FloatArray
+    """(surface,) that facets are made for."""
+    returns: StaticReturns
+
+    @cached_property
+    def unoccluded(self) -> NDArray[np.int64]:
+        """Faces of the ray scene of which something is seen."""
+        return np.unique(self.facets.number).astype(np.int64)
+
+    @cached_property
+    def _guides(self) -> tuple[CornerVisibility, NDArray[np.bool_], int]:
+        """Rays to the facets' corners, (facet, 3) which are seen without actors, and the number of rays: looked up
+        where there are any."""
+        # Corners of pieces lie on shadows' edges: they are looked at as they will be with actors.
+        facets = self.facets
+        places = shared_vertices(facets.corners, facets.surface)
+        guides = CornerVisibility(self.viewpoint, facets.corners, facets.number, places)
+        if self.scene is None:
+            return guides, np.zeros((len(facets), 3), np.bool_), 0
+        return guides, *guides.visible(self.scene)
+
+    @cached_property
+    def _spheres(self) -> BoundingSpheres:
+        return bounding_spheres(self.facets, self.viewpoint)
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """(facet,) the antennas' field gain towards each."""
+        return self.returns.band.pattern_gain(self.facets.directions(self.viewpoint))
+
+    @cached_property
+    def _any_visible(self) -> FacetLocator:
+        return FacetLocator(self.facets.corners - self.viewpoint, self.facets.number)
+
+    @property
+    def without_actors(self) -> StaticVisibility:
+        """What is left where there are no actors."""
+        count = len(self.facets)
+        return StaticVisibility(
+            np.ones(count),
+            np.zeros(0, np.intp),
+            np.zeros((0, 3, 3)),
+            None,
+            0.0,
+            np.zeros(count),
+            np.inf,
+            np.zeros((0, 0), np.complex128),
+            None,
+        )
+
+    def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
+        """Facets that may be hidden by the `actors`, each of which takes up (point, 3) places [m]."""
+        if not len(self.facets):
+            return np.zeros(0, np.intp)
+        return np.flatnonzero(in_shadow_cones(self._spheres, self.viewpoint, actors))
+
+    def visible(
+        self, rays: RayScene, index: NDArray[np.intp], silhouette_rays: SilhouetteRays
+    ) -> tuple[StaticVisibility, int]:
+        """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
+
+        `index` counts those out that may be hidden, `silhouette_rays` are rays that just pass the actors' outlines.
+        What static
+        things hide is known: nothing but actors is looked for, and a facet that none of them touches keeps its share to
+        the bit.
+        """
+        past = silhouette_rays.of_actors
+        nearest = float(lengths(past.directions).min(initial=np.inf))
+        return self.resample(rays, index, self._any_visible.silhouette_lengths(past)[0], nearest)
+
+    def resample(
+        self, rays: RayScene, index: NDArray[np.intp], silhouette: FloatArray, nearest: float
+    ) -> tuple[StaticVisibility, int]:
+        """:meth:`visible` where so much `silhouette` (facet,) [rad] falls on each facet, the `nearest` of it so far off
+        [m]."""
+        every, silhouette = silhouette, silhouette[index]
+        known = "_guides" in self.__dict__
+        guides, unoccluded, first = self._guides
+        now, sent = guides.visible(rays, index, moving=True)
+        sent += 0 if known else first
+        now &= unoccluded[index]
+        changed, passed = (now != unoccluded[index]).any(axis=1), silhouette > 0
+        left = np.ones(len(self.facets))
+        occluded = index[changed & ~passed & ~now.any(axis=1)]
+        left[occluded] = 0.0
+        some = np.flatnonzero(passed | (changed & now.any(axis=1)))
+        chosen = index[some]
+        found = sample_visibility(
+            rays,
+            self.viewpoint,
+            self.facets.corners[chosen],
+            self.facets.number[chosen],
+            now[some],
+            self.returns.wavenumber,
+            self.returns.rtol,
+            silhouette[some],
+            self.weight[chosen],
+            before=unoccluded[chosen],
+            level=self.returns.level,
+            moving=True,
+            places=guides.places[chosen],
+            occluded=guides.places[occluded],
+            reach=self.returns.band.reach,
+            nearest=nearest,
+        )
+        left[chosen] = found.fraction
+        missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
+        nothing = np.zeros((0, 0), np.complex128)
+        cut, edges = chosen[found.owner], None
+        if len(cut) and self.returns.level > 0:
+            group, level = np.zeros(len(cut), np.intp), np.array([self.returns.level])
+            edges, beyond = self.returns.band.edges(self.facets, cut, found.pieces, found.occluder, group, level)
+            missed = float(np.hypot(missed, SAFETY * beyond[0]))
+        return StaticVisibility(
+            left, cut, found.pieces, edges, missed, every, nearest, nothing, None
+        ), sent + found.rays
+
+    def integrated(self, static_visibility: Sequence[StaticVisibility]) -> list[StaticVisibility]:
+        """The same with their values."""
+        cut = [each for each in static_visibility if len(each.owner)]
+        found = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
+        return [next(found) if len(each.owner) else each for each in static_visibility]
+
+    def shadows(
+        self, knots: FloatArray, static_visibility: Sequence[StaticVisibility], index: NDArray[np.intp] | None = None
+    ) -> tuple[Shadow, Shadow]:
+        """What is missing of static paths with what is left at each of the `knots` [s], integrated: as it changes, and
+        as it is. `index` (facet,) are the facets that shares are of, ascending; None is all."""
+        every = np.arange(len(self.facets)) if index is None else index
+        left = np.stack([each.left for each in static_visibility], axis=1)
+        paths = self.paths if index is None else self.paths.select(index)
+        within = np.searchsorted(every, np.concatenate([each.owner for each in static_visibility]))
+        changing, steady = (shadow.at(every) for shadow in cast_shadow(paths, left, knots, within))
+        a, dispersion = changing.paths.a, changing.paths.dispersion  # its own, to be written to
+        for knot, each in enumerate(static_visibility):
+            if not len(each.owner):
+                continue
+            owner = np.unique(each.owner)
+            gains = self.returns.band.combined(self.returns.expansion, each.values[..., None])[..., 0]
+            row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
+            if (beside := each.boundary_correction) is not None:
+                beside.within(owner).add_to(gains)
+            gains *= share
+            if self.returns.rough is not None:
+                visible = share * each.left[np.searchsorted(every, owner)]
+                gains[0] += np.sqrt(visible) * self.returns.rough[..., owner]  # of energy, half of a facet returns half
+            a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
+            if dispersion is not None and self.paths.dispersion is not None:
+                dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
+        return changing, steady
+
+
+SlabEdgeTransmission = Callable[[RayScene, Facets, SampledVisibility], tuple[FloatArray, int]]
+"""What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
+:meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of` takes it, and the number of rays sent."""
+
+
+def trace_static(
+    surfaces: Surfaces,
+    rays: RayScene | None,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    rtol: float,
+    max_range: float,
+    beside: SlabEdgeTransmission | None = None,
+) -> StaticTrace:
+    """Trace the static surfaces; facets beyond `max_range` [m] are left out, as the radar's IF filter removes them.
+
+    `rays` holds the static scene alone; None where there is no static surface. `beside` tells what slabs let through
+    beside their shadows' edges; None: nothing.
+    """
+    materials = tuple(surface.material for surface in surfaces.static)
+    fineness, rays_sent = np.ones(len(materials)), 0
+    before = [np.inf, np.inf]  # error of the facets by themselves, and with an expansion
+    silhouette_rays = None
+    if rays is not None:
+        past, span = static_silhouettes(surfaces, viewpoint)
+        silhouette_rays, rays_sent = SilhouetteRays(past, rays.first_facet(viewpoint, past), span), len(past)
+    for attempt in range(MAX_ROUNDS):
+        visible = _find_visible_facets(
+            surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, silhouette_rays, beside
+        )
+        facets, rays_sent = visible.facets, rays_sent + visible.rays
+        weight = visible.fraction * band.pattern_gain(facets.directions(viewpoint))
+        held = RefinedReturns.of(band, facets, materials, weight)
+        # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
+        found, exact = held.of_facets(places=_MIDDLE)
+        effort = float((facets.parts.astype(np.float64) ** 2).sum())
+        # More of the same is no use where the error hardly falls, or where it would take too long.
+        last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
+        before[0] = found.total
+        if last or found.total <= rtol:
+            strength = np.abs(exact[0]) * weight
+            expansion = band.expansion_for(facets, materials, weight, coherent=False, strength=strength)
+            values = band.values(facets, materials, expansion)
+            one = replace(expansion, weights=expansion.weights[:, :1, :1])
+            found = held.of_expansion(band.combined(one, values)[:, 0, 0])
+            if found.total <= rtol:
+                break
+            last = last or found.total > 0.5 * before[1] or effort * found.total / rtol > MAX_EFFORT
+            before[1] = found.total
+        if last:
+            _LOG.warning(
+                "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
+            )
+            break
+        fineness[found.share > 0.1 / len(materials)] *= tolerance_factor(np.array(found.total), rtol)
+    gains = band.combined(expansion, values)
+    gains *= visible.fraction
+    returns = StaticReturns(band, materials, expansion, None, _wavenumber(band), rtol, visible.level)
+    if len(visible.edges.owner):
+        returns.beside(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
+    if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
+        gains[0] += np.sqrt(visible.fraction) * rough  # of energy, half of a facet returns half
+    tau = band.delays(facets.centroids)[..., None]
+    paths = facet_paths(
+        surfaces.static,
+        facets,
+        np.array([0.0]),
+        gains[..., None],
+        tau,
+        np.zeros_like(tau),
+        facets.directions(viewpoint)[:, None],
+        band.centre,
+        band.half_band,
+        (surfaces.object_names, surfaces.part_names),
+    )
+    return StaticTrace(
+        paths,
+        facets,
+        visible.fraction,
+        rays,
+        viewpoint,
+        rays_sent,
+        float(np.hypot(found.total, SAFETY * visible.missed)),
+        found.scale,
+        found.level,
+        visible.whole,
+        visible.hidden,
+        visible.hidden_fraction,
+        rtol * fineness,
+        replace(returns, rough=rough),
+    )
+
+
+def _wavenumber(band: BandTracer) -> float:
+    return 2 * np.pi * band.highest / SPEED_OF_LIGHT
+
+
+class _VisibleFacets(NamedTuple):
+    facets: Facets
+    fraction: FloatArray
+    """(facet,)"""
+    whole: int
+    """So many facets come first, then pieces of others."""
+    edges: ShadowEdges
+    """Shadows' edges on these pieces."""
+    tiny: Facets
+    """What tells of them."""
+    hidden: Facets
+    hidden_fraction: FloatArray
+    """(hidden,)"""
+    level: float
+    """What all return without interfering, in units of
+    :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
+    missed: float
+    """Estimated error of that for what is not known of shadows' edges, relative to it."""
+    rays: int
+
+
+def _find_visible_facets(
+    surfaces: Surfaces,
+    rays: RayScene | None,
+    band: BandTracer,
+    viewpoint: FloatArray,
+    rtol: float,
+    tolerance: FloatArray,
+    max_range: float,
+    silhouette_rays: SilhouetteRays | None,
+    beside: SlabEdgeTransmission | None,
+) -> _VisibleFacets:
+    """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
+    the pieces that are; and those that are hidden, or in part, with their visible share."""
+    facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
+    near = lengths(facets.centroids - viewpoint) < max_range
+    facets = facets.take(np.flatnonzero(facets.facing & near))
+    facets = facets.with_pattern_gradient(band.pattern_gradient(facets))
+    if rays is None:
+        nothing = np.zeros(len(facets))
+        none = np.zeros(0, np.intp)
+        edges, _ = band.edges(facets, none, np.zeros((0, 3, 3)), np.zeros((0, 4)), none, np.zeros(1))
+        return _VisibleFacets(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
+    places = shared_vertices(facets.corners, facets.surface)
+    guided, sent = CornerVisibility(viewpoint, facets.corners, facets.number, places).visible(rays)
+    silhouette, past = (
+        (None, None)
+        if silhouette_rays is None
+        else FacetLocator(facets.corners - viewpoint, facets.number).silhouette_lengths(silhouette_rays)
+    )
+    weight = band.pattern_gain(facets.directions(viewpoint))
+    found = sample_visibility(
+        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, silhouette, weight,
+        search=True, places=places, reach=band.reach, past=past,
+    )  # fmt: skip
+    cut = np.zeros(len(facets), np.bool_)
+    cut[found.owner] = True
+    whole = np.flatnonzero((found.fraction > 0) & ~cut)
+    visible = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
+    visible = visible.with_pattern_gradient(band.pattern_gradient(visible))
+    level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
+    missed = missed / level if level > 0 else 0.0
+    group = np.zeros(len(found.owner), np.intp)
+    occluder, walked = (found.occluder, 0) if beside is None else beside(rays, facets, found)
+    edges, beyond = band.edges(facets, found.owner, found.pieces, occluder, group, np.array([level]))
+    tiny, edges = facets.cut(edges.owner, edges.tiny), replace(edges, owner=len(whole) + edges.piece)
+    if visible.pattern_gradient is not None:
+        tiny = replace(
+            tiny, pattern_gradient=visible.pattern_gradient[edges.owner], gradient_origin=visible.centroids[edges.owner]
+        )
+    hidden = np.flatnonzero(found.fraction < 1)
+    return _VisibleFacets(
+        visible,
+        np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
+        len(whole),
+        edges,
+        tiny,
+        facets.take(hidden),
+        found.fraction[hidden],
+        level,
+        float(np.hypot(missed, beyond[0])),
+        sent + found.rays + walked,
+    )

@@ -1,0 +1,146 @@
+"""Ways that go straight on through slabs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths, unit
+from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
+from rfgen_sionna.tracing.integral.slabs import NO_SLAB
+from rfgen_sionna.tracing.surface.surfaces import Surface
+
+MAX_SLABS = 4
+"""Slabs that are gone through at most, on one leg."""
+BLOCKED = -2
+"""In place of a slab: nothing gets through."""
+
+
+class SlabCrossings(NamedTuple):
+    """What each way goes through."""
+
+    crossed: NDArray[np.int64]
+    """(way, depth) surfaces, nearest to the origin first; `NO_SLAB` after the last, `BLOCKED` where the way ends."""
+    normals: FloatArray
+    """(way, depth, 3) unit vectors across them."""
+
+    @property
+    def unblocked(self) -> NDArray[np.bool_]:
+        """(way,) whether something gets through."""
+        return np.asarray((self.crossed != BLOCKED).all(axis=1))
+
+
+class SlabTracer:
+    """Sends rays through slabs.
+
+    Parameters
+    ----------
+    rays
+        The geometry.
+    vertices, surfaces
+        (vertex, 3) [m] of every surface in it, and these: where they are round, so are slabs.
+    through
+        (surface,) amplitude that gets through each, 0 for what is opaque.
+    least
+        Ways end where less than this is left of the amplitude's square.
+    """
+
+    def __init__(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        surfaces: Sequence[Surface],
+        through: FloatArray,
+        least: float,
+    ) -> None:
+        self._rays, self._through, self._least = rays, through, least
+        self._normals = [
+            _corner_normals(points, each) if penetrable > 0 else None
+            for points, each, penetrable in zip(vertices, surfaces, through, strict=True)
+        ]
+        self.sent = 0
+        """Rays sent so far."""
+
+    def with_rays(self, rays: RayScene) -> SlabTracer:
+        """The same in another geometry, of which surfaces beyond those of this one let nothing through."""
+        other = copy(self)
+        other._rays, other.sent = rays, 0
+        return other
+
+    def __call__(
+        self,
+        origins: FloatArray,
+        targets: FloatArray,
+        label: IntArray | None,
+        ends: NDArray[np.integer],
+        starts: NDArray[np.integer] | None = None,
+        exact: bool = False,
+    ) -> SlabCrossings:
+        """What is between `origins` (way, 3) or (3,) and `targets` (way, 3) [m].
+
+        Parameters
+        ----------
+        label
+            (face,) of the ray scene; None numbers them.
+        ends, starts
+            (way,) label of what the target, and the origin, is on, which does not hide.
+        exact
+            Whether ways end that come to the target's place without meeting what it is on.
+        """
+        count = len(targets)
+        crossing = np.full((count, MAX_SLABS), NO_SLAB, np.int64)
+        normals = np.zeros((count, MAX_SLABS, 3))
+        origins = np.broadcast_to(origins, targets.shape)
+        left, depth = np.ones(count), np.zeros(count, np.intp)
+        span = targets - origins
+        reach = lengths(span)
+        k = span / np.maximum(reach, 1e-12)[:, None]
+        begun = np.zeros(count) if starts is None else BLIND_GAP * reach
+        open_ = np.flatnonzero(reach > 0)
+        for _ in range(MAX_SLABS + 2):  # one more where a ray meets what it starts on
+            if len(open_) == 0:
+                return SlabCrossings(crossing, normals)
+            hits = self._rays.first_hit(origins[open_] + begun[open_, None] * k[open_], k[open_])
+            self.sent += len(open_)
+            at = begun[open_] + hits.distance
+            of = np.where(hits.object < 0, NO_SLAB, hits.facet if label is None else label[hits.facet])
+            met = (hits.object >= 0) & (of == ends[open_])
+            beyond = ~met & ((hits.object < 0) | (at > (1.0 - BLIND_GAP) * reach[open_]))
+            if exact:
+                crossing[open_[beyond]] = BLOCKED
+            indirect = np.flatnonzero(~met & ~beyond)
+            own = np.zeros(len(indirect), np.bool_) if starts is None else of[indirect] == starts[open_[indirect]]
+            entered = indirect[~own]
+            lane, surface = open_[entered], hits.object[entered]
+            left[lane] *= self._through[surface]
+            gone = (left[lane] ** 2 > self._least) & (depth[lane] < MAX_SLABS)
+            crossing[lane[~gone]] = BLOCKED
+            lane, surface, met_at = lane[gone], surface[gone], entered[gone]
+            face, place = hits.face[met_at], hits.barycentric[met_at]
+            across = np.empty((len(lane), 3))
+            for each in np.unique(surface):
+                chosen = surface == each
+                corners = self._normals[each]
+                if corners is not None:  # it is gone through
+                    across[chosen] = unit(np.einsum("rc,rci->ri", place[chosen], corners[face[chosen]]))
+            across *= -np.sign(np.einsum("ri,ri->r", across, k[lane]))[:, None]
+            crossing[lane, depth[lane]], normals[lane, depth[lane]] = surface, across
+            depth[lane] += 1
+            indirect = np.concatenate([indirect[own], entered[gone]])
+            open_, at = open_[indirect], at[indirect]
+            begun[open_] = at + BLIND_GAP * reach[open_]
+        crossing[open_] = BLOCKED
+        return SlabCrossings(crossing, normals)
+
+
+def _corner_normals(points: FloatArray, surface: Surface) -> FloatArray:
+    """(face, corner, 3) unit vectors."""
+    if surface.smooth is not None:
+        return surface.smooth.normals(points, surface.faces)
+    one, other = (points[surface.faces[:, k]] - points[surface.faces[:, 0]] for k in (1, 2))
+    return np.broadcast_to(unit(np.cross(one, other))[:, None], (len(one), 3, 3))

@@ -1,0 +1,342 @@
+"""Where plates show facets to the radar through slabs, on any leg of the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.ghosts.image_band import MirroredFacets
+from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.integral.facet import Nodes
+from rfgen_sionna.tracing.integral.slabs import (
+    NO_SLAB,
+    SlabStack,
+    SlabStacks,
+    SlabTable,
+    interpolated_normals,
+    normals_over_time,
+)
+from rfgen_sionna.tracing.reflectors.clipped_footprints import (
+    DIRECT,
+    ClippedFootprints,
+    ReflectedBand,
+    ReflectedFacets,
+    find_rows,
+    merge_footprints,
+)
+from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
+from rfgen_sionna.tracing.shadows.mirror_visibility import FINE_LATTICE, GUIDE_POINTS
+from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.transmission.slab_crossings import BLOCKED, MAX_SLABS, SlabTracer
+
+LEGS = 4
+"""From the one end to its plate, from there to the facet, and the same of the other end; what goes straight goes by the
+second."""
+_REVERSED_LEGS = [2, 3, 0, 1]
+_SOURCE = -3
+"""Label of the faces of the plate that a leg begins on."""
+
+
+@dataclass(frozen=True)
+class SlabFootprints(ClippedFootprints):
+    """Pieces of facets that are seen by way of plates and through at least one slab, at an instant."""
+
+    crossed: NDArray[np.int64]
+    """(entry, leg, depth) surfaces gone through, or `NO_SLAB`."""
+    across: FloatArray
+    """(entry, leg, depth, 3) the slabs' normals, summed over the sample points."""
+
+    @staticmethod
+    def none() -> SlabFootprints:
+        plain = ClippedFootprints.none()
+        crossed = np.zeros((0, LEGS, MAX_SLABS), np.int64)
+        return SlabFootprints(
+            **_columns(plain, ClippedFootprints), crossed=crossed, across=np.zeros((*crossed.shape, 3))
+        )
+
+    def swapped(self) -> SlabFootprints:
+        """The same with both ways changed over."""
+        crossed, across = self.crossed[:, _REVERSED_LEGS], self.across[:, _REVERSED_LEGS]
+        return replace(self, first=self.last, last=self.first, crossed=crossed, across=across)
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """(entry, 3 + leg depth) facet, plates and slabs."""
+        plain = np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
+        return np.concatenate([plain, self.crossed.reshape(len(plain), LEGS * MAX_SLABS)], axis=1)
+
+    def take(self, chosen: NDArray[np.bool_]) -> SlabFootprints:
+        """The entries that `chosen` marks."""
+        plain = _columns(super().take(chosen), ClippedFootprints)
+        return SlabFootprints(**plain, crossed=self.crossed[chosen], across=self.across[chosen])
+
+    @staticmethod
+    def joined(footprint_sets: Sequence[SlabFootprints]) -> SlabFootprints:
+        """All entries, in ascending order of their keys; no key may be there twice."""
+        footprint_sets = [each for each in footprint_sets if len(each.facet)]
+        if not footprint_sets:
+            return SlabFootprints.none()
+        order = np.lexsort(np.concatenate([each.keys for each in footprint_sets]).T[::-1])
+        return SlabFootprints(
+            **_columns(merge_footprints(footprint_sets), ClippedFootprints),
+            crossed=np.concatenate([each.crossed for each in footprint_sets])[order],
+            across=np.concatenate([each.across for each in footprint_sets])[order],
+        )
+
+
+@dataclass(frozen=True)
+class SlabReflectedFacets(ReflectedFacets):
+    """Facets as plates show them through slabs."""
+
+    crossed: IntArray
+    """(facet, leg, depth) surfaces gone through on the way from Tx and on that to Rx, or `NO_SLAB`."""
+    across: FloatArray
+    """(facet, leg, depth, 3) unit vectors across them."""
+
+    @classmethod
+    def over_time(
+        cls, facets: Sequence[Facets], keys: NDArray[np.int64], footprint_sets: Sequence[SlabFootprints], swapped: bool
+    ) -> list[SlabReflectedFacets]:
+        """Facets by `keys`, sorted by their rows, at each instant."""
+        places = [find_rows(keys, footprints.keys) for footprints in footprint_sets]
+        normals = normals_over_time(places, [footprints.across for footprints in footprint_sets], len(keys))
+        crossed = keys[:, 3:].reshape(-1, LEGS, MAX_SLABS).astype(np.int32)
+        legs = _REVERSED_LEGS if swapped else list(range(LEGS))
+        depth = max(1, int((crossed != NO_SLAB).sum(axis=2).max(initial=0)))
+        return [
+            cls(
+                **_columns(ReflectedFacets.clipped(each, keys, footprints, swapped, place), ReflectedFacets),
+                crossed=crossed[:, legs, :depth],
+                across=across[:, legs, :depth],
+            )
+            for each, footprints, place, across in zip(facets, footprint_sets, places, normals, strict=True)
+        ]
+
+    def between(self, after: MirroredFacets, share: float) -> SlabReflectedFacets:
+        """With the slabs as they are a `share` of the way to what is seen `after`."""
+        return replace(self, across=interpolated_normals(self.across, _through_slabs(after).across, share))
+
+    def take(self, index: NDArray[np.intp]) -> SlabReflectedFacets:
+        """The facets that `index`, no number of them twice, counts out."""
+        chosen = _columns(super().take(index), ReflectedFacets)
+        return SlabReflectedFacets(**chosen, crossed=self.crossed[index], across=self.across[index])
+
+
+def _columns(record: Any, kind: type) -> dict[str, Any]:
+    return {each.name: getattr(record, each.name) for each in fields(kind)}
+
+
+class SlabReflectedBand(ReflectedBand):
+    """As :class:`~rfgen_sionna.tracing.reflectors.clipped_footprints.ReflectedBand`, for
+    :class:`SlabReflectedFacets`."""
+
+    def __init__(self, table: SlabTable, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool):
+        super().__init__(radar, rtol, mirrors, tx, rx)
+        self._table = table
+
+    def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets, that of
+        the slabs' bulk included."""
+        visible_facets = _through_slabs(visible_facets)
+        place, legs = centroids - self._origin, []
+        for by, mirror, elements, first in (
+            (self.tx, visible_facets.first, self._tx, 0),
+            (self.rx, visible_facets.last, self._rx, 2),
+        ):
+            visible, behind = place, visible_facets.across[:, first + 1]
+            if by:  # as the mirror shows it, and the slabs behind the mirror
+                normal = self._normals[mirror]
+                height = np.einsum("fi,fi->f", place, normal) + self._offsets[mirror]
+                visible = place - 2.0 * height[:, None] * normal
+                behind = behind - 2.0 * np.einsum("fdi,fi->fd", behind, normal)[..., None] * normal[:, None]
+            offset = visible - elements[:, None]
+            distance = np.linalg.norm(offset, axis=2)
+            k = offset / np.maximum(distance, 1e-12)[..., None]
+            for leg, across in ((first, visible_facets.across[:, first]), (first + 1, behind)):
+                distance = distance + self._table.lengths(visible_facets.crossed[:, leg], across, k)
+            legs.append(distance)
+        return np.asarray((legs[0][:, None] + legs[1]) / SPEED_OF_LIGHT)
+
+    def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
+        facets = _through_slabs(facets)
+
+        def of(leg: int) -> SlabStack | None:
+            crossed = facets.crossed[:, leg]
+            depth = int((crossed != NO_SLAB).sum(axis=1).max(initial=0))
+            if depth == 0:
+                return None
+            across = facets.across[index, leg, :depth]
+            return SlabStack(self._table, crossed[index, :depth], np.repeat(across[:, :, None], 3, axis=2))
+
+        slab_stacks = SlabStacks(of(0), of(1)), SlabStacks(of(2), of(3))
+        return {**super()._by(facets, nodes, index), "slab_stacks": slab_stacks}
+
+
+def _crossings(footprints: ClippedFootprints) -> SlabFootprints:
+    if not isinstance(footprints, SlabFootprints):
+        raise TypeError(f"landing is a {type(footprints).__name__}: a SlabFootprints is needed")
+    return footprints
+
+
+def _through_slabs(visible_facets: MirroredFacets) -> SlabReflectedFacets:
+    if not isinstance(visible_facets, SlabReflectedFacets):
+        raise TypeError(f"shown is a {type(visible_facets).__name__}: SlabReflectedFacets are needed")
+    return visible_facets
+
+
+class SlabFootprintClipper(FootprintClipper):
+    """As :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper`, for what is seen through slabs.
+
+    Parameters
+    ----------
+    walk
+        Goes through slabs of the geometry.
+    through
+        (surface,) amplitude that gets through each.
+    least
+        Of both ways together, what is not looked at any more.
+    given
+        What a :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper` is made of.
+    """
+
+    def __init__(self, slab_tracer: SlabTracer, through: FloatArray, least: float, *given: Any) -> None:
+        super().__init__(*given)
+        self._slab_tracer, self._amplitude, self._least = (
+            slab_tracer,
+            np.append(through, 1.0),
+            least,
+        )  # the last one for NO_SLAB
+
+    def clip_facets(self, index: NDArray[np.intp], first: int, last: int) -> SlabFootprints:
+        """What is seen of the facets `index` by way of the plates `first` and `last`, which may be `DIRECT`, through at
+        least one slab."""
+        index, pieces, owner = self._cut(index, first, last)
+        if len(pieces) == 0:
+            return SlabFootprints.none()
+        before = self._slab_tracer.sent
+        every = np.arange(len(pieces))
+        crossings, normals = self._visibility(pieces, index[owner], first, last, GUIDE_POINTS)
+        alike = (crossings == crossings[:, :1]).all(axis=(1, 2))
+        rows = [(every[alike], crossings[alike], normals[alike])]
+        if (~alike).any():
+            mixed = every[~alike]
+            rows.append((mixed, *self._visibility(pieces[mixed], index[owner[mixed]], first, last, FINE_LATTICE)))
+        self.sent += self._slab_tracer.sent - before
+        return self._gathered(index, pieces, owner, first, last, rows)
+
+    def left(self, footprints: ClippedFootprints) -> FloatArray:
+        """(entry,) of the amplitude at most, there and back, at normal incidence."""
+        crossed = _crossings(footprints).crossed
+        return np.asarray(np.where(crossed >= 0, self._amplitude[crossed], 1.0).prod(axis=(1, 2)))
+
+    def resample(self, rays: RayScene, pieces: ClippedFootprints, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
+        """As :meth:`.FootprintClipper.resample`: the share from where ways go
+        through the same
+        slabs as they did, and through nothing else."""
+        pieces = _crossings(pieces)
+        other = copy(self)
+        other._slab_tracer = self._slab_tracer.with_rays(rays)
+        share, entry = np.zeros(len(chosen)), pieces.owner[chosen]
+        facet, own = pieces.facet[entry], pieces.crossed[entry].reshape(len(chosen), 1, -1)
+        ways = np.stack([pieces.first[entry], pieces.last[entry]], axis=1)
+        for first, last in np.unique(ways, axis=0).tolist():
+            index = np.flatnonzero((ways == (first, last)).all(axis=1))
+            corners = pieces.pieces[chosen[index]] - self._view
+            crossings, _ = other._visibility(corners, facet[index], first, last, GUIDE_POINTS)
+            share[index] = (crossings[:, :1] == own[index]).all(axis=(1, 2))
+            mixed = ~(crossings == crossings[:, :1]).all(axis=(1, 2))
+            if mixed.any():
+                index = index[mixed]
+                crossings, _ = other._visibility(corners[mixed], facet[index], first, last, FINE_LATTICE)
+                share[index] = (crossings == own[index]).all(axis=2).mean(axis=1)
+        return share, other._slab_tracer.sent
+
+    def _gathered(
+        self,
+        index: NDArray[np.intp],
+        pieces: FloatArray,
+        owner: NDArray[np.intp],
+        first: int,
+        last: int,
+        rows: Sequence[tuple[NDArray[np.intp], NDArray[np.int64], FloatArray]],
+    ) -> SlabFootprints:
+        """Entries from pieces, and the chains and normals of their samples."""
+        keys, weights, normals = [], [], []
+        for piece, crossings, across in rows:
+            samples = crossings.shape[1]
+            key = np.concatenate([np.repeat(piece, samples)[:, None], crossings.reshape(-1, LEGS * MAX_SLABS)], axis=1)
+            visible = (key[:, 1] != BLOCKED) & (key[:, 1:] != NO_SLAB).any(axis=1)
+            keys.append(key[visible])
+            weights.append(np.full(int(visible.sum()), 1.0 / samples))
+            normals.append(across.reshape(-1, LEGS, MAX_SLABS, 3)[visible])
+        found, back = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+        if len(found) == 0:
+            return SlabFootprints.none()
+        share = np.asarray(np.bincount(back.reshape(-1), np.concatenate(weights), len(found)), np.float64)
+        across = np.zeros((len(found), LEGS, MAX_SLABS, 3))
+        np.add.at(across, back.reshape(-1), np.concatenate(normals))
+        piece = found[:, 0].astype(np.intp)
+        found[:, 0] = index[owner[piece]]
+        entries, entry = np.unique(found, axis=0, return_inverse=True)
+        total = np.zeros((len(entries), LEGS, MAX_SLABS, 3))
+        np.add.at(total, entry.reshape(-1), across)
+        count = len(entries)
+        return SlabFootprints(
+            entries[:, 0].astype(np.intp),
+            np.full(count, first, np.int32),
+            np.full(count, last, np.int32),
+            pieces[piece] + self._view,
+            entry.reshape(-1),
+            share,
+            entries[:, 1:].reshape(count, LEGS, MAX_SLABS),
+            total,
+        )
+
+    def _visibility(
+        self, pieces: FloatArray, facet: NDArray[np.intp], first: int, last: int, weights: FloatArray
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """(piece, sample, leg depth) surfaces on the ways to samples of pieces, `BLOCKED` where nothing gets through,
+        and
+        (piece, sample, leg, depth, 3) their normals."""
+        targets = np.einsum("sc,pci->psi", weights, pieces).reshape(-1, 3)
+        lane = np.repeat(facet, len(weights))
+        one = self._way(targets, lane, first)
+        other = one if last == first else self._way(targets, lane, last)
+        crossings = np.concatenate([one[0], other[0]], axis=1)
+        left = np.where(crossings >= 0, self._amplitude[crossings], 1.0).prod(axis=(1, 2))
+        crossings[(crossings == BLOCKED).any(axis=(1, 2)) | (left <= self._least)] = BLOCKED
+        normals = np.concatenate([one[1], other[1]], axis=1)
+        shape = len(pieces), len(weights)
+        return crossings.reshape(*shape, -1), normals.reshape(*shape, LEGS, MAX_SLABS, 3)
+
+    def _way(
+        self, targets: FloatArray, facet: NDArray[np.intp], reflector: int
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """(target, 2, depth) surfaces before and behind the plate on the way to points relative to the viewpoint, with
+        their normals."""
+        number = self._facets.number[facet]
+        crossings = np.full((len(targets), 2, MAX_SLABS), NO_SLAB, np.int64)
+        normals = np.zeros((*crossings.shape, 3))
+        if reflector == DIRECT:
+            crossings[:, 1], normals[:, 1] = self._slab_tracer(self._view, targets + self._view, None, number)
+            return crossings, normals
+        place, before = self._reflection_points(targets, np.full(len(targets), reflector, np.int32))
+        crossings[~before] = BLOCKED
+        lane = np.flatnonzero(before)
+        place, there = place[lane] + self._view, targets[lane] + self._view
+        ends = np.full(len(lane), reflector)
+        crossings[lane, 0], normals[lane, 0] = self._slab_tracer(self._view, place, self._owner, ends, exact=True)
+        on = crossings[lane, 0, 0] != BLOCKED
+        lane, place, there = lane[on], place[on], there[on]
+        label = np.where(self._owner == reflector, _SOURCE, np.arange(len(self._owner)))
+        starts = np.full(len(lane), _SOURCE)
+        crossings[lane, 1], normals[lane, 1] = self._slab_tracer(place, there, label, number[lane], starts)
+        return crossings, normals

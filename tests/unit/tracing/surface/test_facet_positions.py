@@ -1,0 +1,98 @@
+"""The kernels that place facets and tell strong faces are what NumPy says they are."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rfgen_sionna.scene.mesh import corner_columns, face_normals
+from rfgen_sionna.tracing.moving.sample_times import _estimated_returns
+from rfgen_sionna.tracing.surface.facet_positions import place_facets
+from rfgen_sionna.tracing.surface.resolution import FACET_BULGE
+from rfgen_sionna.tracing.surface.return_estimates import (
+    estimate_returns,
+    mean_phasor,
+    solid_angles,
+    width_and_distance,
+)
+from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, Tessellation, tessellate
+
+BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
+VERTICES, FACES = np.asarray(BALL.vertices), BALL.faces.astype(np.int32)
+RADAR = np.array([-2.0, 0.4, 0.1])
+WAVENUMBER = 1633.0
+
+
+def times(count):
+    return [VERTICES * [1, 1, 1 + 0.1 * k] + [0.1 * k, 0.02, 0] for k in range(count)]
+
+
+def pieces(kind):
+    """The faces themselves, some of them in another order, or faces in pieces, as near ones are."""
+    count = len(FACES)
+    chosen = np.arange(count) if kind == "faces" else np.random.default_rng(0).permutation(count)[:200]
+    eye = np.broadcast_to(np.eye(3), (len(chosen), 3, 3))
+    if kind != "pieces":
+        return Tessellation(chosen.astype(np.int32), eye, np.ones(len(chosen), np.int32))
+    plate = trimesh.creation.box((0.5, 0.5, 0.02))
+    return tessellate(np.asarray(plate.vertices), plate.faces.astype(np.int32), RADAR, 77e9, 1e-2)
+
+
+@pytest.mark.parametrize("subdivisions", [3, 1, 0])
+@pytest.mark.parametrize("count", [1, 3])
+def test_meshes_of_all_sizes_are_placed_by_what_one_has_recorded(subdivisions, count):
+    """One facet of a mesh as well."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
+    faces = ball.faces.astype(np.int32)
+    for chosen in (np.arange(len(faces)), np.array([len(faces) // 2]), np.array([3, 1])):
+        eye = np.broadcast_to(np.eye(3), (len(chosen), 3, 3))
+        piece = Tessellation(chosen.astype(np.int32), eye, np.ones(len(chosen), np.int32))
+        vertices = [np.asarray(ball.vertices) + 0.1 * k for k in range(count)]
+        found = place_facets(piece, faces, vertices, RADAR, WAVENUMBER)
+        for k, points in enumerate(vertices):
+            assert np.allclose(found.corners[k], points[faces[chosen]], rtol=0, atol=1e-14)
+            assert np.allclose(
+                found.return_estimate[k], estimate_returns((points[faces[chosen]] - RADAR).T, WAVENUMBER), rtol=1e-9
+            )
+
+
+@pytest.mark.parametrize("kind", ["faces", "some", "pieces"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_facets_are_where_their_faces_corners_put_them(kind, count):
+    piece = pieces(kind)
+    vertices, faces = times(count), FACES
+    if kind == "pieces":
+        plate = trimesh.creation.box((0.5, 0.5, 0.02))
+        vertices = [np.asarray(plate.vertices) + 0.1 * k for k in range(count)]
+        faces = plate.faces.astype(np.int32)
+        assert len(piece.pieces) > 100
+    found = place_facets(piece, faces, vertices, RADAR, WAVENUMBER)
+    for k, points in enumerate(vertices):
+        corners = piece.corners(points, faces)
+        assert np.allclose(found.corners[k], corners, rtol=0, atol=1e-14)
+        assert np.allclose(found.centroids[k], corners.mean(axis=1), rtol=0, atol=1e-14)
+        normals, middles = face_normals(points, faces), points[faces].mean(axis=1)
+        occluders = np.einsum("fi,fi->f", normals, RADAR - middles) > 0
+        assert np.array_equal(found.towards[k], occluders[piece.face])
+        assert np.allclose(found.return_estimate[k], estimate_returns((corners - RADAR).T, WAVENUMBER), rtol=1e-9)
+
+
+def test_no_facets_are_nowhere():
+    found = place_facets(NO_FACETS, FACES, times(2), RADAR, WAVENUMBER)
+    assert found.corners.shape == (2, 0, 3, 3)
+    assert found.towards.shape == found.return_estimate.shape == (2, 0)
+
+
+@pytest.mark.parametrize("subdivisions", [1, 2, 0])
+def test_faces_that_tell_are_told_by_their_corners(subdivisions):
+    coarse = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
+    vertices, faces = np.asarray(coarse.vertices), coarse.faces.astype(np.int32)
+    for some in (faces, faces[:1], faces[3:5]):
+        strength, angle = _estimated_returns(vertices, some, RADAR, WAVENUMBER)
+        corners = corner_columns(vertices - RADAR, some)
+        width, near = width_and_distance(corners)
+        share = np.sqrt(np.minimum(8 * FACET_BULGE * near / (WAVENUMBER * width**2), 1.0))
+        assert (share < 1).any() or subdivisions == 2
+        assert np.allclose(angle, solid_angles(corners), rtol=1e-9)
+        truth = np.abs(angle) * share * mean_phasor(corners, 0.5 * WAVENUMBER * share)
+        assert np.allclose(strength, truth, rtol=1e-9)
+    assert [len(each) for each in _estimated_returns(vertices, faces[:0], RADAR, WAVENUMBER)] == [0, 0]
