@@ -26,7 +26,7 @@ class TraceReport:
 
     It is that of the integration (:mod:`rfgen_sionna.tracing.gains.error_estimate`), of what is not known of shadows'
     edges (:mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`) and of where pairs see them
-    (:mod:`rfgen_sionna.tracing.shadows.boundary_correction`), those of actors on the room among them, of direct
+    (:mod:`rfgen_sionna.tracing.shadows.boundary_edges`), those of actors on the room among them, of direct
     returns; the
     tolerance is kept by each of the first two. With further bounces what is left out of these is added, and what
     geometrical optics may be off by: for outlines of flat things that show others

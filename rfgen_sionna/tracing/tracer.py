@@ -20,7 +20,7 @@ from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror, find_mirrors
-from rfgen_sionna.tracing.integral.slabs import warn_of_late_echoes
+from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
 from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
 from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
@@ -124,7 +124,7 @@ class Tracer:
         self._viewpoint = np.asarray(radar.position)
         self._band = BandTracer(radar, rtol, seed)
         materials = [each.material for each in (*self.surfaces.static, *self.surfaces.moving)]
-        warn_of_late_echoes(materials, self._band.centre, self._band.half_band)
+        warn_of_late_reflections(materials, self._band.centre, self._band.half_band)
         self.max_bounces = max_bounces
         self.transmission = transmission
         self._positions: dict[float, list[FloatArray]] = {}

@@ -99,7 +99,7 @@ def _all_rays(
     along them, four at least."""
     found = _SAMPLED(rays, viewpoint, corners, facet, visible, wavenumber, *more, **others)
     rest = np.setdiff1d(np.arange(len(corners)), found.owner)
-    _, _, width = sampling.returns_at_most(corners[rest] - viewpoint, wavenumber)
+    _, _, width = sampling.max_returns(corners[rest] - viewpoint, wavenumber)
     level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
     moving, fraction = others.get("moving", False), found.fraction.copy()
     targets = rays.targets(viewpoint, corners[rest], facet[rest], moving)

@@ -11,7 +11,7 @@ from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
-from rfgen_sionna.tracing.shadows import boundary_correction as parallax
+from rfgen_sionna.tracing.shadows import boundary_edges
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel as channels
@@ -286,7 +286,7 @@ def test_a_furnished_room_misses_no_more_of_its_shadows_than_is_allowed(furnishe
     """Edges of shadows are looked at more closely: what a few hundred thousand facets miss adds up in part. All of it
     from the phase centre: what pairs see beside edges is stated by itself."""
     radar, _ = furnished
-    monkeypatch.setattr(parallax, "_LEFT_PER_RTOL", np.inf)
+    monkeypatch.setattr(boundary_edges, "_LEFT_PER_RTOL", np.inf)
     static = Tracer(load_scene("living_room"), radar, [], 1e-2).static
     monkeypatch.setattr(sampling, "_STATIC_EDGE_ERROR", 2.0)  # cells three eighths as wide
     closer = Tracer(load_scene("living_room"), radar, [], 1e-2).static

@@ -29,7 +29,7 @@ from rfgen_sionna.tracing.curved.double_bounces import DoubleBounces, match_poin
 from rfgen_sionna.tracing.curved.media import SurfaceOptics
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface, corner_curvatures
 from rfgen_sionna.tracing.curved.stationary_phase_error import stationary_phase_errors
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import Surface, Surfaces
 
@@ -296,7 +296,7 @@ class CurvedReflections:
         round, one way's after the other's."""
         tracks, eyes = self._tracks(sample_times, found, positions), self._elements
         count = len(tracks.first)
-        late = self._optics.table.echo_lengths
+        late = self._optics.table.round_trip_lengths
         echoes = max(float(late[self._whose[each.facet]].sum(axis=1).max(initial=0.0)) for each in found)
         u = band_nodes(echoes, self._half_band, self._rtol)
         shape = len(eyes.tx), len(eyes.rx), 2 * count

@@ -18,15 +18,12 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.gains.diffuse import diffuse_gains
 from rfgen_sionna.tracing.gains.element_pattern import PatternGain
-from rfgen_sionna.tracing.gains.expansion import ArrayExpansions, Expansion
-from rfgen_sionna.tracing.gains.probes import PROBES, Probes, root_mean_square
-from rfgen_sionna.tracing.integral.delays import delay_rates, propagation_delays
+from rfgen_sionna.tracing.gains.expansion import PROBES, ArrayExpansions, Expansion, Probes, root_mean_square
 from rfgen_sionna.tracing.integral.facet import FacetGains, GainBuffer, Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import delay_rates, phasors, propagation_delays
 from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
-from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
-from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
+from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection, ShadowEdges
 from rfgen_sionna.tracing.shadows.boundary_integrals import boundary_gains
 from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, sum_by_surface
 

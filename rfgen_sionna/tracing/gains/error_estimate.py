@@ -11,8 +11,8 @@ from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.gains.probes import PROBES
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.gains.expansion import PROBES
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, sum_by_surface
 from rfgen_sionna.tracing.surface.resolution import log_gain_excess
 

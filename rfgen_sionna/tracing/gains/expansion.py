@@ -19,22 +19,27 @@ from itertools import product
 import numpy as np
 from scipy.linalg import qr
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.integral.quadratic import SlopeOrder, variation_pairs
+from rfgen_sionna.tracing.surface.facets import sum_by_surface
 
 TANGENTS = (
     (1, 1, SlopeOrder.FIRST), (2, 1, SlopeOrder.FIRST), (2, 1, SlopeOrder.SECOND), (3, 2, SlopeOrder.FIRST), (3, 2,
     SlopeOrder.SECOND),
-    (4, 2, SlopeOrder.FIRST), (4, 2, SlopeOrder.SECOND), (4, 2, SlopeOrder.BOWED), (5, 3, SlopeOrder.SECOND), (5, 3,
-    SlopeOrder.BOWED), (6, 3, SlopeOrder.BOWED),
+    (4, 2, SlopeOrder.FIRST), (4, 2, SlopeOrder.SECOND), (4, 2, SlopeOrder.CURVATURE), (5, 3, SlopeOrder.SECOND), (5, 3,
+    SlopeOrder.CURVATURE), (6, 3, SlopeOrder.CURVATURE),
 )  # fmt: skip
 """Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
 FIRST_TANGENT = 3
 """Which of them is tried first."""
 MAX_INNER_PAIRS = 12
 """Pairs that are tried at most beside the outermost ones."""
+
+
+PROBES = np.array([-1.0, 0.0, 1.0])
+"""Places in the band at which gains are tried and returns compared."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ def tangent_weights(
     squares = [by * moved[one] * moved[other] for one, other, by in each_two]
     if slopes >= SlopeOrder.SECOND:
         moved += squares
-    if slopes == SlopeOrder.BOWED:
+    if slopes == SlopeOrder.CURVATURE:
         more = [by * (apart[:, one] * apart[:, other] - middle[one] * middle[other]) for one, other, by in each_two]
         moved += [square + beside for square, beside in zip(squares, more, strict=True)]
     weights = np.empty((order, len(displaced), count * (2 + len(moved))))
@@ -154,9 +159,9 @@ class ArrayExpansions:
         """Frequencies [Hz] at places -1 … 1 of the band."""
         return np.asarray(self._centre + self._half_band * u)
 
-    def nodes(self, u: FloatArray, variation_pairs: IntArray) -> Nodes:
-        """Element `variation_pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
-        tx, rx = np.divmod(variation_pairs, len(self._rx))
+    def nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
+        """Element `pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
+        tx, rx = np.divmod(pairs, len(self._rx))
         return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
 
     def representative(self) -> IntArray:
@@ -225,6 +230,36 @@ class ArrayExpansions:
             weights[each[0]] += np.outer(spatial[each[1:]], inverse[number])
         nodes = self.nodes(u[rows // len(self._sum)], (rows % len(self._sum)).astype(np.int32))
         return Expansion(nodes, order, weights.reshape(order, len(self._tx), len(self._rx), rank))
+
+
+@dataclass(frozen=True)
+class Probes:
+    """What an expansion is held against: exact gains of some pairs at places of the band."""
+
+    u: FloatArray
+    """(probe,)"""
+    pairs: IntArray
+    """(probe,)"""
+    gains: ComplexArray
+    """(probe, facet)"""
+    phasors: ComplexArray
+    """(probe, facet) of the propagation, times the facets' weights."""
+    group: IntArray
+    """(facet,) what each is summed up with."""
+    scale: FloatArray
+    """(group,) return that errors are relative to."""
+
+    def error(self, gains: ComplexArray) -> float:
+        """Relative error of the coherent sums of `gains` (probe, facet), of the worst of them."""
+        missed = root_mean_square(sum_by_surface((gains - self.gains) * self.phasors, self.group, len(self.scale)))
+        # Of nothing no tolerance is left.
+        error = np.where(missed > 0, missed / np.where(self.scale > 0, self.scale, 1e-300), 0.0)
+        return float(error.max(initial=0.0))
+
+
+def root_mean_square(values: ComplexArray) -> FloatArray:
+    """(group,) of `values` (probe, group)."""
+    return np.asarray(np.sqrt((np.abs(values) ** 2).mean(axis=0)))
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:

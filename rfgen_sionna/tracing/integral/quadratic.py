@@ -25,7 +25,7 @@ class SlopeOrder(IntEnum):
     """Over the wavenumber and over each of the ways."""
     SECOND = 1
     """Over each two ways as well."""
-    BOWED = 2
+    CURVATURE = 2
     """And over path lengths of second order, one for each two ways."""
 
 

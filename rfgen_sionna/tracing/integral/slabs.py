@@ -28,7 +28,7 @@ from rfgen_sionna.tracing.integral.obliquity import MAX_FRINGE
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 
 NO_SLAB = -1
-LATE_ECHO = 0.02
+MIN_LATE_REFLECTION = 0.02
 """Echo of a slab's back face over its front's, above which it is told that it is left out."""
 _LOG = logging.getLogger(__name__)
 
@@ -42,28 +42,28 @@ class SlabTable:
     """(material,) [m]; 0 for those without."""
     index2: FloatArray
     """(material,) square of the refractive index that the bulk's delay is reckoned with."""
-    echoes: FloatArray
-    """(material,) 1 where the echoes between the slab's faces are part of its return, 0 where they are later than the
+    internal_reflections: FloatArray
+    """(material,) 1 where the internal_reflections between the slab's faces are part of its return, 0 where they are later than the
     band blurs."""
 
     @staticmethod
     def of(materials: Sequence[Material], centre: float, half_band: float) -> SlabTable:
         """For a band `half_band` [Hz] to both sides of `centre` [Hz]."""
         count = len(materials)
-        thickness, index2, echoes = np.zeros(count), np.ones(count), np.ones(count)
+        thickness, index2, internal_reflections = np.zeros(count), np.ones(count), np.ones(count)
         for number, material in enumerate(materials):
             square = complex(material.relative_permittivity(centre)) * complex(material.permeability)
             if material.thickness is None or not np.isfinite(square):
                 continue
             thickness[number], index2[number] = material.thickness, max(square.real, 1.0)
             fringe = 4 * np.pi * half_band / SPEED_OF_LIGHT * abs(square) ** 0.5 * material.thickness
-            echoes[number] = float(fringe <= MAX_FRINGE)
-        return SlabTable(tuple(materials), thickness, index2, echoes)
+            internal_reflections[number] = float(fringe <= MAX_FRINGE)
+        return SlabTable(tuple(materials), thickness, index2, internal_reflections)
 
     @property
-    def echo_lengths(self) -> FloatArray:
+    def round_trip_lengths(self) -> FloatArray:
         """(material,) by how much later the first echo between a slab's faces is, at normal incidence [m]."""
-        return np.asarray(2.0 * self.echoes * np.sqrt(self.index2) * self.thickness)
+        return np.asarray(2.0 * self.internal_reflections * np.sqrt(self.index2) * self.thickness)
 
     def strength(self, frequency: float) -> FloatArray:
         """(material,) |T| at normal incidence; 0 for what is opaque."""
@@ -74,7 +74,7 @@ class SlabTable:
                 continue
             ones = np.ones(1)
             found[number] = float(np.abs(transmission(eps, complex(material.permeability), material.thickness, ones,
-                                                      frequency, self.echoes[number])[0][0]))  # fmt: skip
+                                                      frequency, self.internal_reflections[number])[0][0]))  # fmt: skip
         return found
 
     def lengths(self, crossed: IntArray, normals: FloatArray, k: FloatArray) -> FloatArray:
@@ -87,7 +87,7 @@ class SlabTable:
 
 
 def transmission(
-    eps: complex, mu: complex, thickness: float, cos: FloatArray, frequency: float, echoes: float = 1.0
+    eps: complex, mu: complex, thickness: float, cos: FloatArray, frequency: float, internal_reflections: float = 1.0
 ) -> tuple[ComplexArray, ComplexArray]:
     """T of s and p polarisation at incidence `cos`, in NumPy."""
     root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
@@ -97,14 +97,14 @@ def transmission(
     found = []
     for face in (mu, eps):
         r = (face * cos - root) / (face * cos + root)
-        found.append((1.0 - r * r) * once / (1.0 - echoes * r * r * once * once))
+        found.append((1.0 - r * r) * once / (1.0 - internal_reflections * r * r * once * once))
     return found[0], found[1]
 
 
-def late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> FloatArray:
+def late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> FloatArray:
     """(material,) the echo of each slab's back face at normal incidence, over what its front returns, where the band
     tells both apart and the echo is left out; 0 of others. What is seen through it lacks |r|^2 of that in turn."""
-    late = np.flatnonzero(SlabTable.of(materials, centre, half_band).echoes == 0)
+    late = np.flatnonzero(SlabTable.of(materials, centre, half_band).internal_reflections == 0)
     found = np.zeros(len(materials))
     for number in late.tolist():
         material = materials[number]
@@ -116,10 +116,10 @@ def late_echoes(materials: Sequence[Material], centre: float, half_band: float) 
     return found
 
 
-def warn_of_late_echoes(materials: Sequence[Material], centre: float, half_band: float) -> None:
-    """Tell of slabs whose back face's echo is more than `LATE_ECHO` and left out, each once in a process."""
-    for material, share in zip(materials, late_echoes(materials, centre, half_band).tolist(), strict=True):
-        if share > LATE_ECHO:
+def warn_of_late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> None:
+    """Tell of slabs whose back face's echo is more than `MIN_LATE_REFLECTION` and left out, each once in a process."""
+    for material, share in zip(materials, late_reflections(materials, centre, half_band).tolist(), strict=True):
+        if share > MIN_LATE_REFLECTION:
             _warn_once(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
 
 
@@ -193,7 +193,7 @@ class SlabLanes(NamedTuple):
     """Wavenumber times thickness; 0 where there is none, which changes nothing."""
     thickness: Any
     index2: Any
-    echoes: Any
+    internal_reflections: Any
     there: Any
 
     def across(self, dr: Any, weights: Sequence[Any] | None = None) -> Any:
@@ -233,7 +233,7 @@ def _slab_tables(dr: Any, types: Any, slabs: SlabStack, frequencies: FloatArray)
         "mu_im": upload(Float, mu.imag),
         "thickness": upload(Float, table.thickness),
         "index2": upload(Float, table.index2),
-        "echoes": upload(Float, table.echoes),
+        "internal_reflections": upload(Float, table.internal_reflections),
         "levels": [
             {
                 "crossed": upload(UInt32, np.maximum(slabs.crossed[:, level], 0).astype(np.uint32)),
@@ -285,7 +285,7 @@ def _slabs_of_lanes(
                 wavenumber * thickness,
                 thickness,
                 values(tables["index2"], material),
-                values(tables["echoes"], material),
+                values(tables["internal_reflections"], material),
                 there > 0.5,
             )
         )
@@ -314,7 +314,7 @@ def _coefficients(dr: Any, complex_type: Any, slab: SlabLanes, across: Any) -> t
     found = []
     for face in (slab.mu, slab.eps):
         r = (face * cos - root) / (face * cos + root)
-        below = 1.0 - r * r * once * once * slab.echoes
+        below = 1.0 - r * r * once * once * slab.internal_reflections
         t = (1.0 - r * r) * once / below
         found.append(dr.select(slab.there, t, complex_type(1.0, 0.0)))
     return found[0], found[1]

@@ -183,7 +183,7 @@ def triangle_gain(
                 way._replace(sagittas=[dr.dot(axis, each) for each in over])
                 for way, axis in zip(ways, axes, strict=True)
             ]
-        if slopes == SlopeOrder.BOWED:
+        if slopes == SlopeOrder.CURVATURE:
             far = [dr.norm(point - element) for point in (reference, *p)]
             path_curvatures = [
                 _path_curvatures(dr, axes[one], axes[other], occluders, far)

@@ -17,12 +17,12 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
+from rfgen_sionna.tracing.surface.facet_positions import estimate_returns, off_axis_phase
 from rfgen_sionna.tracing.surface.facets import Facets
-from rfgen_sionna.tracing.surface.return_estimates import estimate_returns, off_axis_phase
 
 CULLED_PER_RTOL, CURVED_FACTOR = 0.2, 2.0
 """What facets that are left out return, one by one and by
-:func:`rfgen_sionna.tracing.surface.return_estimates.estimate_returns`, over
+:func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`, over
 what the body does, per unit of the tolerance. Flat ones do return up to twice that; and how many times as much it may
 be of round bodies, whose facets return no more than loudness tells that knows how they are bent."""
 NONREFLECTING = 1e-9

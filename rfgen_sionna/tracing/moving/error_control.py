@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
 from rfgen_sionna.tracing.gains.error_estimate import SAFETY, ErrorEstimate, RefinedReturns
-from rfgen_sionna.tracing.gains.probes import PROBES
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.gains.expansion import PROBES
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.culling import LEAST_RTOL
 from rfgen_sionna.tracing.moving.facet_returns import relative_to_largest
 from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths

@@ -13,11 +13,10 @@ from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.device_transfer import concatenate_aligned
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.gains.expansion import Expansion
-from rfgen_sionna.tracing.gains.probes import PROBES
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.gains.expansion import PROBES, Expansion
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.visible_facets import PerElementVisibility, VisibleFacets
-from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
+from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection
 from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 
 AT_ONCE = 200_000

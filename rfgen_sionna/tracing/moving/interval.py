@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.moving.moving_facets import Positions
 from rfgen_sionna.tracing.moving.temporal_refinement import RefinedGains
 from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
-from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
+from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection
 from rfgen_sionna.tracing.surface.facets import Facets
 
 

@@ -106,7 +106,7 @@ class MovingFacets:
         """In how many parts facets are integrated, all through a stretch of time in which they are turned as in one of
         the `poses`, (vertex, 3) positions [m] of each surface."""
         placed = zip(self.pieces, self.surfaces, zip(*poses, strict=True), strict=True)
-        self._parts = [piece.parts_seen(turned, own.faces, self._viewpoint) for piece, own, turned in placed]
+        self._parts = [piece.visible_parts(turned, own.faces, self._viewpoint) for piece, own, turned in placed]
 
     def at(self, vertices: Sequence[Sequence[FloatArray]]) -> list[Facets]:
         """All of them at several times, left flat; `vertices` are those of every time."""

@@ -13,7 +13,7 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.culling import LEAST_RTOL
 from rfgen_sionna.tracing.moving.error_control import ErrorControl
 from rfgen_sionna.tracing.moving.facet_returns import FacetReturns

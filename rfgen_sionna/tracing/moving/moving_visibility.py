@@ -14,8 +14,8 @@ from rfgen_sionna.scene.mesh import bounds, lengths, max_component, triangle_cen
 from rfgen_sionna.scene.occluders import Occluders, before, times_at_once
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.gains.probes import PROBES
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.gains.expansion import PROBES
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.culling import (
     CULLED_PER_RTOL,
     CURVED_FACTOR,

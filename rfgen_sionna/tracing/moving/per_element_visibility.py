@@ -1,7 +1,7 @@
 """What pairs of elements see of moving facets from their own places.
 
 Shadows are cast from the array's phase centre, and strips beside their edges tell what pairs see more or less
-(:mod:`rfgen_sionna.tracing.shadows.boundary_correction`), to the first order. That is not enough where a surface
+(:mod:`rfgen_sionna.tracing.shadows.boundary_edges`), to the first order. That is not enough where a surface
 returns little
 but for the corners of its shadow, where an edge falls far aside of the centre's, and where the centre sees none at all
 yet. There each pair looks for itself: at points that both its elements see.

@@ -19,8 +19,8 @@ from rfgen_sionna.scene.device_transfer import upload
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
 from rfgen_sionna.scene.mesh import lengths, triangle_centroids
 from rfgen_sionna.tracing.moving.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS, representative
+from rfgen_sionna.tracing.surface.facet_positions import mean_phasor, solid_angles, width_and_distance
 from rfgen_sionna.tracing.surface.resolution import FACET_BULGE, phase_bulge
-from rfgen_sionna.tracing.surface.return_estimates import mean_phasor, solid_angles, width_and_distance
 
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
 """Longest gap between three instants [s], and how far at most any vertex goes across the view in it [rad]: no further

@@ -1,5 +1,5 @@
 """What slabs let through beside the edges of their shadows, which each pair of elements sees elsewhere
-(:mod:`rfgen_sionna.tracing.shadows.boundary_correction`).
+(:mod:`rfgen_sionna.tracing.shadows.boundary_edges`).
 
 A ray to a point that lies a little within the shadow tells which slabs are on the way there, one after the other.
 """
@@ -17,7 +17,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.gains.probes import PROBES
+from rfgen_sionna.tracing.gains.expansion import PROBES
 from rfgen_sionna.tracing.integral.slabs import NO_SLAB, transmission
 from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
 from rfgen_sionna.tracing.shadows.return_bounds import MAX_BOUNDARY_WIDTH
@@ -125,7 +125,14 @@ class SlabTransmission:
                 material, thickness = table.materials[each], float(table.thickness[each])
                 for number, frequency in enumerate(self._band.frequency(PROBES).tolist()):
                     eps, mu = complex(material.relative_permittivity(frequency)), complex(material.permeability)
-                    given = eps, mu, thickness, np.sqrt(1.0 - sin2[mine]), frequency, float(table.echoes[each])
+                    given = (
+                        eps,
+                        mu,
+                        thickness,
+                        np.sqrt(1.0 - sin2[mine]),
+                        frequency,
+                        float(table.internal_reflections[each]),
+                    )
                     t_s, t_p = transmission(*given)
                     found[mine, 0, number] *= s[mine] * t_s + (1.0 - s[mine]) * t_p
                     found[mine, 1, number] *= s[mine] * t_s**2 + (1.0 - s[mine]) * t_p**2

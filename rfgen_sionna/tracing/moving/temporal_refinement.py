@@ -26,7 +26,7 @@ from rfgen_sionna.scene.occluders import times_at_once
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.facet_returns import AT_ONCE, FacetReturns, SampledReturns
 from rfgen_sionna.tracing.moving.interpolation_loss import (
     has_shadow_edge,
@@ -40,7 +40,7 @@ from rfgen_sionna.tracing.moving.knots import QUIET_GAPS, SplinedPositions
 from rfgen_sionna.tracing.moving.moving_visibility import MovingVisibility
 from rfgen_sionna.tracing.moving.slab_transmission import interpolate_transmission
 from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
-from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
+from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection
 from rfgen_sionna.tracing.shadows.return_bounds import max_returns
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch

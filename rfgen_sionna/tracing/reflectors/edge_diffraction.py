@@ -23,7 +23,7 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.element_pattern import PatternGain
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT, ClippedFootprints
 from rfgen_sionna.tracing.reflectors.edge_transition import transition_integral
 from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weights

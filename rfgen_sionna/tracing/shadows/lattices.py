@@ -99,3 +99,158 @@ def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
     """How many points lattices of the `level` have."""
     cells = np.array(SPACINGS)[level]
     return np.asarray((cells + 1) * (cells + 2) // 2, np.intp)
+
+
+_ALONG = 3.0
+"""How many times as far from a side the other end of a line has to be for it to be followed as far as that side."""
+_TURNS_FROM, _SHARP = 2, 0.35
+"""Level of lattice from which on corners of shadows are looked for, and the sine of the least angle of one: a bent edge
+that turns by less from cell to cell is cut off by straight lines, which miss half as much of it."""
+
+
+def extend_to_side(points: FloatArray, others: FloatArray, corner: NDArray[np.intp]) -> FloatArray:
+    """(point, 3) `points` (point, 3) just within a facet on lines that come from `others` (point, 3), on where these
+    cross the side opposite a `corner` (point,); as they are where that is -1, or lines run along the side."""
+    row = np.arange(len(points))
+    here, there = points[row, corner], others[row, corner]
+    step = np.where((corner >= 0) & (there > _ALONG * here), here / np.where(there > here, there - here, 1.0), 0.0)
+    return np.asarray(np.clip(points + step[:, None] * (points - others), 0.0, 1.0))
+
+
+def cut_cells(
+    group: LatticeGroup, crossings: FloatArray, occluder: FloatArray
+) -> tuple[list[tuple[NDArray[np.intp], FloatArray, FloatArray]], tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """What is seen of cells that the shadow's edge cuts, in triangles, with their :attr:`Lit.occluder`; and the row and
+    the cell of those whose corners are all seen, and which a shadow's corner reaches into all the same."""
+    lattice = group.lattice
+    number = np.full((len(group.facets), len(lattice.edges)), -1)
+    number[group.row, group.edge] = np.arange(len(group.row))
+    one, two, three = group.corners
+    count = one.astype(np.int8) + two + three
+    found, bitten = [], (np.zeros(0, np.intp), np.zeros(0, np.intp))
+    for corners in (1, 2):
+        row, cell = np.nonzero(count == corners)
+        # The corner that differs from the two others, and those that come after it.
+        odd = np.where(two[row, cell] == (corners == 1), 1, np.where(three[row, cell] == (corners == 1), 2, 0))
+        turns = [(odd + k) % 3 for k in range(3)]
+        a, b, c = (np.take(lattice.points, lattice.cells[cell, each], axis=0) for each in turns)
+        at = [number[row, lattice.sides[cell, turns[i]]] for i in (0, 2)]
+        ab, ca = (np.take(crossings, each, axis=0) for each in at)
+        of_ab, of_ca = (lattice.rim[lattice.sides[cell, turns[i]]] for i in (0, 2))
+        ab, ca = extend_to_side(ab, ca, of_ab), extend_to_side(ca, ab, of_ca)
+        off_ab, off_ca = (np.repeat(occluder[each][:, None], 2, axis=1) for each in at)
+        off = np.stack([occluder[each] for each in at], axis=1)
+        none = np.full(off.shape, np.nan)
+        x, within, beyond = ab, *np.zeros((2, len(row)), np.bool_)
+        if group.level >= _TURNS_FROM:
+            before, after = (_entry_point(group, number, crossings, row, cell, turns[i]) for i in (0, 2))
+            x, within, beyond = _corner_point(ab, ca, before, after, (a, b, c))
+        # Across the third side, where no corner of a cell tells of it.
+        side = turns[1]
+        there, beyond = _neighbour_cell(lattice, number, row, cell, side, x, beyond)
+        straight = ~(within | beyond)
+        if corners == 1:
+            pieces = [
+                ((a, ab, ca), off, straight), ((a, ab, x), off_ab, ~straight), ((a, x, ca), off_ca, ~straight),
+            ]  # fmt: skip
+        else:
+            bitten = row[beyond], there[beyond]
+            across = lattice.cells[there], lattice.sides[there] == lattice.sides[cell, side][:, None]
+            d = np.take(lattice.points, across[0][np.arange(len(row)), (across[1].argmax(axis=1) + 2) % 3], axis=0)
+            by_ab, by_ca = _line_crossing(ab, x, b, c), _line_crossing(ca, x, b, c)
+            pieces = [
+                ((b, c, ca), none, straight), ((b, ca, ab), off[:, ::-1], straight),
+                ((x, b, c), none, within), ((c, ca, x), off_ca, within), ((b, x, ab), off_ab, within),
+                ((b, by_ab, ab), off_ab, beyond), ((c, ca, by_ca), off_ca, beyond),
+                ((b, x, by_ab), off_ab, beyond), ((c, by_ca, x), off_ca, beyond),
+                ((x, b, d), none, beyond), ((x, d, c), none, beyond),
+            ]  # fmt: skip
+        for triangle, ends, some in pieces:
+            piece = np.empty((np.count_nonzero(some), 3, 3))
+            for k, corner in enumerate(triangle):
+                piece[:, k] = corner[some]
+            found.append((row[some], piece, ends[some]))
+    return found, bitten
+
+
+def _neighbour_cell(
+    lattice: Lattice,
+    number: NDArray[np.intp],
+    row: NDArray[np.intp],
+    cell: NDArray[np.intp],
+    side: NDArray[np.intp],
+    tip: FloatArray,
+    beyond: NDArray[np.bool_],
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """(cut,) the cell across a `side` (cut,) of the `cell` (cut,), and whether a `tip` (cut, 3) that is `beyond` (cut,)
+    that side lies in it, and nothing else is known to pass it."""
+    there = lattice.beside[cell, side]
+    known = (there >= 0) & (number[row[:, None], lattice.sides[there]] < 0).all(axis=1) & beyond
+    a, b, c = np.moveaxis(lattice.points[lattice.cells[there]][..., :2], 1, 0)
+    for u, v in ((a, b), (b, c), (c, a)):
+        known &= _cross(v - u, tip[:, :2] - u) * _cross(b - a, c - a) > 0
+    # Of two tips in a cell there is one.
+    place = row * len(lattice.cells) + there
+    chosen = np.flatnonzero(known)
+    first = np.zeros(len(known), np.bool_)
+    first[chosen[np.unique(place[chosen], return_index=True)[1]]] = True
+    return there, first
+
+
+def _line_crossing(start: FloatArray, tip: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(cut, 3) where lines from `start` (cut, 3) to a `tip` meet those from `b` to `c`, all (cut, 3)."""
+    along, side = (tip - start)[:, :2], (c - b)[:, :2]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = _cross((start - b)[:, :2], along) / _cross(side, along)
+    return np.asarray(b + np.where(np.isfinite(share), share, 0.0)[:, None] * (c - b))
+
+
+def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """(...,) of vectors (..., 2)."""
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def _entry_point(
+    group: LatticeGroup,
+    number: NDArray[np.intp],
+    crossings: FloatArray,
+    row: NDArray[np.intp],
+    cell: NDArray[np.intp],
+    side: NDArray[np.intp],
+) -> FloatArray:
+    """(cut, 3) where the shadow's edge came into the cell before, that across a `side` (cut,) of the `cell` (cut,) of a
+    facet in `row` (cut,); NaN where there is none."""
+    lattice = group.lattice
+    there = lattice.beside[cell, side]
+    sides = lattice.sides[there]
+    others = np.where(sides == lattice.sides[cell, side][:, None], -1, number[row[:, None], sides])
+    found = np.take(crossings, others.max(axis=1), axis=0)
+    found[(there < 0) | (others.max(axis=1) < 0)] = np.nan
+    return found
+
+
+def _corner_point(
+    one: FloatArray, other: FloatArray, before: FloatArray, after: FloatArray, cell: tuple[FloatArray, ...]
+) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
+    """(cut, 3) where lines that come in from `before` (cut, 3) by `one` (cut, 3), on the cell's side from its first
+    corner to its second, and from `after` by the `other`, on that from the third to the first, meet; and (cut,) whether
+    that is within the `cell` (corner) (cut, 3), or beyond its third side: a straight edge ends there, and another one
+    goes on, as at a corner of what casts the shadow."""
+    (p, q, back, on), (a, b, c) = ([each[:, :2] for each in some] for some in ((one, other, before, after), cell))
+    buffer, out = p - back, q - on
+
+    def size(u: FloatArray) -> FloatArray:  # of an equilateral triangle with sides of 1
+        return np.asarray(np.sqrt(np.maximum(u[:, 0] ** 2 + u[:, 1] ** 2 + u[:, 0] * u[:, 1], 1e-300)))
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        turn, whole = _cross(buffer, out), _cross(b - a, c - a)
+        x = p + (_cross(q - p, out) / turn)[:, None] * buffer
+        found = np.abs(turn) * np.sqrt(0.75) > _SHARP * size(buffer) * size(out)
+        found &= (_cross(q - p, out) / turn > 0) & (_cross(q - p, buffer) / turn > 0)
+        found &= (_cross(b - a, x - a) / whole > 0) & (_cross(a - c, x - c) / whole > 0)
+        within = _cross(c - b, x - b) / whole > 0
+        # Both come by the third side, not by a corner.
+        sides = [_cross(x - each, corner - each) / whole for each, corner in ((p, b), (q, c))]
+        beyond = found & ~within & (sides[0] < 0) & (sides[1] > 0)
+    x = np.where(found[:, None], x, 0.0)
+    return np.column_stack([x, 1.0 - x.sum(axis=1)]), found & within, beyond

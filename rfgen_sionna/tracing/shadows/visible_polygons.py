@@ -17,8 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.tracing.shadows.lattice_cells import cut_cells, extend_to_side
-from rfgen_sionna.tracing.shadows.lattices import INSET, SPACINGS, LatticeGroup, inset_lattice, inset_points, lattice_of
+from rfgen_sionna.tracing.shadows.lattices import (
+    INSET,
+    SPACINGS,
+    LatticeGroup,
+    cut_cells,
+    extend_to_side,
+    inset_lattice,
+    inset_points,
+    lattice_of,
+)
 
 _HALVINGS = (5, 5, 6, 7, 8, 9)
 """How often the edge of a cell is halved at least to find the shadow's edge on it, level by level: so often that three

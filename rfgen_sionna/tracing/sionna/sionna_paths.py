@@ -29,12 +29,12 @@ from rfgen_sionna.tracing.sionna.path_entries import (
     SENSING,
     SPECULAR,
     PathEntries,
+    match_paths,
     path_lengths,
     read_entries,
     shape_names,
     without_duplicates,
 )
-from rfgen_sionna.tracing.sionna.path_matching import match_paths
 
 DIRECT = "direct"
 """What labels call the path from a Tx to an Rx element without an interaction."""

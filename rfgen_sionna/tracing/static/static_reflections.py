@@ -21,7 +21,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.gains.probes import PROBES
+from rfgen_sionna.tracing.gains.expansion import PROBES
 from rfgen_sionna.tracing.ghosts.ghost_levels import GhostLevels, ghost_levels
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand
 from rfgen_sionna.tracing.ghosts.image_returns import LEG_COMBINATIONS, ImageReturns

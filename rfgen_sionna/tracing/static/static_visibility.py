@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
-from rfgen_sionna.tracing.shadows.boundary_correction import BoundaryCorrection
-from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
+from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection, ShadowEdges
 from rfgen_sionna.tracing.surface.facets import Facets
 
 

@@ -58,7 +58,7 @@ class Facets:
     gradient_origin: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 3) that point [m]; None: the centroids."""
     return_estimate: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.surface.return_estimates.estimate_returns`;
+    """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`;
     None where nobody
     told."""
     return_bound: FloatArray | None = field(default=None, kw_only=True)
@@ -107,7 +107,7 @@ class Facets:
         """The same facets with this :attr:`pattern_gradient`, by way of their centroids."""
         return self._with(pattern_gradient=pattern_gradient, gradient_origin=None)
 
-    def bent(self, patch: QuadraticPatch) -> Facets:
+    def with_patch(self, patch: QuadraticPatch) -> Facets:
         """The same facets with this :attr:`patch`."""
         return self._with(patch=patch)
 
@@ -237,7 +237,7 @@ def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], ND
 
 def stack_facets(
     surfaces: Sequence[Surface],
-    split_facets: Sequence[Tessellation],
+    tessellations: Sequence[Tessellation],
     vertices: Sequence[Sequence[FloatArray]],
     viewpoint: FloatArray,
     wavenumber: float,
@@ -252,9 +252,9 @@ def stack_facets(
     curved = any(surface.smooth is not None for surface in surfaces)
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     smooth, placed = [np.zeros(0, np.bool_)], list[PlacedFacets]()
-    grains = [_own_grains(len(each.face)) if each.shares is None else each.shares for each in split_facets]
-    grain = np.concatenate(grains) if any(each.shares is not None for each in split_facets) else None
-    for position, (surface, piece) in enumerate(zip(surfaces, split_facets, strict=True)):
+    grains = [_own_grains(len(each.face)) if each.shares is None else each.shares for each in tessellations]
+    grain = np.concatenate(grains) if any(each.shares is not None for each in tessellations) else None
+    for position, (surface, piece) in enumerate(zip(surfaces, tessellations, strict=True)):
         count = len(piece.face)
         points = [there[position] for there in vertices]
         edge_curvature = turns[position] if turns is not None and surface.smooth is not None else None
@@ -268,7 +268,7 @@ def stack_facets(
     numbers, of_faces, positions, in_parts, places = (_stacked(each) for each in (number, face, index, parts, place))
     patches, found, turned = _stacked(smooth) if curved else None, [], None
     if turns is not None:
-        turned = _stacked([np.zeros(0), *(own[each.face] for own, each in zip(turns, split_facets, strict=True))])
+        turned = _stacked([np.zeros(0), *(own[each.face] for own, each in zip(turns, tessellations, strict=True))])
     for k in range(len(vertices)):
         facing = [
             each.towards[k] if own.closed else np.ones(len(each.towards[k]), np.bool_)
@@ -291,7 +291,7 @@ def stack_facets(
 def with_patches(
     facets: Sequence[Facets],
     surfaces: Sequence[Surface],
-    split_facets: Sequence[Tessellation],
+    tessellations: Sequence[Tessellation],
     vertices: Sequence[Sequence[FloatArray]],
     chosen: NDArray[np.intp] | None = None,
 ) -> list[Facets]:
@@ -300,13 +300,13 @@ def with_patches(
     if facets[0].curved is None:
         return list(facets)
     patches, first = [], 0
-    for surface, piece, points in zip(surfaces, split_facets, zip(*vertices, strict=True), strict=True):
+    for surface, piece, points in zip(surfaces, tessellations, zip(*vertices, strict=True), strict=True):
         last = first + len(piece.face)
         mine = None if chosen is None else chosen[slice(*np.searchsorted(chosen, [first, last]))] - first
         patches.append(piece.patches(points, surface.faces, surface.smooth, mine))
         first = last
     every = [own[0] if len(own) == 1 else QuadraticPatch.stack(own) for own in zip(*patches, strict=True)]
-    return [each.bent(own) for each, own in zip(facets, every, strict=True)]
+    return [each.with_patch(own) for each, own in zip(facets, every, strict=True)]
 
 
 def _stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -43,7 +43,7 @@ class Tessellation:
     """(facet, 3, 3) corners, likewise, of the grain that each facet is of: what scatters as one, however finely it is
     integrated. None: each facet by itself."""
 
-    def parts_seen(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
+    def visible_parts(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
         """(facet,) `parts` that will do for what is seen from the viewpoint in each of the `poses`, (vertex, 3) [m]:
         aslant, a surface's height makes less of a difference to the path."""
         if self.flat_parts is None or self.curved_parts is None or not self.curved_parts.any():

@@ -32,9 +32,9 @@ from rfgen_sionna.tracing.integral.slabs import (
     interpolated_normals,
     normals_over_time,
 )
+from rfgen_sionna.tracing.shadows.adaptive_sampling import clip_by_silhouettes
 from rfgen_sionna.tracing.shadows.lattices import inset_points
 from rfgen_sionna.tracing.shadows.return_bounds import max_returns
-from rfgen_sionna.tracing.shadows.silhouette_clipping import clip_by_silhouettes
 from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, split_values

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rfgen_sionna.tracing.sionna.path_matching import match_paths
+from rfgen_sionna.tracing.sionna.path_entries import match_paths
 
 
 def test_a_path_is_followed_by_what_it_meets_and_where():
