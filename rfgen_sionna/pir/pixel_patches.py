@@ -17,7 +17,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.tracing.gains.diffuse import reflectance
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 if TYPE_CHECKING:

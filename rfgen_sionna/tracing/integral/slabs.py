@@ -43,8 +43,7 @@ class SlabTable:
     index2: FloatArray
     """(material,) square of the refractive index that the bulk's delay is reckoned with."""
     internal_reflections: FloatArray
-    """(material,) 1 where the internal_reflections between the slab's faces are part of its return, 0 where they are later than the
-    band blurs."""
+    """(material,) 1 where reflections between the faces are part of the return, 0 where the band resolves them."""
 
     @staticmethod
     def of(materials: Sequence[Material], centre: float, half_band: float) -> SlabTable:

@@ -30,7 +30,9 @@ class SlabOptics(SurfaceOptics):
             eps = complex(material.relative_permittivity(frequency))
             if material.thickness is not None and np.isfinite(eps):
                 mu = complex(material.permeability)
-                pair = transmission(eps, mu, material.thickness, cos[lane], frequency, float(self.table.echoes[number]))
+                pair = transmission(
+                    eps, mu, material.thickness, cos[lane], frequency, float(self.table.internal_reflections[number])
+                )
                 t_s[lane], t_p[lane] = pair[0] * back[lane], pair[1] * back[lane]
         return t_s, t_p
 

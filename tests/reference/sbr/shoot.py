@@ -38,7 +38,7 @@ from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.tracing.curved.array_elements import ArrayElements
 from rfgen_sionna.tracing.curved.band_polynomials import band_nodes, fit_over_band
-from rfgen_sionna.tracing.integral.phasors import phasors
+from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weight
 from rfgen_sionna.tracing.relative import to_world
 from rfgen_sionna.tracing.tracer import Tracer
@@ -301,7 +301,7 @@ class _Shot:
 
     def _echo(self, hits: Hits, row: Index) -> FloatArray:
         """(tube,) by how much later echoes within the slabs come that are met on the way [m]."""
-        late = np.append(self.setting.optics.table.echo_lengths, 0.0)  # the last is that of no slab
+        late = np.append(self.setting.optics.table.round_trip_lengths, 0.0)  # the last is that of no slab
         total, own = late[hits.out[row]].sum(axis=1), hits
         while True:
             total += late[own.surface[row]]

@@ -103,7 +103,7 @@ def gains(count, nodes, kind, seed=0):
             "bent together": {
                 "patch": QuadraticPatch(sagittas, corner_offsets),
                 "axes": np.eye(3)[:2],
-                "kinds": SlopeOrder.BOWED,
+                "kinds": SlopeOrder.CURVATURE,
                 "steady": True,
             },
             "antennas": {

@@ -61,7 +61,7 @@ def test_slopes_are_those_of_the_gains(bent, parts, medium):
         return facet_gains(corners, index, media, nodes, across, across, pieces, True, patch=patch, **more)
 
     axes = np.eye(3)[1:]
-    slopes = gains(78e9, np.zeros(3), axes=axes, kinds=SlopeOrder.BOWED).slopes[:, 0]
+    slopes = gains(78e9, np.zeros(3), axes=axes, kinds=SlopeOrder.CURVATURE).slopes[:, 0]
     # Displacements of both have products of first slopes and paths of second order; such of Tx from Rx the latter.
     slopes, over_lengths = np.concatenate([slopes[:3], slopes[3:6] + slopes[6:]]), slopes[6:]
     step = 1e6
@@ -103,7 +103,7 @@ def test_frequencies_of_a_pair_together_are_those_one_by_one(bent):
     media = Media.at((material("skin"), material("pec")), nodes.frequency)
     index, across = rng.integers(0, 2, count).astype(np.int32), np.array([0, 0, 1.0])
     known = corners, index, media, nodes, across, across, rng.integers(1, 4, count)
-    more = {"patch": patch, "axes": np.eye(3)[1:], "kinds": SlopeOrder.BOWED}
+    more = {"patch": patch, "axes": np.eye(3)[1:], "kinds": SlopeOrder.CURVATURE}
     one_by_one = facet_gains(*known, **more).terms.copy()
     together = facet_gains(*known, **more, steady=True).terms.copy()
     for number, (found, expected) in enumerate(zip(together, one_by_one, strict=True)):

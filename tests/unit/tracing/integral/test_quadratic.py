@@ -36,7 +36,7 @@ def found(k, lengths, length_sagittas, strengths, strength_sagittas, ways=None, 
     def detours(given):
         return [PathVariation(rows(each[:3]), rows(each[3:])) for each in given]
 
-    kinds = SlopeOrder.BOWED if len(path_curvatures) else SlopeOrder.SECOND
+    kinds = SlopeOrder.CURVATURE if len(path_curvatures) else SlopeOrder.SECOND
     terms = quadratic.mean(dr, wavenumber, None if ways is None else detours(ways), kinds, detours(path_curvatures))
     return np.stack([each.re.numpy() + 1j * each.im.numpy() for each in terms])
 

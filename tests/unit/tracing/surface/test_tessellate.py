@@ -53,7 +53,7 @@ def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
     are of, and what turns towards the viewpoint takes more again."""
     vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
     pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=find_smoothing(vertices, faces))
-    visible = pieces.parts_seen([vertices], faces, np.zeros(3))
+    visible = pieces.visible_parts([vertices], faces, np.zeros(3))
     centres = vertices[faces].mean(axis=1)
     normals = centres - [3.0, 0, 0]
     cos = np.abs(np.einsum("fi,fi->f", normals, centres))
@@ -65,11 +65,11 @@ def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
     assert np.all(np.abs(visible - np.maximum(pieces.curved_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
     assert np.array_equal(visible[cos > 0.99], pieces.parts[cos > 0.99])
     assert (visible[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
-    beside = pieces.parts_seen([vertices], faces, np.array([3.0, 10.0, 0.0]))
+    beside = pieces.visible_parts([vertices], faces, np.array([3.0, 10.0, 0.0]))
     assert not np.array_equal(beside, visible)
     turned = vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + np.array([0.0, -3, 0])
-    both = pieces.parts_seen([vertices, turned], faces, np.zeros(3))
-    assert np.array_equal(both, np.maximum(visible, pieces.parts_seen([turned], faces, np.zeros(3))))
+    both = pieces.visible_parts([vertices, turned], faces, np.zeros(3))
+    assert np.array_equal(both, np.maximum(visible, pieces.visible_parts([turned], faces, np.zeros(3))))
     assert (both > visible).any()
 
 
@@ -77,4 +77,4 @@ def test_flat_surfaces_take_the_same_parts_from_all_sides():
     box = trimesh.creation.box((0.3, 0.3, 0.3))
     vertices, faces = np.asarray(box.vertices) + np.array([1.0, 0, 0]), np.asarray(box.faces, np.int32)
     pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3)
-    assert pieces.parts_seen([vertices], faces, np.zeros(3)) is pieces.parts
+    assert pieces.visible_parts([vertices], faces, np.zeros(3)) is pieces.parts

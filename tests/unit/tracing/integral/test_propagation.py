@@ -1,10 +1,10 @@
-"""Delays are ways over the speed of light, and their rates how they change."""
+"""Delays, delay rates and phasors against NumPy."""
 
 import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.tracing.integral.delays import delay_rates, propagation_delays
+from rfgen_sionna.tracing.integral.propagation import delay_rates, phasors, propagation_delays
 
 
 @pytest.mark.parametrize(("senders", "receivers"), [(1, 1), (3, 4), (12, 16), (3, 1), (1, 2)])
@@ -27,3 +27,16 @@ def test_rates_are_those_of_the_delays():
         2 * step
     )
     assert np.abs(delay_rates(places, speed, tx, rx) - change).max() < 1e-9 * np.abs(change).max()
+
+
+def test_phasors_are_complex_exponentials():
+    cycles = np.concatenate([np.linspace(-3, 3, 4001), np.random.default_rng(0).uniform(0, 1e4, 100_000)])
+    assert np.abs(phasors(cycles) - np.exp(-2j * np.pi * np.mod(cycles, 1.0))).max() < 2e-15
+    assert np.abs(phasors(np.array([0.0, 1e6, 0.25, 0.5, -0.25])) - [1, 1, -1j, -1, 1j]).max() < 1e-15
+
+
+def test_phasors_of_any_shape():
+    cycles = np.random.default_rng(1).uniform(0, 5, (3, 40, 7))
+    assert np.array_equal(phasors(cycles), phasors(cycles.ravel()).reshape(cycles.shape))
+    assert np.array_equal(phasors(cycles[:, ::2]), phasors(cycles)[:, ::2])
+    assert phasors(np.zeros((0, 4))).shape == (0, 4)
