@@ -32,12 +32,12 @@ from rfgen_sionna.tracing.static.actor_shadows import Shadow
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
-from rfgen_sionna.tracing.static.static_slab_reflections import trace_static_slab_reflections
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
 from rfgen_sionna.tracing.static.static_transmission import (
     StaticTransmission,
     find_static_transmission,
     static_slab_transmission,
+    trace_static_slab_reflections,
     trace_static_transmission,
 )
 from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
@@ -100,7 +100,7 @@ class Tracer:
         Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
         actors, and between static surfaces, by way of flat parts
         (:mod:`rfgen_sionna.tracing.transmission.slab_reflections`,
-        :mod:`rfgen_sionna.tracing.static.static_slab_reflections`).
+        :mod:`rfgen_sionna.tracing.static.static_transmission`).
     """
 
     def __init__(
@@ -133,29 +133,29 @@ class Tracer:
     @cached_property
     def static(self) -> StaticTrace:
         """The static scene, traced at first use."""
-        transmission_tracer = self._static_veils
-        beside = (
+        transmission_tracer = self._static_transmission
+        slab_edges = (
             None
             if transmission_tracer is None
             else static_slab_transmission(self.surfaces, transmission_tracer, self._band)
         )
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
-        return trace_static(*given, beside)
+        return trace_static(*given, slab_edges)
 
     @cached_property
-    def _static_veils(self) -> Transmission | None:
+    def _static_transmission(self) -> Transmission | None:
         """What finds what static slabs show of static surfaces; None where there is none."""
         if not self.transmission or not self.surfaces.static:
             return None
         return find_static_transmission(self.surfaces, self.radar, self.rtol)
 
     @cached_property
-    def beyond(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
+    def static_indirect(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
         """What static surfaces show of one another, and what is seen through them, traced at first use."""
         found: list[StaticReflections | StaticCurvedReflections | StaticTransmission | None] = []
         if self._static_rays is not None:
             scene = self.surfaces, self._static_rays, self.radar
-            transmission_tracer = self._static_veils
+            transmission_tracer = self._static_transmission
             straight = (
                 None
                 if transmission_tracer is None
@@ -173,9 +173,9 @@ class Tracer:
         return tuple(each for each in found if each is not None)
 
     @cached_property
-    def _still(self) -> RadarPaths:
+    def _static_paths(self) -> RadarPaths:
         """All paths of the static scene without actors."""
-        more = [each.paths for each in self.beyond]
+        more = [each.paths for each in self.static_indirect]
         return RadarPaths.concatenate([self.static.paths, *more]) if more else self.static.paths
 
     @cached_property
@@ -207,20 +207,20 @@ class Tracer:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
-    def follow(self, aimed: bool = True) -> MovingTracer:
+    def follow(self, cull: bool = True) -> MovingTracer:
         """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
-        the next. Results depend on what it went through before, so that every run begins with its own. Not `aimed`, it
+        the next. Results depend on what it went through before, so that every run begins with its own. Not `cull`, it
         is for images, which have what the antennas hardly see as well."""
-        ghosts, bounces, rounds = None, list[PlanarReflections](), None
+        ghosts, reflections, curved = None, list[PlanarReflections](), None
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
                 ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
             walls = (lambda: self.mirrors) if self.surfaces.static else tuple
-            plain = PlanarReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
-            bounces.append(plain)
+            planar = PlanarReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
+            reflections.append(planar)
             if any(surface.smooth is not None for surface in self.surfaces.moving):
-                rounds = CurvedReflections(
-                    self.surfaces, self.radar, self.rtol, lambda: plain.owner, lambda: self.static.unoccluded
+                curved = CurvedReflections(
+                    self.surfaces, self.radar, self.rtol, lambda: planar.owner, lambda: self.static.unoccluded
                 )
         reach = self.radar.max_range
         transmission_tracer = None
@@ -230,10 +230,10 @@ class Tracer:
             found = Transmission(every, self.surfaces.moving, names, self.radar, self.rtol)
             transmission_tracer = found if found.any_transmission() else None
             if self.max_bounces > 1 and found.any_transmission(one_way=True):
-                bounces.append(SlabReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
+                reflections.append(SlabReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
         given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
-        indirect = IndirectPaths(self.surfaces, self._band, ghosts, bounces, rounds, transmission_tracer)
-        return MovingTracer(*given, indirect, aimed)
+        indirect = IndirectPaths(self.surfaces, self._band, ghosts, reflections, curved, transmission_tracer)
+        return MovingTracer(*given, indirect, cull)
 
     def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
         """Knots from `start` to `stop` [s] between which splines follow what this radar sees of meshes at `positions`,
@@ -268,12 +268,14 @@ class Tracer:
         # What actors hide of what stays, or of what is watched, is told by three times and more.
         pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
         for _ in range(_AGAIN):
-            known = moving.cancelled
-            sample_times, turned = choose_sample_times(*given, beside=moving.beside, pair=pair, cancelled=known)
+            known = moving.relative_cancellation
+            sample_times, turned = choose_sample_times(
+                *given, indirect=moving.traces_back_faces, pair=pair, cancellation=known
+            )
             finest = knots if len(knots) > len(sample_times) else sample_times
             traced = self._traced(finest, sample_times, moving, float(np.hypot(turned, time_error)), watch)
             # How much of the return cancels is known when it was traced.
-            more = float((moving.cancelled / known).max())
+            more = float((moving.relative_cancellation / known).max())
             if more * turned <= gain or more < _MORE or watch is not None or len(sample_times) == 1:
                 break
         if more <= 1.0 or len(sample_times) == 1:
@@ -333,13 +335,13 @@ class Tracer:
         `turned`,
         and what else splines miss there, relative to the return."""
         static = self.static
-        beyond = self.beyond
+        static_indirect = self.static_indirect
         shares: dict[float, StaticVisibility] = {}
-        left: list[dict[float, FloatArray]] = [{} for _ in beyond]
-        sent = [static.rays, *(each.rays for each in beyond)]
+        left: list[dict[float, FloatArray]] = [{} for _ in static_indirect]
+        sent = [static.rays, *(each.rays for each in static_indirect)]
 
         @cache
-        def hidden() -> NDArray[np.intp]:
+        def occluded() -> NDArray[np.intp]:
             """Static facets that actors may hide at one of the instants."""
             each = zip(*(self._vertices(t) for t in sample_times.tolist()), strict=True)
             return static.behind([np.concatenate(places) for places in each])
@@ -348,9 +350,9 @@ class Tracer:
             """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
             rays = self.rays_at(t)
             if t not in shares and self.actors:
-                shares[t], count = static.visible(rays, hidden(), parts.silhouette_rays(t))
+                shares[t], count = static.visible(rays, occluded(), parts.silhouette_rays(t))
                 sent.append(count)
-                for each, by_time in zip(beyond, left, strict=True):
+                for each, by_time in zip(static_indirect, left, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))
                     sent.append(count)
                 if watch is not None:
@@ -370,7 +372,7 @@ class Tracer:
         indirect = [
             np.stack([by_time[t] for t in sample_times.tolist()], axis=1) if by_time else None for by_time in left
         ]
-        pairs = list(zip(beyond, indirect, strict=True))
+        pairs = list(zip(static_indirect, indirect, strict=True))
         unseen = [interpolation_error(static, each.paths, share) for each, share in pairs if share is not None]
 
         def shadows() -> tuple[Shadow, ...]:
@@ -388,12 +390,14 @@ class Tracer:
             rays=sum(sent) + moving.rays + candidates.rays,
             sample_times=len(sample_times),
             knots=len(knots),
-            error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in beyond), moving.error),
+            error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in static_indirect), moving.error),
             time_error=max(
                 float(np.hypot(moving.time_error, turned)), float(np.linalg.norm([candidates.error, *unseen]))
             ),
         )
-        return Traced(self._still, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places)
+        return Traced(
+            self._static_paths, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places
+        )
 
     def rays_at(self, t: float, keep: bool = True) -> RayScene:
         """Static and moving meshes as they are at `t` [s], until it is asked for another time; `keep`, vertices are

@@ -13,7 +13,7 @@ from rfgen_sionna.records import PathKind
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT
-from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weights
+from rfgen_sionna.tracing.reflectors.planar_reflectors import mirror_weights
 from rfgen_sionna.tracing.tracer import GAIN_PER_RTOL
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain

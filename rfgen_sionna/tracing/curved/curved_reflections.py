@@ -21,9 +21,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, RadarPaths, interpolate_knots, knot_weights
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.curved.array_elements import ArrayElements
+from rfgen_sionna.tracing.curved.array_elements import ArrayElements, band_nodes, fit_over_band
 from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, Route, polarised_field
-from rfgen_sionna.tracing.curved.band_polynomials import band_nodes, fit_over_band
 from rfgen_sionna.tracing.curved.double_bounce_search import DoubleBounceSearch
 from rfgen_sionna.tracing.curved.double_bounces import DoubleBounces, match_points
 from rfgen_sionna.tracing.curved.media import SurfaceOptics

@@ -2,7 +2,7 @@
 each other in Fresnel zones, and don't end where geometrical optics lets them end.
 
 Were the plate integrated as well, instead of showing an image, what it shows would be lit by the transition F of
-each of its edges (:mod:`rfgen_sionna.tracing.reflectors.edge_transition`) in place of a sharp shadow. What that
+each of its edges (:mod:`rfgen_sionna.tracing.reflectors.reflector_shadows`) in place of a sharp shadow. What that
 changes is
 integrated edge by edge, along the shadow's line and across it as far as the surface goes on that it falls on. It is of
 first order: near corners each edge is taken as if the other were sharp. What the edges of a plate come to is summed up,
@@ -25,9 +25,7 @@ from rfgen_sionna.tracing.gains.element_pattern import PatternGain
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
 from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT, ClippedFootprints
-from rfgen_sionna.tracing.reflectors.edge_transition import transition_integral
-from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weights
-from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarPart, PlanarReflector
+from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarPart, PlanarReflector, mirror_weights
 from rfgen_sionna.tracing.reflectors.reflector_shadows import (
     DIRECT_SOURCE,
     ON_EDGE,
@@ -38,6 +36,7 @@ from rfgen_sionna.tracing.reflectors.reflector_shadows import (
     paths_over_edge,
     reflector_pairs,
     reflector_targets,
+    transition_integral,
     triangle_spans,
 )
 from rfgen_sionna.tracing.surface.clip import clip_triangles, triangle_areas
@@ -48,7 +47,7 @@ SAFETY = 2.0
 CELLS, MAX_CELLS = 12, 128
 """Parts of a shadow's line on a plate, at least and at most; in each the phase counts as linear."""
 PARTS, MAX_ZONES = 8, 4.0
-"""Those across it, and how far, in v of :mod:`rfgen_sionna.tracing.reflectors.edge_transition`."""
+"""Those across it, and how far, in v of :mod:`rfgen_sionna.tracing.reflectors.reflector_shadows`."""
 CELLS_PER_FACE = 2
 """Those along it on a face of a bent surface."""
 ANGLES = np.linspace(0.0, 1.0, 33)
@@ -113,7 +112,7 @@ class EdgeDiffractionError:
         own
             (facet,) flat part that each is on, -1 for none.
         area
-            (flat,) [m^2] that tells which one is the mirror (:mod:`rfgen_sionna.tracing.reflectors.mirror_selection`).
+            (flat,) [m^2] that tells which one is the mirror (:mod:`rfgen_sionna.tracing.reflectors.planar_reflectors`).
         landings
             Which plates show what of them, and the amplitude (entry,) that is left by what the ways go through. What
             is there both ways round is looked at once.

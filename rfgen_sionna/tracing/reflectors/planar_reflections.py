@@ -4,7 +4,7 @@ Of two surfaces on a path one is the mirror (geometrical optics: the image of th
 mirror's outline), the other is integrated (physical optics): radar, mirror, facet, radar and the same backwards. Of
 three the middle one is integrated, for the images of Tx and Rx behind the two others. So Tx and Rx may be changed over
 without changing anything. Of two flat parts each is the mirror once, or the much larger one alone
-(:mod:`rfgen_sionna.tracing.reflectors.mirror_selection`).
+(:mod:`rfgen_sionna.tracing.reflectors.planar_reflectors`).
 
 A radar that moves sees the scene move (:mod:`rfgen_sionna.tracing.relative`): walls are plates then, and ghosts in
 them, furniture and corners of the room are traced here as well.
@@ -35,13 +35,14 @@ from rfgen_sionna.tracing.reflectors.clipped_footprints import (
 )
 from rfgen_sionna.tracing.reflectors.edge_diffraction import EdgeDiffractionError
 from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
-from rfgen_sionna.tracing.reflectors.mirror_selection import UNBOUNDED, mirror_weights
 from rfgen_sionna.tracing.reflectors.planar_reflectors import (
+    UNBOUNDED,
     PlanarPart,
     PlanarReflector,
     adjacent_parts,
     find_planar_parts,
     min_widths,
+    mirror_weights,
     wide_reflectors,
 )
 from rfgen_sionna.tracing.surface.facets import Facets

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT, ClippedFootprints
 from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarReflector
@@ -180,3 +180,36 @@ def paths_over_edge(
     turn = one + (here + share * (there - here))[..., None] * along
     height = np.abs(np.einsum("lpi,li->lp", places - turn, normal))
     return longer, rest / share, np.where(rest > ON_EDGE, height / np.maximum(rest, ON_EDGE), 0.0)
+
+
+MIN_SLOPE = 1e-4
+"""Slope below which it counts as such: beside 1 / q enough digits are left, and over hundreds of zones next to no
+phase."""
+
+
+def fresnel_transition(v: FloatArray) -> ComplexArray:
+    """F, of any shape."""
+    from scipy.special import fresnel
+
+    sine, cosine = fresnel(v)
+    return np.asarray(0.5 + 0.5 * (1 + 1j) * (cosine - 1j * sine))
+
+
+def transition_integral(low: FloatArray, high: FloatArray, slope: FloatArray) -> ComplexArray:
+    """Integral of (F(v) - H(v)) exp(-j q v) from v = `low` to `high`, which may be infinite; `slope` is q. All of one
+    shape."""
+    q = np.where(slope < 0, -1.0, 1.0) * np.maximum(np.abs(slope), MIN_SLOPE)
+    turned = np.exp(0.5j * q * q / np.pi)
+
+    unoccluded = low >= 0, high > 0
+
+    def below(v: FloatArray, unoccluded: NDArray[np.bool_]) -> ComplexArray:
+        # By parts: F' is a Gaussian of imaginary width, which the phase's slope moves.
+        known = np.isfinite(v)
+        there = np.where(known, v, 0.0)
+        own = np.where(known, (fresnel_transition(there) - unoccluded) * np.exp(-1j * q * there), 0.0)
+        return np.asarray(1j / q * (own - turned * fresnel_transition(v + q / np.pi)))
+
+    return np.asarray(
+        below(high, unoccluded[1]) - below(low, unoccluded[0]) + np.where(unoccluded[1] & ~unoccluded[0], 1j / q, 0.0)
+    )

@@ -36,16 +36,16 @@ from rfgen_sionna.tracing.reflectors.clipped_footprints import (
 from rfgen_sionna.tracing.reflectors.corner_returns import CornerReturnEstimate
 from rfgen_sionna.tracing.reflectors.edge_diffraction import EdgeDiffractionError
 from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
-from rfgen_sionna.tracing.reflectors.mirror_selection import mirror_weights
 from rfgen_sionna.tracing.reflectors.planar_reflectors import (
     PlanarReflector,
     adjacent_parts,
     find_planar_parts,
+    mirror_weights,
     wide_reflectors,
 )
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_facets import static_facets
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
+from rfgen_sionna.tracing.static.static_visibility import static_facets
 from rfgen_sionna.tracing.surface.clip import triangle_areas
 from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 from rfgen_sionna.tracing.surface.surfaces import Surfaces

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
@@ -19,16 +18,19 @@ from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.error_estimate import SAFETY, RefinedReturns, tolerance_factor
 from rfgen_sionna.tracing.shadows.adaptive_sampling import (
     CornerVisibility,
-    SampledVisibility,
     sample_visibility,
     shared_vertices,
 )
-from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
 from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_facets import static_facets
-from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
+from rfgen_sionna.tracing.static.static_visibility import (
+    SlabEdgeTransmission,
+    StaticReturns,
+    StaticVisibility,
+    find_visible_facets,
+    max_wavenumber,
+)
 from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
@@ -171,7 +173,7 @@ class StaticTrace:
             places=guides.places[chosen],
             occluded=guides.places[occluded],
             reach=self.returns.band.reach,
-            nearest=nearest,
+            occluder_distance=nearest,
         )
         left[chosen] = found.fraction
         missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
@@ -220,11 +222,6 @@ class StaticTrace:
         return changing, steady
 
 
-SlabEdgeTransmission = Callable[[RayScene, Facets, SampledVisibility], tuple[FloatArray, int]]
-"""What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
-:meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of` takes it, and the number of rays sent."""
-
-
 def trace_static(
     surfaces: Surfaces,
     rays: RayScene | None,
@@ -247,7 +244,7 @@ def trace_static(
         past, span = static_silhouettes(surfaces, viewpoint)
         silhouette_rays, rays_sent = SilhouetteRays(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
-        visible = _find_visible_facets(
+        visible = find_visible_facets(
             surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, silhouette_rays, beside
         )
         facets, rays_sent = visible.facets, rays_sent + visible.rays
@@ -277,7 +274,7 @@ def trace_static(
         fineness[found.share > 0.1 / len(materials)] *= tolerance_factor(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
     gains *= visible.fraction
-    returns = StaticReturns(band, materials, expansion, None, _wavenumber(band), rtol, visible.level)
+    returns = StaticReturns(band, materials, expansion, None, max_wavenumber(band), rtol, visible.level)
     if len(visible.edges.owner):
         returns.beside(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
     if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
@@ -310,93 +307,4 @@ def trace_static(
         visible.hidden_fraction,
         rtol * fineness,
         replace(returns, rough=rough),
-    )
-
-
-def _wavenumber(band: BandTracer) -> float:
-    return 2 * np.pi * band.highest / SPEED_OF_LIGHT
-
-
-class _VisibleFacets(NamedTuple):
-    facets: Facets
-    fraction: FloatArray
-    """(facet,)"""
-    whole: int
-    """So many facets come first, then pieces of others."""
-    edges: ShadowEdges
-    """Shadows' edges on these pieces."""
-    tiny: Facets
-    """What tells of them."""
-    hidden: Facets
-    hidden_fraction: FloatArray
-    """(hidden,)"""
-    level: float
-    """What all return without interfering, in units of
-    :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
-    missed: float
-    """Estimated error of that for what is not known of shadows' edges, relative to it."""
-    rays: int
-
-
-def _find_visible_facets(
-    surfaces: Surfaces,
-    rays: RayScene | None,
-    band: BandTracer,
-    viewpoint: FloatArray,
-    rtol: float,
-    tolerance: FloatArray,
-    max_range: float,
-    silhouette_rays: SilhouetteRays | None,
-    beside: SlabEdgeTransmission | None,
-) -> _VisibleFacets:
-    """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
-    the pieces that are; and those that are hidden, or in part, with their visible share."""
-    facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
-    near = lengths(facets.centroids - viewpoint) < max_range
-    facets = facets.take(np.flatnonzero(facets.facing & near))
-    facets = facets.with_pattern_gradient(band.pattern_gradient(facets))
-    if rays is None:
-        nothing = np.zeros(len(facets))
-        none = np.zeros(0, np.intp)
-        edges, _ = band.edges(facets, none, np.zeros((0, 3, 3)), np.zeros((0, 4)), none, np.zeros(1))
-        return _VisibleFacets(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
-    places = shared_vertices(facets.corners, facets.surface)
-    guided, sent = CornerVisibility(viewpoint, facets.corners, facets.number, places).visible(rays)
-    silhouette, past = (
-        (None, None)
-        if silhouette_rays is None
-        else FacetLocator(facets.corners - viewpoint, facets.number).silhouette_lengths(silhouette_rays)
-    )
-    weight = band.pattern_gain(facets.directions(viewpoint))
-    found = sample_visibility(
-        rays, viewpoint, facets.corners, facets.number, guided, _wavenumber(band), rtol, silhouette, weight,
-        search=True, places=places, reach=band.reach, past=past,
-    )  # fmt: skip
-    cut = np.zeros(len(facets), np.bool_)
-    cut[found.owner] = True
-    whole = np.flatnonzero((found.fraction > 0) & ~cut)
-    visible = Facets.joined([facets.take(whole), facets.cut(found.owner, found.pieces)])
-    visible = visible.with_pattern_gradient(band.pattern_gradient(visible))
-    level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
-    missed = missed / level if level > 0 else 0.0
-    group = np.zeros(len(found.owner), np.intp)
-    occluder, walked = (found.occluder, 0) if beside is None else beside(rays, facets, found)
-    edges, beyond = band.edges(facets, found.owner, found.pieces, occluder, group, np.array([level]))
-    tiny, edges = facets.cut(edges.owner, edges.tiny), replace(edges, owner=len(whole) + edges.piece)
-    if visible.pattern_gradient is not None:
-        tiny = replace(
-            tiny, pattern_gradient=visible.pattern_gradient[edges.owner], gradient_origin=visible.centroids[edges.owner]
-        )
-    hidden = np.flatnonzero(found.fraction < 1)
-    return _VisibleFacets(
-        visible,
-        np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
-        len(whole),
-        edges,
-        tiny,
-        facets.take(hidden),
-        found.fraction[hidden],
-        level,
-        float(np.hypot(missed, beyond[0])),
-        sent + found.rays + walked,
     )

@@ -39,8 +39,7 @@ from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, split_values
 from rfgen_sionna.tracing.surface.surfaces import Surface
-from rfgen_sionna.tracing.transmission.slab_crossings import MAX_SLABS, SlabTracer
-from rfgen_sionna.tracing.transmission.slab_visibility import SlabVisibility
+from rfgen_sionna.tracing.transmission.slab_crossings import MAX_SLABS, SlabTracer, SlabVisibility
 
 _GUIDE_POINTS = inset_points(np.eye(3), EDGE_INSET)
 _TO_CORNERS = np.linalg.inv(_GUIDE_POINTS).T

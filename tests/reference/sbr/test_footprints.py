@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.tracing.curved.band_polynomials import band_nodes, fit_over_band
+from rfgen_sionna.tracing.curved.array_elements import band_nodes, fit_over_band
 from tests.reference.sbr.footprints import _mean
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.tracing.reflectors.edge_transition import fresnel_transition, transition_integral
+from rfgen_sionna.tracing.reflectors.reflector_shadows import fresnel_transition, transition_integral
 
 
 def test_half_of_the_field_is_left_on_the_shadow_s_edge_and_all_or_nothing_far_from_it():
