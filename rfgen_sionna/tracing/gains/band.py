@@ -236,12 +236,12 @@ class BandTracer:
         found = ShadowEdges.of(facets, owner, pieces, occluder, self._origin, wavenumber)
         towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
         edge_curvature = curvature(facets)[found.owner]
-        at_most, unknown, known = found.at_most(self._tx, self._rx, wavenumber, edge_curvature)
+        at_most, unknown, known = found.return_bounds(self._tx, self._rx, wavenumber, edge_curvature)
         counts = self.pattern_gain(towards)
         at_most, unknown = counts * at_most, counts * unknown
         bent = np.zeros(len(found.owner), np.bool_) if facets.curved is None else facets.curved[found.owner]
         found, missed = found.significant(at_most, unknown, known, bent, group[found.piece], level, self._rtol)
-        return found.bent(facets), missed
+        return found.with_curvature(facets), missed
 
     def boundary_correction(
         self, edges: ShadowEdges, values: ComplexArray, reference: FloatArray, expansion: Expansion

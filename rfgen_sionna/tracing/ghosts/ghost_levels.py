@@ -26,7 +26,7 @@ _BAND_POSITIONS = np.array([-1.0, 0.0, 1.0])
 class GhostLevels(NamedTuple):
     """Returns by way of mirrors, relative to the direct return without shadows."""
 
-    alone: FloatArray
+    single: FloatArray
     """(mirror, 2) by each mirror once, both ways round together, and twice."""
     across: FloatArray
     """(mirror, mirror) by one there and by another back, both ways round together; 0 where the second does not come
@@ -62,9 +62,9 @@ def ghost_levels(
     if mirrored is None:
         return found
     once = mirrored.way * mirrored.near * (0.5 * (mirrored.length + mirrored.distance) < radar.max_range)
-    found.alone[:, 0] = 2.0 * once.max(axis=1) / mirrored.direct
+    found.single[:, 0] = 2.0 * once.max(axis=1) / mirrored.direct
     if max_bounces > 2:
-        found.alone[:, 1] = (mirrored.way**2 * (mirrored.length < radar.max_range)).max(axis=1) / mirrored.direct
+        found.single[:, 1] = (mirrored.way**2 * (mirrored.length < radar.max_range)).max(axis=1) / mirrored.direct
         for one in np.flatnonzero(mirrored.way.any(axis=1)):
             others = slice(one + 1, None)
             reached = 0.5 * (mirrored.length[one] + mirrored.length[others]) < radar.max_range
@@ -160,11 +160,11 @@ class _MirroredVertices(NamedTuple):
         points = points[:: max(1, len(points) // SAMPLES)]
         view = np.asarray(radar.position)
 
-        def listens(offset: FloatArray) -> FloatArray:
+        def field_gain(offset: FloatArray) -> FloatArray:
             return np.sqrt(pattern_gain(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)))
 
         distance = np.maximum(np.linalg.norm(points - view, axis=1), 1e-6)
-        near = listens(points - view) / distance
+        near = field_gain(points - view) / distance
         direct = float((near**2).max(initial=0.0))
         way, lengths, rows = np.zeros((len(mirrors), len(points))), np.zeros((len(mirrors), len(points))), []
         for number, mirror in enumerate(mirrors):
@@ -178,7 +178,7 @@ class _MirroredVertices(NamedTuple):
             if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
                 continue
             length = np.linalg.norm(points[before] - mirror.image(view), axis=1)
-            way[number, before], lengths[number, before] = listens(crossing - view) / length, length
+            way[number, before], lengths[number, before] = field_gain(crossing - view) / length, length
             cos = (mirror.height(points[before]) + mirror.height(view)) / length
             rows.append(np.stack([np.full(len(before), number), before, cos]))
         if not rows or direct <= 0:

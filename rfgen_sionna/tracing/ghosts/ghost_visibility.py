@@ -90,18 +90,18 @@ class GhostVisibilitySampler:
         rays: RayScene,
         facets: Facets,
         fraction: FloatArray,
-        kept: NDArray[np.intp],
+        selected: NDArray[np.intp],
         used: NDArray[np.bool_],
         pairs: NDArray[np.intp],
     ) -> MirroredVisibility:
-        """What the mirrors `kept`, numbers of them, show of the facets.
+        """What the mirrors `selected`, numbers of them, show of the facets.
 
         `fraction` (facet,) is seen directly; `used` (mirror, 2) says of all mirrors whether they count once and twice,
         and `pairs` (pair, 2) which two of them count together, one there and the other back.
         """
-        shape = (len(kept), len(facets))
+        shape = (len(selected), len(facets))
         once, twice, points = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.uint16)
-        lengths, paired = np.full(shape, np.inf), np.isin(kept, pairs)
+        lengths, paired = np.full(shape, np.inf), np.isin(selected, pairs)
         centre, view, reach = facets.centroids, self._viewpoint, self._max_range
         radius = np.linalg.norm(facets.corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
         edges = facets.corners[:, 1:] - facets.corners[:, :1]
@@ -109,7 +109,7 @@ class GhostVisibilitySampler:
         distance = np.linalg.norm(centre - view, axis=1)
         closed = self._closed[facets.surface]
         rows, columns = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
-        for row, which in enumerate(kept):
+        for row, which in enumerate(selected):
             mirror = self._mirrors[which]
             image = self._images[which]
             length = np.linalg.norm(centre - image, axis=1)
@@ -129,10 +129,10 @@ class GhostVisibilitySampler:
             return MirroredVisibility(
                 once, twice, np.zeros((len(pairs), len(facets))), (PartialFacets.none(),) * 3, 0.0, 0, 0
             )
-        number = kept[place]
-        mirror_mask = self._view(number)
+        number = selected[place]
+        facet_views = self._view(number)
         found = mirrored_fraction(
-            rays, view, facets.corners[column], facets.number[column], fraction[column], mirror_mask
+            rays, view, facets.corners[column], facets.number[column], fraction[column], facet_views
         )
         length = np.linalg.norm(facets.centroids[column] - self._images[number], axis=1)
         near = length + distance[column] < 2 * reach
@@ -143,17 +143,17 @@ class GhostVisibilitySampler:
         twice *= asked[1]
         partial = np.zeros(shape, np.bool_)
         partial[place, column] = found.mixed
-        one, other = np.searchsorted(kept, pairs).T
+        one, other = np.searchsorted(selected, pairs).T
         both_near = lengths[one] + lengths[other] < 2 * reach
         across = visible_to_both(points[one], points[other]) * both_near
         some = partial | (points > 0)
         partial_across = (partial[one] | partial[other]) & some[one] & some[other] & both_near
         parts, sent, surfaces = [], found.rays, len(self._closed)
         missed, level = np.zeros(surfaces), np.zeros(surfaces)
-        by_one, by_pair = kept[:, None], kept[np.stack([one, other], axis=1)] if len(pairs) else pairs
+        by_one, by_pair = selected[:, None], selected[np.stack([one, other], axis=1)] if len(pairs) else pairs
         masks = (partial | ((once > 0) & (once < 1))) & asked[0], partial & asked[1], partial_across
         if any(mask.any() for mask in masks):
-            level = self._level(facets, fraction, kept, once, twice)
+            level = self._level(facets, fraction, selected, once, twice)
         # By the first mirror there and back the straight way, or the other way round; of two mirrors either first.
         for share, mask, mirrors, straight, ways in (
             (once, masks[0], by_one, True, 2.0),
@@ -180,15 +180,15 @@ class GhostVisibilitySampler:
         return MirroredVisibility(once, twice, across, cut, error, len(column), sent)
 
     def _level(
-        self, facets: Facets, fraction: FloatArray, kept: NDArray[np.intp], once: FloatArray, twice: FloatArray
+        self, facets: Facets, fraction: FloatArray, selected: NDArray[np.intp], once: FloatArray, twice: FloatArray
     ) -> FloatArray:
-        """(surface,) what may return of each, directly and by way of the mirrors `kept`, without interfering."""
+        """(surface,) what may return of each, directly and by way of the mirrors `selected`, without interfering."""
         direct = facets.corners - self._viewpoint
         energy = (max_returns(direct, self._wavenumber)[0] * fraction) ** 2
-        for which, by_one, by_two in zip(kept, once, twice, strict=True):
-            mirror_mask = facets.corners - self._images[which]
-            energy += 2.0 * (max_returns(mirror_mask, self._wavenumber, direct)[0] * by_one) ** 2
-            energy += (max_returns(mirror_mask, self._wavenumber)[0] * by_two) ** 2
+        for which, by_one, by_two in zip(selected, once, twice, strict=True):
+            image = facets.corners - self._images[which]
+            energy += 2.0 * (max_returns(image, self._wavenumber, direct)[0] * by_one) ** 2
+            energy += (max_returns(image, self._wavenumber)[0] * by_two) ** 2
         return np.sqrt(np.bincount(facets.surface, energy, len(self._closed)))
 
     def _planes(self, mirrors: Sequence[Mirror]) -> MirrorView:

@@ -89,7 +89,7 @@ class Ghosts:
         self._surfaces, self._radar, self._rtol, self._max_bounces = surfaces, radar, rtol, max_bounces
         self._find = mirrors
         self._viewpoint = np.asarray(radar.position)
-        self._kept: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._selected: NDArray[np.intp] = np.zeros(0, np.intp)
         self._used = np.zeros((0, 2), np.bool_)
         self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror there, the other back
         self._level = np.zeros(0)  # (mirror,) of the strongest ghost by way of it
@@ -110,7 +110,7 @@ class Ghosts:
     @property
     def active(self) -> bool:
         """Whether there are ghosts to be traced, after :meth:`prepare`."""
-        return len(self._kept) > 0 or len(self._second_order) > 0
+        return len(self._selected) > 0 or len(self._second_order) > 0
 
     def reset(self) -> None:
         """Choose the expansions anew."""
@@ -144,7 +144,7 @@ class Ghosts:
             self.reset()
         self._used, self._pairs = single, pairs
         self._level = np.maximum(levels.max(axis=1), np.maximum(across.max(axis=0), across.max(axis=1)))
-        self._kept = np.flatnonzero(single.any(axis=1) | both.any(axis=0) | both.any(axis=1))
+        self._selected = np.flatnonzero(single.any(axis=1) | both.any(axis=0) | both.any(axis=1))
         ways = [(one, other) for one, other in np.argwhere(after).tolist()]
         for way in ways:
             if way not in self._second_order_mirrors:
@@ -173,7 +173,7 @@ class Ghosts:
     @property
     def _in_use(self) -> list[tuple[Mirror, float]]:
         """Mirrors, and the level of the strongest ghost by way of each."""
-        own = [(self.mirrors[m], float(self._level[m])) for m in self._kept]
+        own = [(self.mirrors[m], float(self._level[m])) for m in self._selected]
         return own + list(zip(self._second_order, self._second_order_level.tolist(), strict=True))
 
     @cached_property
@@ -187,7 +187,7 @@ class Ghosts:
             once, none = np.tile([True, False], (count, 1)), np.zeros((0, 2), np.intp)
             second_order = self._second_order_sampler(rays, facets, fraction, np.arange(count), once, none)
         return GhostVisibility(
-            self._visibility_sampler(rays, facets, fraction, self._kept, self._used, self._pairs), second_order
+            self._visibility_sampler(rays, facets, fraction, self._selected, self._used, self._pairs), second_order
         )
 
     @cached_property
@@ -215,7 +215,7 @@ class Ghosts:
         `facets` and `views` are those of each of the `sample_times` [s]; delays are for the `knots` [s].
         """
         paths, error = list[RadarPaths](), 0.0
-        single = _ActiveMirrors(self._returns, self._kept, self._pairs, LEG_COMBINATIONS)
+        single = _ActiveMirrors(self._returns, self._selected, self._pairs, LEG_COMBINATIONS)
         second_order = _ActiveMirrors(
             self._second_order_returns, np.arange(len(self._second_order)), self._pairs[:0], LEG_COMBINATIONS[:2]
         )

@@ -147,7 +147,7 @@ class ImageReturns:
             # What a rim sweeps over turns in phase with the middle of what is left of it.
             return found + np.tensordot(knot_weights(sample_times, np.array([t])), aside, 1)[0] if moved else found
 
-        def shown_at(t: float) -> MirroredFacets:
+        def facets_at(t: float) -> MirroredFacets:
             if len(sample_times) == 1:
                 return visible_facets[0]
             k = min(max(int(np.searchsorted(sample_times, t)) - 1, 0), len(sample_times) - 2)
@@ -159,7 +159,7 @@ class ImageReturns:
             knots,
             sample_times,
             np.stack(gains, axis=-1),
-            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), shown_at(t)),
+            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), facets_at(t)),
         )
         directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]
         departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))

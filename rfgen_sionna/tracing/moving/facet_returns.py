@@ -31,7 +31,7 @@ class SampledReturns(NamedTuple):
     values: list[ComplexArray]
     """(value, facet) of what is seen from the phase centre."""
     boundary_correction: list[BoundaryCorrection | None]
-    """What pairs see more or less of the facets kept; None where no shadow's edge falls on them."""
+    """What pairs see more or less of the facets selected; None where no shadow's edge falls on them."""
     missed: FloatArray
     """(surface,) estimated error of that, relative to what each returns without interfering when it returns most."""
 
@@ -69,13 +69,13 @@ class FacetReturns:
     def visible(
         self,
         visible: Sequence[VisibleFacets],
-        kept: NDArray[np.intp],
+        selected: NDArray[np.intp],
         facets: Sequence[Facets],
         references: Sequence[FloatArray],
         expansion: Expansion,
         times: int = 1,
     ) -> SampledReturns:
-        """Those of the `facets` kept, which `kept` counts out of all, at each instant, as they are `visible`. Of those
+        """Those of the `facets` selected, which `selected` counts out of all, at each instant, as they are `visible`. Of those
         in half shadow the pieces that are seen count, each with its own phase. Each of `visible` may have facets of
         several
         `times`, one time's after the other's."""
@@ -97,32 +97,34 @@ class FacetReturns:
             edges, of_cut = self._band.edges(parents, place, pieces, occluder, group, np.sqrt(times) * level.ravel())
             best = np.max([each.level for each in visible], axis=0)
             missed = relative_to_largest(of_cut.reshape(level.shape)[:, self._tolerance_group], level, best)
-            parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.tiny])))
+            parts.append(parents.cut(np.append(place, edges.owner), np.concatenate([pieces, edges.small_piece])))
             own = np.concatenate(
-                [references[n][np.searchsorted(kept, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]
+                [references[n][np.searchsorted(selected, owner)] for n, (owner, _) in zip(cut, owners, strict=True)]
             )
             theirs.append(np.concatenate([own[place], edges.middle + self._band.viewpoint]))
         found = self.values(parts, expansion, theirs)
         whole = found[: len(facets)]
-        sampled_returns = [own * each.fraction[kept] for own, each in zip(whole, visible, strict=True)]
+        sampled_returns = [own * each.fraction[selected] for own, each in zip(whole, visible, strict=True)]
         boundary_correction: list[BoundaryCorrection | None] = [None for _ in visible]
         if cut:
             starts = np.flatnonzero(np.diff(place, prepend=-1))
             sum_by_surface = np.split(np.add.reduceat(found[-1][:, : len(place)], starts, axis=1), first[1:-1], axis=1)
             every = self._band.boundary_correction(edges, found[-1][:, len(place) :], own[edges.owner], expansion)
             for n, (owner, _), of_pieces, start in zip(cut, owners, sum_by_surface, first.tolist(), strict=False):
-                at = np.searchsorted(kept, owner)
+                at = np.searchsorted(selected, owner)
                 sampled_returns[n][:, at] = of_pieces
                 there = every.take(slice(*np.searchsorted(edges.owner, [start, start + len(owner)])))
                 boundary_correction[n] = there._replace(owner=at[there.owner - start])
         for n, each in enumerate(visible):
-            if each.own is not None:
-                more = self._own(each.own.of(kept), facets[n], references[n], whole[n], sampled_returns[n], expansion)
+            if each.per_element is not None:
+                more = self._per_element_correction(
+                    each.per_element.of(selected), facets[n], references[n], whole[n], sampled_returns[n], expansion
+                )
                 correction = boundary_correction[n]
                 boundary_correction[n] = more if correction is None else BoundaryCorrection.joined([correction, more])
         return SampledReturns(whole, sampled_returns, boundary_correction, missed)
 
-    def _own(
+    def _per_element_correction(
         self,
         own: PerElementVisibility,
         facets: Facets,
@@ -153,27 +155,27 @@ class FacetReturns:
             gains[:, pair, at.reshape(-1)[lane]] = weights[:, pair] @ (values - sampled_returns[:, facet])
         return BoundaryCorrection(changed, gains.reshape(*expansion.weights.shape[:3], len(changed)))
 
-    def beside(
+    def pair_correction(
         self,
         boundary_correction: BoundaryCorrection | None,
         visible: VisibleFacets,
-        kept: NDArray[np.intp],
+        selected: NDArray[np.intp],
         reference: FloatArray,
         pair: tuple[int, int],
         surfaces: NDArray[np.bool_],
         place: float = 0.0,
     ) -> ComplexArray:
         """(lot,) what a pair sees more, or less, than the phase centre of all facets of some `surfaces` (surface,), by
-        the `boundary_correction` of those `kept` of what is `visible`, by way of the points `reference` (facet, 3)
+        the `boundary_correction` of those `selected` of what is `visible`, by way of the points `reference` (facet, 3)
         [m], at a `place`
         -1 … 1 of the band."""
         count = len(self._materials)
         if boundary_correction is None:
             return np.zeros(count, np.complex128)
-        whose = visible.facets.surface[kept[boundary_correction.owner]]
+        whose = visible.facets.surface[selected[boundary_correction.owner]]
         mine = np.flatnonzero(surfaces[whose])
         owner, gains = boundary_correction.owner[mine], boundary_correction.gains[:, *pair, mine]
-        waves = _there(gains, place) * self._waves(reference[owner], pair, place) * visible.weight[kept[owner]]
+        waves = _gains_at(gains, place) * self._waves(reference[owner], pair, place) * visible.weight[selected[owner]]
         return sum_by_surface(waves[None], self._tolerance_group[whose[mine]], count)[0]
 
     def _waves(self, reference: FloatArray, pair: tuple[int, int], place: float = 0.0) -> ComplexArray:
@@ -181,7 +183,7 @@ class FacetReturns:
         frequency = self._band.frequency(np.array([place]))[0]
         return phasors(frequency * self._band.delays(reference, pair))
 
-    def per_element(
+    def element_pair_returns(
         self,
         visible: VisibleFacets,
         surfaces: NDArray[np.bool_],
@@ -191,19 +193,20 @@ class FacetReturns:
         """For some `pairs` (lot,) what each sees more of some `surfaces` (surface,) from its own places than the phase
         centre, in the middle of the band, and the level over the band of all that it sees."""
         there = visible.of(np.flatnonzero(visible.any_visible() & surfaces[visible.facets.surface]))
-        kept, count = np.arange(len(there.facets)), len(self._materials)
+        selected, count = np.arange(len(there.facets)), len(self._materials)
         reference, tolerance_group = there.facets.centroids, self._tolerance_group[there.facets.surface]
-        sampled_returns = self.visible([there], kept, [there.facets], [reference], expansion)
+        sampled_returns = self.visible([there], selected, [there.facets], [reference], expansion)
         found = []
         for pair in pairs:
-            given = sampled_returns.boundary_correction[0], there, kept, reference, pair, surfaces
+            given = sampled_returns.boundary_correction[0], there, selected, reference, pair, surfaces
             gains, energy = expansion.weights[:, *pair] @ sampled_returns.values[0], np.zeros(count)
             for place in PROBES.tolist():
-                waves = _there(gains, place) * self._waves(reference, pair, place) * there.weight
+                waves = _gains_at(gains, place) * self._waves(reference, pair, place) * there.weight
                 energy += (
-                    np.abs(self.beside(*given, place) + sum_by_surface(waves[None], tolerance_group, count)[0]) ** 2
+                    np.abs(self.pair_correction(*given, place) + sum_by_surface(waves[None], tolerance_group, count)[0])
+                    ** 2
                 )
-            found.append((self.beside(*given), np.sqrt(energy / len(PROBES))))
+            found.append((self.pair_correction(*given), np.sqrt(energy / len(PROBES))))
         return found
 
     def coefficients(
@@ -223,38 +226,38 @@ class FacetReturns:
         the antennas
         make of a facet, over what they make of its leader; None is 1."""
         order = np.argsort(cluster_head, kind="stable")
-        led, first = np.unique(cluster_head[order], return_index=True)
-        if len(led) == len(cluster_head):
+        heads, first = np.unique(cluster_head[order], return_index=True)
+        if len(heads) == len(cluster_head):
             gathered = (
-                values if np.array_equal(led, cluster_head) else [np.take(each, order, axis=1) for each in values]
+                values if np.array_equal(heads, cluster_head) else [np.take(each, order, axis=1) for each in values]
             )
             if pattern is not None:
                 gathered = [each * gain[order] for each, gain in zip(gathered, pattern, strict=True)]
             of_paths = np.stack(gathered, axis=-1)
         else:
-            of_paths = np.empty((len(values[0]), len(led), len(values)), np.complex128)
+            of_paths = np.empty((len(values[0]), len(heads), len(values)), np.complex128)
             ends = np.append(first, len(order))
             for k, each in enumerate(values):
                 weights = np.ones(len(order)) if pattern is None else pattern[k][order]
-                rows = csr_array((weights, order, ends), shape=(len(led), len(order)))
+                rows = csr_array((weights, order, ends), shape=(len(heads), len(order)))
                 # Real times complex as two real products side by side.
                 columns = np.ascontiguousarray(each.T).view(np.float64)
                 of_paths[:, :, k] = np.asarray(rows @ columns).view(np.complex128).T
         found = self._band.combined(expansion, of_paths)
-        path = np.searchsorted(led, cluster_head)
-        for k, beside in enumerate(boundary_correction):
-            if beside is not None:
-                weight = 1.0 if pattern is None else pattern[k][beside.owner]
-                BoundaryCorrection(path[beside.owner], beside.gains * weight).add_to(found[..., k])
+        path = np.searchsorted(heads, cluster_head)
+        for k, correction in enumerate(boundary_correction):
+            if correction is not None:
+                weight = 1.0 if pattern is None else pattern[k][correction.owner]
+                BoundaryCorrection(path[correction.owner], correction.gains * weight).add_to(found[..., k])
         for k, there in enumerate(facets):
             if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
                 rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
                 if there.outward is not None:  # next to nothing, seen as they are from aside
                     rough[..., there.outward] = 0.0
                 found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
-        return found, led
+        return found, heads
 
-    def cancelling(
+    def cancellation(
         self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
     ) -> FloatArray:
         """(surface,) what paths of each lot by way of points, `by_way` (path, 3) [m] at each instant, with `gains`
@@ -270,6 +273,6 @@ class FacetReturns:
         return np.asarray(np.sqrt(alone / np.where(together > 0, together, np.inf)))[self._tolerance_group]
 
 
-def _there(coefficients: ComplexArray, place: float) -> ComplexArray:
+def _gains_at(coefficients: ComplexArray, place: float) -> ComplexArray:
     """(facet,) gains at a `place` -1 … 1 of the band, of which these are the `coefficients` (order, facet)."""
     return np.asarray(place ** np.arange(len(coefficients)) @ coefficients)

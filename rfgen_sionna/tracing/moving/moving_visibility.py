@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import bounds, lengths, max_component, triangle_centroids
-from rfgen_sionna.scene.occluders import Occluders, before, times_at_once
+from rfgen_sionna.scene.occluders import Occluders, possible_occluders, times_at_once
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import PROBES
@@ -40,8 +40,8 @@ from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 MIN_RAY_SPACING = 2.5e-4
 """Least angle between rays past one edge [rad]."""
-_ROUNDS, _FAINTER = 2, 2.0
-"""How often it is reckoned anew which facets are too faint, at most, and by what factor they may return more than is
+_ROUNDS, _MAX_EXCESS = 2, 2.0
+"""How often it is reckoned anew which facets are too weak, at most, and by what factor they may return more than is
 allowed for less to be seen of a surface than was thought."""
 _PER_FACET, _SMALL = 0.3, 0.1
 """Angle between them at a tolerance of 1 %, over the width of facets such that smaller ones make up so small a share of
@@ -58,17 +58,19 @@ class MovingVisibility:
         self._wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
         self._pattern_gain, self._reach = band.pattern_gain, band.reach
         self._silhouettes = [MeshSilhouette(surface.faces) for surface in surfaces.moving]
-        self._passed: dict[float, SilhouetteRays] = {}
-        self._apart = RAY_SPACING
+        self._silhouette_rays: dict[float, SilhouetteRays] = {}
+        self._ray_spacing = RAY_SPACING
         self._static: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._return_bounds = ReturnBounds(viewpoint, self._wavenumber, band.aperture)
-        self._plain = np.array(
+        self._reflectance = np.array(
             [specular_reflectance(surface.material, band.frequency(PROBES)) for surface in surfaces.moving]
         )
-        self._silent = np.array(
+        self._nonreflecting = np.array(
             [is_nonreflecting(surface.material, band.frequency(PROBES)) for surface in surfaces.moving], bool
         )
-        self._bent = np.array([1.0 if surface.smooth is None else CURVED_FACTOR for surface in surfaces.moving])
+        self._curved_factor = np.array(
+            [1.0 if surface.smooth is None else CURVED_FACTOR for surface in surfaces.moving]
+        )
         self._tolerance_group = tolerance_groups(surfaces.moving)
         self._any_visible = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
 
@@ -84,7 +86,7 @@ class MovingVisibility:
         """What is seen at several `times` [s] of `facets`, at each all those of the moving surfaces, which have their
         `vertices` (vertex, 3) [m] then; `places` are those of
         :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`,
-        and `rays` is the ray scene at any time. With a `share` (surface,) of what faint facets may come to, those that
+        and `rays` is the ray scene at any time. With a `share` (surface,) of what weak facets may come to, those that
         return next to nothing at all these times (:mod:`rfgen_sionna.tracing.moving.culling`) are not looked at; None
         is
         0. But for these, nothing is told of times by one another: together they are quicker."""
@@ -99,7 +101,7 @@ class MovingVisibility:
             return_estimates.append(return_estimate)
             most[there.chosen] = np.maximum(most[there.chosen], there_most)
             total = np.minimum(total, np.sqrt(np.bincount(surface[there.chosen], return_estimate**2, surfaces)))
-        share = CULLED_PER_RTOL * self._rtol * self._plain * self._bent * share
+        share = CULLED_PER_RTOL * self._rtol * self._reflectance * self._curved_factor * share
         found = list[VisibleFacets]()
 
         def waves(some: NDArray[np.intp]) -> ComplexArray:
@@ -108,27 +110,27 @@ class MovingVisibility:
 
         for _ in range(_ROUNDS):
             sampled, sent = (sum(getattr(each, name) for each in found) for name in ("sampled_facets", "rays"))
-            faint, left = cull_weakest(most, surface, share * self._any_visible * total, waves)
-            kept = [there.of(np.flatnonzero(~faint[there.chosen])) for there in facing]
-            found = self._at_all_times(rays, facets, places, times, vertices, kept)
+            weak, left = cull_weakest(most, surface, share * self._any_visible * total, waves)
+            remaining = [there.of(np.flatnonzero(~weak[there.chosen])) for there in facing]
+            found = self._at_all_times(rays, facets, places, times, vertices, remaining)
             any_visible = np.full(surfaces, np.inf)
             for visible, there, return_estimate in zip(found, facing, return_estimates, strict=True):
                 energy = np.bincount(
                     surface[there.chosen], (return_estimate * visible.fraction[there.chosen]) ** 2, surfaces
                 )
                 any_visible = np.minimum(any_visible, np.sqrt(energy))
-            enough = left <= _FAINTER * share * any_visible
+            enough = left <= _MAX_EXCESS * share * any_visible
             self._any_visible = np.minimum(np.where(total > 0, any_visible / np.where(total > 0, total, 1.0), 1.0), 1.0)
             if enough.all():
                 break
-        beyond = np.where(any_visible > 0, left / np.where(any_visible > 0, any_visible, 1.0), 0.0)
+        culled = np.where(any_visible > 0, left / np.where(any_visible > 0, any_visible, 1.0), 0.0)
         found[0] = replace(found[0], sampled_facets=found[0].sampled_facets + sampled, rays=found[0].rays + sent)
-        return [replace(each, missed=np.hypot(each.missed, beyond), faint=beyond) for each in found]
+        return [replace(each, missed=np.hypot(each.missed, culled), culled=culled) for each in found]
 
     def _facing(self, facets: Facets) -> FacingFacets:
         chosen = np.flatnonzero(facets.facing)
-        if self._silent.any():
-            chosen = chosen[~self._silent[facets.surface[chosen]]]
+        if self._nonreflecting.any():
+            chosen = chosen[~self._nonreflecting[facets.surface[chosen]]]
         offset = np.take(facets.centroids, chosen, axis=0) - self._viewpoint
         distance = lengths(offset)
         near = distance < self._max_range
@@ -146,13 +148,13 @@ class MovingVisibility:
         facing: Sequence[FacingFacets],
     ) -> list[VisibleFacets]:
         """:meth:`__call__` of those `facing`, as many times at once as there may be."""
-        self._passed.clear()
+        self._silhouette_rays.clear()
         step, found = times_at_once(rays.num_facets, self._viewpoint, vertices[0]), list[VisibleFacets]()
         for first in range(0, len(facets), step):
             some = slice(first, first + step)
             visible, silhouette_rays = self._together(rays, facets[some], places, vertices[some], facing[some])
             found += visible
-            self._passed |= zip(times[some], silhouette_rays, strict=True)
+            self._silhouette_rays |= zip(times[some], silhouette_rays, strict=True)
         return found
 
     def _together(
@@ -167,7 +169,7 @@ class MovingVisibility:
         count, surfaces = len(facets), len(self._surfaces.moving)
         offsets = [[points - self._viewpoint for points in there] for there in vertices]
         turned = [
-            [silhouette.towards(each) for silhouette, each in zip(self._silhouettes, there, strict=True)]
+            [silhouette.facing(each) for silhouette, each in zip(self._silhouettes, there, strict=True)]
             for there in offsets
         ]
         candidates = [self._hiding(*each) for each in zip(turned, offsets, strict=True)]
@@ -229,7 +231,7 @@ class MovingVisibility:
         come to first then. `rays` is the ray scene at any time."""
         offsets = [[points - self._viewpoint for points in there] for there in vertices]
         placed = [np.concatenate([np.zeros((0, 3)), *there]) for there in offsets]
-        found = before(rays.moving_faces, placed, corners - self._viewpoint)
+        found = possible_occluders(rays.moving_faces, placed, corners - self._viewpoint)
         ends, surfaces = rays.moving_faces[found], self._surfaces.moving
         owner = np.repeat(np.arange(len(surfaces)), [len(each.faces) for each in surfaces])[found]
         outward, candidates = np.concatenate([each.outward for each in surfaces])[found], []
@@ -284,7 +286,7 @@ class MovingVisibility:
         guided, guides = CornerVisibility(self._viewpoint, corners, number, places).visible(occluders)
         found = sample_visibility(
             occluders, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, silhouette, weight,
-            group, level=least, times=times, apart=self._apart, places=places,
+            group, level=least, times=times, ray_spacing=self._ray_spacing, places=places,
             reach=self._reach,
         )  # fmt: skip
         error, level = (np.sqrt(np.bincount(group, each**2, groups)) for each in (found.missed, found.returned))
@@ -295,13 +297,13 @@ class MovingVisibility:
         which `of_curved` are pieces of bent faces."""
         self._return_bounds.form(corners, of_curved)
         apart = silhouette_ray_spacing(corners, self._viewpoint, self._rtol)
-        if apart != self._apart:
-            self._apart, self._static = apart, None
+        if apart != self._ray_spacing:
+            self._ray_spacing, self._static = apart, None
 
     def silhouette_rays(self, t: float) -> SilhouetteRays:
         """Rays that just pass the outlines of what moves, and of what stands before it, at one of the times [s] that
         were looked at last."""
-        return self._passed[t]
+        return self._silhouette_rays[t]
 
     def _rays_past(
         self,
@@ -313,12 +315,12 @@ class MovingVisibility:
         it."""
         if self._static is None:
             # Directions (ray, 3) as long as the way there (ray,) [m], and what each stands for.
-            past, stands_for = static_silhouettes(self._surfaces, self._viewpoint, self._apart)
+            past, stands_for = static_silhouettes(self._surfaces, self._viewpoint, self._ray_spacing)
             self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
         found, owner = [], list[NDArray[np.intp]]()
         for there, towards in zip(offsets, turned, strict=True):
-            before = np.zeros(len(static), np.bool_)
+            possible_occluders = np.zeros(len(static), np.bool_)
             for each in there if len(static) else ():
                 far = np.maximum(lengths(each), 1e-12)
                 axis = (each / far[:, None]).mean(axis=0)
@@ -326,17 +328,18 @@ class MovingVisibility:
                 # Opened as far as elements may see an edge shifted.
                 opening = np.arccos(np.clip((each @ axis / far).min() - 1e-3, -1.0, 1.0)) + self._reach / distance
                 within = static @ axis > np.cos(np.minimum(opening, np.pi)) * distance
-                before |= within & (distance < far.max())
+                possible_occluders |= within & (distance < far.max())
             placed = zip(self._silhouettes, there, towards, strict=True)
             silhouette_rays = [
-                silhouette.silhouette_rays(points, self._apart, looking) for silhouette, points, looking in placed
+                silhouette.silhouette_rays(points, self._ray_spacing, looking) for silhouette, points, looking in placed
             ]
-            count = np.array([np.count_nonzero(before), *(len(each) for _, each in silhouette_rays)])
+            count = np.array([np.count_nonzero(possible_occluders), *(len(each) for _, each in silhouette_rays)])
             owner.append(np.repeat(np.arange(-1, len(silhouette_rays)), count))
             directions, spans = (
-                np.concatenate(e) for e in zip((static[before], span[before]), *silhouette_rays, strict=True)
+                np.concatenate(e)
+                for e in zip((static[possible_occluders], span[possible_occluders]), *silhouette_rays, strict=True)
             )
-            found.append((directions, spans, int(np.count_nonzero(before))))
+            found.append((directions, spans, int(np.count_nonzero(possible_occluders))))
         time = np.repeat(np.arange(len(found)), [len(directions) for directions, _, _ in found])
         hits = occluders.first_facet(np.concatenate([directions for directions, _, _ in found]), time)
         return [

@@ -114,12 +114,12 @@ def sample_visibility(
     moving: bool = False,
     search: bool = False,
     times: int = 1,
-    apart: float = 0.0,
+    ray_spacing: float = 0.0,
     places: IntArray | None = None,
     occluded: IntArray | None = None,
     reach: float = 0.0,
-    nearest: float = np.inf,
-    past: FloatArray | None = None,
+    occluder_distance: float = np.inf,
+    shadowing: FloatArray | None = None,
 ) -> SampledVisibility:
     """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
 
@@ -163,7 +163,7 @@ def sample_visibility(
         narrow for these rays, a quarter of a facet, is neither found nor in `missed`.
     times
         Number of times that the facets are looked at together: so many more points may be looked at.
-    apart
+    ray_spacing
         Angle between rays past outlines [rad]: edges that pass smaller facets between two of them, and reach no corner,
         are not looked at. Those that are tell how many these are, and so what `missed` has of them.
     places
@@ -174,11 +174,11 @@ def sample_visibility(
     reach
         How far elements are from the viewpoint at most [m]: as far as they see past edges, what follows the lit side is
         looked for.
-    nearest
+    occluder_distance
         How far what hides is from the viewpoint at least [m], if that is known: by that and `reach` the strips beside
         edges, which not all elements see alike, may return more than a narrow facet itself, and ask for a closer look.
         Infinity: it is not, and they count for nothing.
-    past
+    shadowing
         (facet,) what of the `silhouette` has its shadow there: what is narrower than a lattice is looked for by that.
         None is all of it.
     """
@@ -188,8 +188,8 @@ def sample_visibility(
         return SampledVisibility(none, np.zeros(0, np.intp), np.zeros((0, 3, 3)), np.zeros((0, 4)), none, none, 0)
     offset = corners - viewpoint
     most, cut, width = max_returns(offset, wavenumber)
-    if np.isfinite(nearest):
-        cut = cut + max_boundary_returns(offset, width, reach, nearest, wavenumber)
+    if np.isfinite(occluder_distance):
+        cut = cut + max_boundary_returns(offset, width, reach, occluder_distance, wavenumber)
     if weight is not None:
         most, cut = weight * most, weight * cut
     unoccluded = visible[:, 0].astype(np.int8) + visible[:, 1] + visible[:, 2]
@@ -228,7 +228,7 @@ def sample_visibility(
     members = [np.arange(count) if group is None else np.flatnonzero(group == each) for each in groups]
     floors = np.full(len(groups), level) if np.ndim(level) == 0 else np.asarray(level)[groups]
     total, wanted = np.full(len(groups), np.inf), np.zeros(count)
-    looking = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
+    sampler = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
     for _ in range(_MAX_ROUNDS):
         told, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
         # Light through gaps is less than what corners tell of: then it is looked at more closely.
@@ -244,25 +244,25 @@ def sample_visibility(
         finer[closely] = np.maximum(np.searchsorted(SPACINGS[:-1], wanted[closely]), least[closely])
         while points_of(finer[closely]).sum() > most_points and finer[closely].any():
             finer[closely] = np.maximum(finer[closely] - 1, 0)
-        looking.at(np.flatnonzero(finer > looking.lattice), finer)
-    lattice = looking.lattice.copy()
+        sampler.sample(np.flatnonzero(finer > sampler.lattice), finer)
+    lattice = sampler.lattice.copy()
     sampled = lattice >= 0
     missed = np.minimum(cut, np.where(sampled, bent / np.array(SPACINGS)[lattice] ** 2, CORNER_ERROR * cut * edged))
     missed = np.maximum(missed, hidden)
     # What is narrower than a cell may be missed: where a ray got by an outline, smaller ones look for it.
-    got_by = passed if past is None else past > 0
+    got_by = passed if shadowing is None else shadowing > 0
     whole = got_by & sampled & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
-    looking.at(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
+    sampler.sample(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
     # An edge falls on facets along a chord of each; where that is short, it passes others between two rays.
     shadowed_surfaces = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
-    others = np.maximum(apart / np.maximum(_CHORD * wide[shadowed_surfaces], 1e-12) - 1.0, 0.0)
+    others = np.maximum(ray_spacing / np.maximum(_CHORD * wide[shadowed_surfaces], 1e-12) - 1.0, 0.0)
     missed[shadowed_surfaces] = np.hypot(
         missed[shadowed_surfaces], _UNSAMPLED_EDGE_RETURN * cut[shadowed_surfaces] * np.sqrt(others)
     )
     if places is not None:
-        sent += looking.along_sides(np.flatnonzero(passed & (lattice >= 0) & (fraction == 1)), places, occluded)
-    owner, pieces, occluder, rays_sent = looking.found(reach, np.pi / wavenumber)
+        sent += sampler.sample_sides(np.flatnonzero(passed & (lattice >= 0) & (fraction == 1)), places, occluded)
+    owner, pieces, occluder, rays_sent = sampler.collect(reach, np.pi / wavenumber)
     return SampledVisibility(fraction, owner, pieces, occluder, missed, most * fraction, sent + rays_sent)
 
 
@@ -341,7 +341,7 @@ def _turn_away(given: dict[str, Any]) -> None:
 _TURN_AWAY = FrozenKernel(_turn_away)
 
 
-_BATCH = 300_000
+_CLIP_BATCH = 300_000
 """Points that are looked at together."""
 
 
@@ -390,7 +390,7 @@ def clip_by_silhouettes(
     missed = np.where(sampled, bent / np.array(SPACINGS)[cells] ** 2, CORNER_ERROR * cut * ((share > 0) & (share < 1)))
     some = np.flatnonzero(sampled)
     owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
-    batch = np.cumsum(points_of(cells[some])) // _BATCH
+    batch = np.cumsum(points_of(cells[some])) // _CLIP_BATCH
     for own in np.split(some, np.flatnonzero(np.diff(batch)) + 1):
         unoccluded = find_visible_polygons(sampler(own), cells[own], width[own])
         share[own] = unoccluded.fraction

@@ -25,7 +25,7 @@ _MAX_PHASE_ERROR = 0.03
 """Phase that straight lines may miss at the ends of a piece of an edge [rad]."""
 _MOST_PIECES = 256
 _LEFT_PER_RTOL = 1.0
-"""What edges that are left out may come to by :meth:`ShadowEdges.at_most`, per unit of the tolerance."""
+"""What edges that are left out may come to by :meth:`ShadowEdges.return_bounds`, per unit of the tolerance."""
 _LIKELY, _MISSED = 0.2, (0.005, 0.015)
 """What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
 made of many short edges, of which ever more are found the more closely they are looked at."""
@@ -39,7 +39,7 @@ class ShadowEdges:
     """(edge,) facet that each falls on."""
     piece: NDArray[np.intp]
     """(edge,) piece of a facet that it bounds."""
-    tiny: FloatArray
+    small_piece: FloatArray
     """(edge, corner, 3) barycentric coordinates of a small piece of the facet around the edge's middle."""
     area: FloatArray
     """(edge,) of that [m^2]."""
@@ -63,7 +63,7 @@ class ShadowEdges:
     band: FloatArray
     """(edge,) how far it is lit, on from the edge [m], and how far (edge,) it is to what casts the shadow from there
     on, over the way there; infinity and NaN where that is further than any element tells."""
-    beyond: FloatArray
+    next_occluder: FloatArray
     through: ComplexArray
     """(edge, 2, 3) amplitude that what casts the shadow lets through, one way, and there and back, at the first, the
     middle and the last frequency of the band; (edge, 0, 3) where slabs are not seen through."""
@@ -122,15 +122,15 @@ class ShadowEdges:
 
     def significant(
         self,
-        at_most: FloatArray,
+        return_bounds: FloatArray,
         unknown: FloatArray,
         known: FloatArray,
-        bent: NDArray[np.bool_],
+        curved: NDArray[np.bool_],
         group: NDArray[np.intp],
         level: FloatArray,
         rtol: float,
     ) -> tuple[ShadowEdges, FloatArray]:
-        """Those that return enough to count, by :meth:`at_most`, as far as they are `known` (edge,), and what is missed
+        """Those that return enough to count, by :meth:`return_bounds`, as far as they are `known` (edge,), and what is missed
         of each group, relative to its `level` (group,), for those that are left out, for what the others are off by and
         for what comes from where they are `unknown` (edge,); `group` (edge,), and whether they are on `bent` facets
         (edge,). An edge that grows counts little by little."""
@@ -140,41 +140,41 @@ class ShadowEdges:
 
         least = np.zeros(len(level))
         for each in np.flatnonzero(np.bincount(group)):
-            least[each] = error_budget(at_most[group == each], _LEFT_PER_RTOL * rtol * level[each])
-        counted = np.clip(at_most / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
-        missed = energy(_LIKELY * (1.0 - counted) * at_most) + energy((1.0 - known) * counted * unknown)
-        missed = np.sqrt(missed + energy(np.where(bent, _MISSED[1], _MISSED[0]) * at_most))
+            least[each] = error_budget(return_bounds[group == each], _LEFT_PER_RTOL * rtol * level[each])
+        counted = np.clip(return_bounds / np.maximum(least, 1e-300)[group] - 1.0, 0.0, 1.0)
+        missed = energy(_LIKELY * (1.0 - counted) * return_bounds) + energy((1.0 - known) * counted * unknown)
+        missed = np.sqrt(missed + energy(np.where(curved, _MISSED[1], _MISSED[0]) * return_bounds))
         missed, weight = missed / np.where(level > 0, level, np.inf), known * counted
         return replace(self, weight=weight).take(np.flatnonzero(weight)), missed
 
-    def bent(self, facets: Facets) -> ShadowEdges:
+    def with_curvature(self, facets: Facets) -> ShadowEdges:
         """The same on `facets` as they are bent."""
         if facets.patch is None or not len(self.owner):
             return self
         corners = np.take(facets.corners, self.owner, axis=0)
         ways = np.concatenate([self.tangents, self.tangents.sum(axis=1, keepdims=True)], axis=1)
         steps = barycentric(corners[:, :1] + ways, corners) - [1.0, 0.0, 0.0]
-        slope, more = facets.patch.take(self.owner).turned(self.tiny.mean(axis=1), steps)
+        slope, more = facets.patch.take(self.owner).turned(self.small_piece.mean(axis=1), steps)
         edge_curvature = np.concatenate([2.0 * more[:, :2], more[:, 2:] - more[:, :1] - more[:, 1:2]], axis=1)
         return replace(self, tangents=self.tangents + slope[:, :2], edge_curvature=edge_curvature)
 
     def take(self, index: NDArray[np.intp] | slice) -> ShadowEdges:
         """Those that `index` counts out."""
-        return self._of(lambda name: getattr(self, name)[index])
+        return self._map(lambda name: getattr(self, name)[index])
 
     @staticmethod
     def joined(parts: Sequence[ShadowEdges]) -> ShadowEdges:
         """One after the other."""
-        return parts[0]._of(lambda name: np.concatenate([getattr(each, name) for each in parts]))
+        return parts[0]._map(lambda name: np.concatenate([getattr(each, name) for each in parts]))
 
-    def _of(self, column: Callable[[str], NDArray[Any]]) -> ShadowEdges:
+    def _map(self, column: Callable[[str], NDArray[Any]]) -> ShadowEdges:
         return ShadowEdges(**{each.name: column(each.name) for each in fields(self)})
 
-    def moved(self, elements: FloatArray) -> FloatArray:
+    def shifts(self, elements: FloatArray) -> FloatArray:
         """(element, edge) how far inward the edge is for `elements` (element, 3) [m] from the viewpoint [m]."""
-        return _moved(elements, self.middle, self.inward, self.normal, self.occluder)
+        return _shifts(elements, self.middle, self.inward, self.normal, self.occluder)
 
-    def at_most(
+    def return_bounds(
         self, tx: FloatArray, rx: FloatArray, wavenumber: float, edge_curvature: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(edge,) about what any pair sees more or less beside each edge, in units of
@@ -191,7 +191,7 @@ class ShadowEdges:
         distance = np.maximum(lengths(self.middle), 1e-9)
         towards = self.middle / distance[:, None]
         turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
-        width = np.abs(self.moved(np.concatenate([tx, rx]))).max(axis=0, initial=0.0)
+        width = np.abs(self.shifts(np.concatenate([tx, rx]))).max(axis=0, initial=0.0)
         upright = np.abs(np.einsum("ei,ei->e", self.normal, towards))
         widest = MAX_BOUNDARY_WIDTH * np.sqrt(2 * np.pi / wavenumber * distance)
         known = np.clip(2.0 - width / widest, 0.0, 1.0)
@@ -201,17 +201,17 @@ class ShadowEdges:
             once, twice = self.through[:, 0], self.through[:, 1]
             angle *= (np.abs(1.0 - once) + np.abs(once - twice)).max(axis=1)
         aslant = np.abs(np.einsum("ei,ei->e", self.inward, towards)) - edge_curvature * upright * width
-        at_most = 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0)
+        return_bounds = 2.0 * angle / np.maximum(0.5 * turn * self.length, 1.0)
         zone = np.sqrt(np.pi / (2.0 * wavenumber * (edge_curvature * upright + 1.0 / distance)))
         in_phase = np.minimum(2.0 / np.maximum(turn, 1e-9), zone)
         more = np.sqrt(np.maximum(in_phase / np.maximum(self.length, 1e-12), 1.0))
-        return at_most, at_most * more / np.maximum(wavenumber * aslant * width, 1.0), known
+        return return_bounds, return_bounds * more / np.maximum(wavenumber * aslant * width, 1.0), known
 
 
-def _moved(
+def _shifts(
     elements: FloatArray, middle: FloatArray, inward: FloatArray, normal: FloatArray, occluder: FloatArray
 ) -> FloatArray:
-    """:meth:`ShadowEdges.moved` of edges at `middle`."""
+    """:meth:`ShadowEdges.shifts` of edges at `middle`."""
     height, own = np.einsum("ei,ei->e", normal, middle), elements @ normal.T
     below = occluder * height - own
     on = (height - own) * occluder / np.where(np.abs(below) > 1e-12, below, 1e-12)

@@ -75,7 +75,7 @@ def boundary_gains(
         "twist": edges.edge_curvature[:, 2],
         "reference": reference,
     }
-    scalars = edges.length, edges.occluder, edges.band, edges.beyond, -edges.weight / edges.area
+    scalars = edges.length, edges.occluder, edges.band, edges.next_occluder, -edges.weight / edges.area
     through = bool(edges.through.any())
     found = dr.empty(Float, 2 * gains.size)
     given = {
@@ -124,7 +124,9 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
 
     ends = element(pair // receivers), element(given["transmitters"] + pair % receivers)
     middle, inward, normal, across, along, edge_curvature, arch, twist, reference = (vector(name) for name in _COLUMNS)
-    length, occluder, band, beyond, share = (dr.gather(Float, given["scalars"], k * edges + edge) for k in range(5))
+    length, occluder, band, next_occluder, share = (
+        dr.gather(Float, given["scalars"], k * edges + edge) for k in range(5)
+    )
 
     def moved(middle: Any, inward: Any, occluder: Any) -> tuple[Any, Any]:
         """The further and the nearer one of the two ends' edges."""
@@ -145,7 +147,7 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
     # here, and half at the other edge.
     ended = dr.isfinite(band)
     far = dr.select(ended, band, 0.0)
-    left = far - width - moved(middle + far * inward, -inward, dr.select(ended, beyond, 1.0))[0]
+    left = far - width - moved(middle + far * inward, -inward, dr.select(ended, next_occluder, 1.0))[0]
     width = width + dr.select(ended, 0.5 * dr.minimum(left, 0.0), 0.0)
 
     # Sides of a strip go across as the viewpoint sees it, so that those of neighbours meet.

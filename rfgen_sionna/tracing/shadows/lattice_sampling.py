@@ -66,7 +66,7 @@ class LatticeSampler:
         self._turn = np.zeros(len(corners), np.intp)
         self._found: list[tuple[int, NDArray[np.intp], VisiblePolygons]] = []
 
-    def at(self, chosen: NDArray[np.intp], level: NDArray[np.intp]) -> None:
+    def sample(self, chosen: NDArray[np.intp], level: NDArray[np.intp]) -> None:
         """Look at the `chosen` facets, at each on a lattice of its `level` (facet,)."""
         self.lattice[chosen] = level[chosen]
         turn = len(self._found)
@@ -79,7 +79,7 @@ class LatticeSampler:
             self._found.append((turn, some, unoccluded))
             self._fraction[some] = unoccluded.fraction
 
-    def along_sides(self, whole: NDArray[np.intp], places: IntArray, others: IntArray | None) -> int:
+    def sample_sides(self, whole: NDArray[np.intp], places: IntArray, others: IntArray | None) -> int:
         """Find edges that fall between two facets, of which one is seen as a `whole` and the other is not; returns the
         rays sent. `places` (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`,
         and there
@@ -105,7 +105,7 @@ class LatticeSampler:
         )
         return len(some)
 
-    def found(self, reach: float, least: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray, int]:
+    def collect(self, reach: float, least: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray, int]:
         """(piece,) facet of each piece, ascending, (piece, corner, 3) the pieces, (piece, 4) what hides the rest,
         and the number of rays. Where elements within `reach` [m] see edges elsewhere by more than `least` [m], what is
         beyond the lit side is looked for."""

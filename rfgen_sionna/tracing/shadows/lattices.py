@@ -27,11 +27,11 @@ class Lattice(NamedTuple):
     """(edge, 2) points."""
     sides: NDArray[np.intp]
     """(cell, 3) edge from each corner to the next."""
-    beside: NDArray[np.intp]
+    neighbours: NDArray[np.intp]
     """(cell, 3) the cell across each of these edges, -1 beside the facet."""
-    rim: NDArray[np.intp]
+    border: NDArray[np.intp]
     """(edge,) corner of the facet opposite the side that an edge lies on, -1 within the facet."""
-    tips: NDArray[np.intp]
+    corner_points: NDArray[np.intp]
     """(3,) points in the facet's corners."""
 
 
@@ -55,17 +55,17 @@ def lattice_of(level: int) -> Lattice:
     index = index.reshape(-1, 3)
     pairs = np.sort(np.stack([index, np.roll(index, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
     edges, sides = np.unique(pairs, axis=0, return_inverse=True)
-    rim = np.full(len(edges), -1)
+    border = np.full(len(edges), -1)
     for corner in range(3):
-        rim[(points[edges, corner] == 0).all(axis=1)] = corner
+        border[(points[edges, corner] == 0).all(axis=1)] = corner
     sides = sides.reshape(-1, 3)
     both = np.full((len(edges), 2), -1)
     order = np.argsort(sides.ravel(), kind="stable")
     edge, cell = sides.ravel()[order], order // 3
     first = np.concatenate([[True], edge[1:] != edge[:-1]])
     both[edge[first], 0], both[edge[~first], 1] = cell[first], cell[~first]
-    beside = np.where(both[sides, 0] == np.arange(len(sides))[:, None], both[sides, 1], both[sides, 0])
-    return Lattice(points / n, index, edges, sides, beside, rim, points.argmax(axis=0))
+    neighbours = np.where(both[sides, 0] == np.arange(len(sides))[:, None], both[sides, 1], both[sides, 0])
+    return Lattice(points / n, index, edges, sides, neighbours, border, points.argmax(axis=0))
 
 
 class LatticeGroup(NamedTuple):
@@ -136,7 +136,7 @@ def cut_cells(
         a, b, c = (np.take(lattice.points, lattice.cells[cell, each], axis=0) for each in turns)
         at = [number[row, lattice.sides[cell, turns[i]]] for i in (0, 2)]
         ab, ca = (np.take(crossings, each, axis=0) for each in at)
-        of_ab, of_ca = (lattice.rim[lattice.sides[cell, turns[i]]] for i in (0, 2))
+        of_ab, of_ca = (lattice.border[lattice.sides[cell, turns[i]]] for i in (0, 2))
         ab, ca = extend_to_side(ab, ca, of_ab), extend_to_side(ca, ab, of_ca)
         off_ab, off_ca = (np.repeat(occluder[each][:, None], 2, axis=1) for each in at)
         off = np.stack([occluder[each] for each in at], axis=1)
@@ -184,7 +184,7 @@ def _neighbour_cell(
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """(cut,) the cell across a `side` (cut,) of the `cell` (cut,), and whether a `tip` (cut, 3) that is `beyond` (cut,)
     that side lies in it, and nothing else is known to pass it."""
-    there = lattice.beside[cell, side]
+    there = lattice.neighbours[cell, side]
     known = (there >= 0) & (number[row[:, None], lattice.sides[there]] < 0).all(axis=1) & beyond
     a, b, c = np.moveaxis(lattice.points[lattice.cells[there]][..., :2], 1, 0)
     for u, v in ((a, b), (b, c), (c, a)):
@@ -221,7 +221,7 @@ def _entry_point(
     """(cut, 3) where the shadow's edge came into the cell before, that across a `side` (cut,) of the `cell` (cut,) of a
     facet in `row` (cut,); NaN where there is none."""
     lattice = group.lattice
-    there = lattice.beside[cell, side]
+    there = lattice.neighbours[cell, side]
     sides = lattice.sides[there]
     others = np.where(sides == lattice.sides[cell, side][:, None], -1, number[row[:, None], sides])
     found = np.take(crossings, others.max(axis=1), axis=0)

@@ -78,13 +78,13 @@ _RETURN_BOUNDS = FrozenKernel(_bound_returns)
 
 
 def max_boundary_returns(
-    offset: FloatArray, width: FloatArray, reach: float, nearest: float, wavenumber: float
+    offset: FloatArray, width: FloatArray, reach: float, occluder_distance: float, wavenumber: float
 ) -> FloatArray:
     """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`max_returns`: seen
-    from `reach` [m] aside past what is no nearer than `nearest` [m]. `offset` (facet, corner, 3) [m] is from the
+    from `reach` [m] aside past what is no nearer than `occluder_distance` [m]. `offset` (facet, corner, 3) [m] is from the
     viewpoint, `width` (facet,) the phase between ends [rad]."""
     distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
-    wide = reach * np.maximum(distance / max(nearest, 1e-9) - 1.0, 0.0)
+    wide = reach * np.maximum(distance / max(occluder_distance, 1e-9) - 1.0, 0.0)
     wide = np.minimum(wide, 2.0 * MAX_BOUNDARY_WIDTH * np.sqrt(2 * np.pi / wavenumber * distance))
     long = lengths(offset - offset[:, [1, 2, 0]]).max(axis=1)
     return np.asarray(2.0 * wide * long / distance**2 / (1.0 + 0.5 * width))

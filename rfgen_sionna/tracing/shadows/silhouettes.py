@@ -88,20 +88,20 @@ class MeshSilhouette:
         turned = (count == 2) & (forward[first] == forward[after])
         return ends[order[first]], np.stack([own[first], second], axis=1), across, turned
 
-    def towards(self, vertices: FloatArray) -> NDArray[np.bool_]:
+    def facing(self, vertices: FloatArray) -> NDArray[np.bool_]:
         """(face,) whether each looks at the viewpoint, for `vertices` (vertex, 3) [m] seen from there."""
         return faces_toward_viewpoint(vertices, self._faces)
 
     def silhouette_rays(
-        self, vertices: FloatArray, apart: float = RAY_SPACING, towards: NDArray[np.bool_] | None = None
+        self, vertices: FloatArray, spacing: float = RAY_SPACING, facing: NDArray[np.bool_] | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Points (ray, 3) [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
-        from the viewpoint, and the length of outline (ray,) [rad] that each stands for: `apart` at most. `towards` are
-        :meth:`towards`, if they are known."""
-        if towards is None:
-            towards = self.towards(vertices)
+        from the viewpoint, and the length of outline (ray,) [rad] that each stands for: `spacing` at most. `facing` are
+        :meth:`facing`, if they are known."""
+        if facing is None:
+            facing = self.facing(vertices)
         ends, faces, across, turned = self._edges
-        differ = towards[faces[:, 0]] != (towards[faces[:, 1]] ^ turned)
+        differ = facing[faces[:, 0]] != (facing[faces[:, 1]] ^ turned)
         outer = np.flatnonzero((faces[:, 0] == faces[:, 1]) | differ)
         start, stop, other = (vertices[each] for each in (ends[outer, 0], ends[outer, 1], across[outer]))
         out = np.cross(start, stop)
@@ -110,7 +110,7 @@ class MeshSilhouette:
         inward = np.einsum("ei,ei->e", out, other - start) > 0
         out[inward] *= -1.0
         angle = np.arctan2(size, np.einsum("ei,ei->e", start, stop))
-        count = np.ceil(angle / apart).astype(np.intp)  # none where it is seen end on
+        count = np.ceil(angle / spacing).astype(np.intp)  # none where it is seen end on
         edge = np.repeat(np.arange(len(outer)), count)
         share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[edge]
         # At equal angles: the sines' law in the triangle of the viewpoint and the edge.
@@ -121,12 +121,12 @@ class MeshSilhouette:
 
 
 def static_silhouettes(
-    surfaces: Surfaces, viewpoint: FloatArray, apart: float = STATIC_RAY_SPACING
+    surfaces: Surfaces, viewpoint: FloatArray, spacing: float = STATIC_RAY_SPACING
 ) -> tuple[FloatArray, FloatArray]:
     """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
-    outline (ray,) [rad] that each stands for, `apart` at most."""
+    outline (ray,) [rad] that each stands for, `spacing` at most."""
     placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
-    found = [MeshSilhouette(surface.faces).silhouette_rays(points - viewpoint, apart) for surface, points in placed]
+    found = [MeshSilhouette(surface.faces).silhouette_rays(points - viewpoint, spacing) for surface, points in placed]
     rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
     return rays, span
 

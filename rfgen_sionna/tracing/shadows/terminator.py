@@ -71,10 +71,10 @@ class Terminator(NamedTuple):
         before = height > -reach * np.stack(widths, axis=1)
         return Terminator(before, np.repeat(mixed, len(parts)), pieces.reshape(-1, 3, 3))
 
-    def take(self, kept: NDArray[np.bool_]) -> Terminator:
+    def take(self, mask: NDArray[np.bool_]) -> Terminator:
         """That over the facets that `kept` (facet,) marks."""
-        mine = kept[self.owner]
-        return Terminator(self.before[kept], (np.cumsum(kept) - 1)[self.owner[mine]], self.pieces[mine])
+        mine = mask[self.owner]
+        return Terminator(self.before[mask], (np.cumsum(mask) - 1)[self.owner[mine]], self.pieces[mine])
 
 
 def unoccluded_by_neighbours(

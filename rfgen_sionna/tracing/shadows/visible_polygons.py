@@ -193,7 +193,7 @@ def _straight(
     """(facet,) which facets a single straight edge, through the `crossings` (crossing, 3), cuts in two, and what is
     seen of those, in triangles, with their :attr:`VisiblePolygons.occluder`."""
     lattice, cells = group.lattice, SPACINGS[group.level]
-    side = lattice.rim[group.edge]
+    side = lattice.border[group.edge]
     ends = np.flatnonzero(side >= 0)
     of = group.row[ends]  # ascending
     if not len(ends):  # islands alone
@@ -233,7 +233,7 @@ def _straight(
     off = np.where(turned[:, None], off[:, ::-1], off)  # at ab, at ca
     none = np.full(off.shape, np.nan)
     a, b, c = (np.eye(3)[(tip + k) % 3] for k in range(3))
-    alone = group.unoccluded[row, lattice.tips[tip]]
+    alone = group.unoccluded[row, lattice.corner_points[tip]]
     found = []
     for some, triangle, there in (
         (alone, (a, ab, ca), off), (~alone, (b, c, ca), none), (~alone, (b, ca, ab), off[:, ::-1]),

@@ -132,7 +132,7 @@ class ScatteringPoint:
             normal = cross / dr.maximum(twice_area, 1e-30)
             normal = dr.select(dr.dot(normal, k_in) > 0, -normal, normal)
             facing = (twice_area > 0) & (dr.dot(normal, k_in) < 0) & (dr.dot(normal, k_out) > 0)
-            visible = self._seen(corners, normal, k_in, k_out, facing)
+            visible = self._visible_share(corners, normal, k_in, k_out, facing)
             phases = tuple(dr.dot(change, corner - self._place) for corner in corners)
             mean = moments(dr, phases).mean.scaled(0.5 * twice_area * visible)
             out = []
@@ -155,7 +155,7 @@ class ScatteringPoint:
         pairs = [ComplexPair(sums[2 * n], sums[2 * n + 1]).turned().scaled(scale) for n in range(4)]
         return pairs[0], pairs[1], pairs[2], pairs[3]
 
-    def _seen(self, corners: list[Any], normal: Any, k_in: Any, k_out: Any, active: Any) -> Any:
+    def _visible_share(self, corners: list[Any], normal: Any, k_in: Any, k_out: Any, active: Any) -> Any:
         """Share of a facet that both ends see, of three guiding points."""
         import drjit as dr
         import mitsuba

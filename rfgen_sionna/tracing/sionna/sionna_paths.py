@@ -168,9 +168,9 @@ def _unit_gains(paths: Any, entries: PathEntries, radar: Radar) -> ComplexArray:
     points = entries.nodes(radar.tx_world[entries.tx], radar.rx_world[entries.rx])
     before = points[np.arange(len(entries)), entries.depth]
     sent = _field_gain(paths.tx_array, unit(points[:, 1] - points[:, 0]) @ radar.rotation)
-    heard = _field_gain(paths.rx_array, unit(before - points[:, -1]) @ radar.rotation)
-    usable = (sent > _NULL) & (heard > _NULL)
-    return np.asarray(np.where(usable, entries.a, 0.0) / np.where(usable, sent * heard, 1.0), dtype=np.complex128)
+    received = _field_gain(paths.rx_array, unit(before - points[:, -1]) @ radar.rotation)
+    usable = (sent > _NULL) & (received > _NULL)
+    return np.asarray(np.where(usable, entries.a, 0.0) / np.where(usable, sent * received, 1.0), dtype=np.complex128)
 
 
 def _field_gain(array: Any, directions: FloatArray) -> FloatArray:
@@ -221,21 +221,21 @@ def _labels(
     targets = list(scene.sensing_targets) if scene is not None else []
     shapes = sorted({int(shape) for shape in objects[(types > 0) & (types != SENSING)]})
     by_shape = shape_names(shapes)
-    told = np.select(
+    labelled = np.select(
         [(types == SENSING).any(axis=1), ((types > 0) & (types != REFRACTION)).any(axis=1)],
         [(types == SENSING).argmax(axis=1), ((types > 0) & (types != REFRACTION)).argmax(axis=1)],
         0,
     )
     names: dict[str, int] = {DIRECT: 0}
     object_id = np.zeros(len(first), dtype=np.int32)
-    for path, depth in enumerate(told.tolist()):
+    for path, depth in enumerate(labelled.tolist()):
         kind, thing = int(types[path, depth]), int(objects[path, depth])
         if kind == SENSING:
             name = targets[thing] if thing < len(targets) else f"sensing target {thing}"
         else:
             name = by_shape[thing] if kind else DIRECT
         object_id[path] = names.setdefault(name, len(names))
-    faces = entries.primitives[np.arange(len(entries)), told[number]]
+    faces = entries.primitives[np.arange(len(entries)), labelled[number]]
     wanders = np.bincount(number, weights=faces != faces[first][number], minlength=len(first)) > 0
-    owned = ~wanders & np.isin(types[np.arange(len(first)), told], (SPECULAR, DIFFUSE, REFRACTION))
+    owned = ~wanders & np.isin(types[np.arange(len(first)), labelled], (SPECULAR, DIFFUSE, REFRACTION))
     return tuple(names), object_id, np.where(owned, faces[first], -1).astype(np.int32)

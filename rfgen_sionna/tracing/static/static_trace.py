@@ -181,8 +181,8 @@ class StaticTrace:
         cut, edges = chosen[found.owner], None
         if len(cut) and self.returns.level > 0:
             group, level = np.zeros(len(cut), np.intp), np.array([self.returns.level])
-            edges, beyond = self.returns.band.edges(self.facets, cut, found.pieces, found.occluder, group, level)
-            missed = float(np.hypot(missed, SAFETY * beyond[0]))
+            edges, edge_error = self.returns.band.edges(self.facets, cut, found.pieces, found.occluder, group, level)
+            missed = float(np.hypot(missed, SAFETY * edge_error[0]))
         return StaticVisibility(
             left, cut, found.pieces, edges, missed, every, nearest, nothing, None
         ), sent + found.rays
@@ -210,8 +210,8 @@ class StaticTrace:
             owner = np.unique(each.owner)
             gains = self.returns.band.combined(self.returns.expansion, each.values[..., None])[..., 0]
             row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
-            if (beside := each.boundary_correction) is not None:
-                beside.within(owner).add_to(gains)
+            if (correction := each.boundary_correction) is not None:
+                correction.within(owner).add_to(gains)
             gains *= share
             if self.returns.rough is not None:
                 visible = share * each.left[np.searchsorted(every, owner)]
@@ -229,7 +229,7 @@ def trace_static(
     viewpoint: FloatArray,
     rtol: float,
     max_range: float,
-    beside: SlabEdgeTransmission | None = None,
+    slab_edges: SlabEdgeTransmission | None = None,
 ) -> StaticTrace:
     """Trace the static surfaces; facets beyond `max_range` [m] are left out, as the radar's IF filter removes them.
 
@@ -237,7 +237,7 @@ def trace_static(
     beside their shadows' edges; None: nothing.
     """
     materials = tuple(surface.material for surface in surfaces.static)
-    fineness, rays_sent = np.ones(len(materials)), 0
+    resolution, rays_sent = np.ones(len(materials)), 0
     before = [np.inf, np.inf]  # error of the facets by themselves, and with an expansion
     silhouette_rays = None
     if rays is not None:
@@ -245,13 +245,13 @@ def trace_static(
         silhouette_rays, rays_sent = SilhouetteRays(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
         visible = find_visible_facets(
-            surfaces, rays, band, viewpoint, rtol, rtol * fineness, max_range, silhouette_rays, beside
+            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays, slab_edges
         )
         facets, rays_sent = visible.facets, rays_sent + visible.rays
         weight = visible.fraction * band.pattern_gain(facets.directions(viewpoint))
-        held = RefinedReturns.of(band, facets, materials, weight)
+        refined = RefinedReturns.of(band, facets, materials, weight)
         # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
-        found, exact = held.of_facets(places=_MIDDLE)
+        found, exact = refined.of_facets(places=_MIDDLE)
         effort = float((facets.parts.astype(np.float64) ** 2).sum())
         # More of the same is no use where the error hardly falls, or where it would take too long.
         last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
@@ -261,7 +261,7 @@ def trace_static(
             expansion = band.expansion_for(facets, materials, weight, coherent=False, strength=strength)
             values = band.values(facets, materials, expansion)
             one = replace(expansion, weights=expansion.weights[:, :1, :1])
-            found = held.of_expansion(band.combined(one, values)[:, 0, 0])
+            found = refined.of_expansion(band.combined(one, values)[:, 0, 0])
             if found.total <= rtol:
                 break
             last = last or found.total > 0.5 * before[1] or effort * found.total / rtol > MAX_EFFORT
@@ -271,12 +271,12 @@ def trace_static(
                 "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
             )
             break
-        fineness[found.share > 0.1 / len(materials)] *= tolerance_factor(np.array(found.total), rtol)
+        resolution[found.share > 0.1 / len(materials)] *= tolerance_factor(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
     gains *= visible.fraction
     returns = StaticReturns(band, materials, expansion, None, max_wavenumber(band), rtol, visible.level)
     if len(visible.edges.owner):
-        returns.beside(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
+        returns.boundary_correction(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
     if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
         gains[0] += np.sqrt(visible.fraction) * rough  # of energy, half of a facet returns half
     tau = band.delays(facets.centroids)[..., None]
@@ -305,6 +305,6 @@ def trace_static(
         visible.whole,
         visible.hidden,
         visible.hidden_fraction,
-        rtol * fineness,
+        rtol * resolution,
         replace(returns, rough=rough),
     )

@@ -54,7 +54,7 @@ class StaticVisibility(NamedTuple):
         """The same as if actors hid nothing but the `chosen` (facet,)."""
         cut = np.unique(self.owner)
         mine = chosen[self.owner]
-        edges, beside = self.edges, self.boundary_correction
+        edges, correction = self.edges, self.boundary_correction
         return StaticVisibility(
             np.where(chosen, self.left, 1.0),
             self.owner[mine],
@@ -64,7 +64,7 @@ class StaticVisibility(NamedTuple):
             self.silhouette,
             self.nearest,
             self.values[:, chosen[cut]] if self.values.size else self.values,
-            None if beside is None else beside.take(np.flatnonzero(chosen[beside.owner])),
+            None if correction is None else correction.take(np.flatnonzero(chosen[correction.owner])),
         )
 
 
@@ -98,16 +98,18 @@ class StaticReturns:
         if not known:
             return found
         edges = ShadowEdges.joined(known)
-        beside = self.beside(facets.cut(edges.owner, edges.small_piece), edges, facets.centroids[edges.owner])
+        correction = self.boundary_correction(
+            facets.cut(edges.owner, edges.small_piece), edges, facets.centroids[edges.owner]
+        )
         first = 0
         for number, each in enumerate(parts):
             if each.edges is not None:
                 last = first + len(each.edges.owner)
-                found[number] = found[number]._replace(boundary_correction=beside.take(slice(first, last)))
+                found[number] = found[number]._replace(boundary_correction=correction.take(slice(first, last)))
                 first = last
         return found
 
-    def beside(self, tiny: Facets, edges: ShadowEdges, reference: FloatArray) -> BoundaryCorrection:
+    def boundary_correction(self, tiny: Facets, edges: ShadowEdges, reference: FloatArray) -> BoundaryCorrection:
         """What pairs see beside shadows' `edges`, of which `tiny` facets tell, by way of the points `reference`
         (edge, 3) [m]."""
         middle = edges.middle + self.band.viewpoint
@@ -189,7 +191,7 @@ def find_visible_facets(
     tolerance: FloatArray,
     max_range: float,
     silhouette_rays: SilhouetteRays | None,
-    beside: SlabEdgeTransmission | None,
+    slab_edges: SlabEdgeTransmission | None,
 ) -> VisibleStaticFacets:
     """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
     the pieces that are; and those that are hidden, or in part, with their visible share."""
@@ -222,8 +224,8 @@ def find_visible_facets(
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     missed = missed / level if level > 0 else 0.0
     group = np.zeros(len(found.owner), np.intp)
-    occluder, walked = (found.occluder, 0) if beside is None else beside(rays, facets, found)
-    edges, beyond = band.edges(facets, found.owner, found.pieces, occluder, group, np.array([level]))
+    occluder, slab_rays = (found.occluder, 0) if slab_edges is None else slab_edges(rays, facets, found)
+    edges, edge_error = band.edges(facets, found.owner, found.pieces, occluder, group, np.array([level]))
     tiny, edges = facets.cut(edges.owner, edges.small_piece), replace(edges, owner=len(whole) + edges.piece)
     if visible.pattern_gradient is not None:
         tiny = replace(
@@ -239,6 +241,6 @@ def find_visible_facets(
         facets.take(hidden),
         found.fraction[hidden],
         level,
-        float(np.hypot(missed, beyond[0])),
-        sent + found.rays + walked,
+        float(np.hypot(missed, edge_error[0])),
+        sent + found.rays + slab_rays,
     )

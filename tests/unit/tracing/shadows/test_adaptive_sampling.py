@@ -240,9 +240,9 @@ def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
         found = sample_visibility(scene, VIEW, corners, number, guided, WAVENUMBER, 0.1, **more)
         return np.isin(narrow, found.owner), found.missed[narrow].max()
 
-    sampled, missed = sampled_facets(reach=6e-3, nearest=2.5)
+    sampled, missed = sampled_facets(reach=6e-3, occluder_distance=2.5)
     assert sampled.all()
-    little = [{}, {"reach": 6e-3}, {"reach": 0.0, "nearest": 2.5}, {"reach": 6e-3, "nearest": 5.1}]
+    little = [{}, {"reach": 6e-3}, {"reach": 0.0, "occluder_distance": 2.5}, {"reach": 6e-3, "occluder_distance": 5.1}]
     for more in little:
         sampled, of_itself = sampled_facets(**more)
         assert not sampled.any()

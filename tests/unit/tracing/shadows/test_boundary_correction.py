@@ -42,7 +42,7 @@ def test_an_edge_moves_as_rays_past_what_casts_it_do(occluder):
         way = ((middle - elements) @ normal / ((by - elements) @ normal))[:, None]
         there = elements + way * (by - elements)
         assert np.allclose((there - middle) @ normal, 0.0, atol=1e-12)
-        assert np.allclose(found.moved(elements)[:, k], (there - middle) @ found.inward[k], atol=1e-12)
+        assert np.allclose(found.shifts(elements)[:, k], (there - middle) @ found.inward[k], atol=1e-12)
 
 
 def test_strips_are_the_integral_of_the_phase_over_them():
@@ -58,7 +58,7 @@ def test_strips_are_the_integral_of_the_phase_over_them():
         for j, b in enumerate(rx):
             total, size = 0.0, 0.0
             for k, middle in enumerate(found.middle):
-                width = max(found.moved(tx)[i, k], found.moved(rx)[j, k])
+                width = max(found.shifts(tx)[i, k], found.shifts(rx)[j, k])
                 across = 0.5 * width * (1 + one)[:, None, None] * found.inward[k]
                 along = 0.5 * found.length[k] * one[:, None] * found.along[k]
                 points = middle + across + along
@@ -66,7 +66,7 @@ def test_strips_are_the_integral_of_the_phase_over_them():
                 area = np.multiply.outer(weight, weight) * width * found.length[k] / 4
                 total, size = (area * np.exp(-1j * WAVENUMBER * way)).sum(), np.abs(area.sum())
                 assert correction[i, j, k] == pytest.approx(total, abs=0.01 * size)
-    assert np.abs(found.moved(tx)).max() * WAVENUMBER > 3  # the phase turns across them
+    assert np.abs(found.shifts(tx)).max() * WAVENUMBER > 3  # the phase turns across them
 
 
 def test_gains_beside_an_edge_go_by_the_point_of_reference_over_the_band():
@@ -118,7 +118,7 @@ def test_strips_wider_than_anybody_knows_the_surface_are_left_out():
     known = []
     for occluder in (0.5, 0.3, 0.03):
         found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), occluder)
-        at_most, _, share = found.at_most(elements, elements, WAVENUMBER, np.zeros(len(found.owner)))
+        at_most, _, share = found.return_bounds(elements, elements, WAVENUMBER, np.zeros(len(found.owner)))
         known.append(share[0])
         group, level = np.zeros(len(at_most), np.intp), np.array([np.linalg.norm(at_most)])
         own, missed = found.significant(at_most, at_most, share, group > 0, group, level, 1e-2)
