@@ -34,8 +34,8 @@ from rfgen_sionna.scene.checks.actors import (
     warn_occluded,
     with_unique_names,
 )
-from rfgen_sionna.scene.checks.radar_distance import check_radar_clear, check_way_clear, nearest_surface
-from rfgen_sionna.scene.checks.radar_placement import check_radar_placed
+from rfgen_sionna.scene.checks.radar_distance import check_path_clear, check_radar_clear, nearest_surface
+from rfgen_sionna.scene.checks.radar_interior import check_radar_placed
 from rfgen_sionna.scene.devices import tabulated
 from rfgen_sionna.scene.faceting import warn_coarse
 from rfgen_sionna.scene.load import load_scene
@@ -354,7 +354,7 @@ class Simulator:
 
     def _check_places(self, start: float, stop: float) -> None:
         """Check the places of radar and actors from `start` to `stop` [s]: clearance, range window, collisions."""
-        check_way_clear(self.radar, self.scene, self.actors, start, stop)
+        check_path_clear(self.radar, self.scene, self.actors, start, stop)
         moves = self.radar.trajectory is not None
         check_places(self.radar, relative_objects(self.radar, None, self.actors) if moves else self.actors, start, stop)
         check_collisions(self.scene, self._surroundings, self.actors, start, stop, self.collisions, stacklevel=3)

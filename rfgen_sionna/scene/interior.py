@@ -20,7 +20,7 @@ class Interior:
     low: FloatArray
     high: FloatArray
 
-    def holds(self, point: ArrayLike) -> bool:
+    def contains(self, point: ArrayLike) -> bool:
         """Whether a point (3,) [m] lies in one of the boxes."""
         place = np.asarray(point, np.float64)
         return bool(((place >= self.low) & (place <= self.high)).all(axis=1).any())

@@ -185,7 +185,9 @@ def times_at_once(faces: int, viewpoint: FloatArray, vertices: Sequence[FloatArr
     return max(1, min(_MOST_FACES // max(faces, 1), int(_FURTHEST / step)))
 
 
-def before(faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: FloatArray) -> NDArray[np.intp]:
+def possible_occluders(
+    faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: FloatArray
+) -> NDArray[np.intp]:
     """Which of the `faces` (face, 3) may come between the origin and facets, at any time.
 
     Args:
@@ -223,7 +225,7 @@ def before(faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: F
 
 
 def _may_come_before(given: dict[str, Any]) -> None:
-    """The kernel of :func:`before`: a face gets to where its corners' directions are in a box, and around it."""
+    """The kernel of :func:`possible_occluders`: a face gets to where its corners' directions are in a box, and around it."""
     dr, types = drjit_types()
     Float, lane = types.Float64, given["lanes"]
     ends = [dr.gather(types.UInt32, given["faces"], 3 * lane + corner) for corner in range(3)]

@@ -125,8 +125,8 @@ class PointVisibility:
 
         start = dr.zeros(mi.UInt32, len(piece)), *near, *far
         ends = dr.while_loop(start, lambda *state: state[0] < count, halve, mode=self._mode)[1:]
-        hidden, share = self._hidden(piece, ends[3:])
-        return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)], dr.select(hidden, share, 1.0)
+        blocked, share = self._occlusion(piece, ends[3:])
+        return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)], dr.select(blocked, share, 1.0)
 
     def _lanes(self, of: NDArray[np.intp], places: FloatArray) -> tuple[Any, list[Any]]:
         import mitsuba as mi
@@ -134,9 +134,9 @@ class PointVisibility:
         return upload(mi.UInt32, of), _vectors(self._double, places, len(of))
 
     def _visible(self, piece: Any, place: list[Any]) -> Any:
-        return ~self._hidden(piece, place)[0]
+        return ~self._occlusion(piece, place)[0]
 
-    def _hidden(self, piece: Any, place: Any) -> tuple[Any, Any]:
+    def _occlusion(self, piece: Any, place: Any) -> tuple[Any, Any]:
         """Whether something is before points, and at what share of the way to them."""
         import drjit as dr
 
@@ -145,12 +145,12 @@ class PointVisibility:
         offset = [sum(place[i] * each[i] for i in range(3)) for each in corner]
         own = dr.gather(dr.uint32_array_t(double), self._own, piece)
         first, *others = self._origins(piece)
-        hidden, share = self._before(first, offset, own)
+        blocked, share = self._before(first, offset, own)
         for other in others:
             way = [there + here - start for there, here, start in zip(offset, first, other, strict=True)]
             also, there_share = self._before(other, way, own)
-            hidden, share = hidden | also, dr.select(hidden, share, there_share)
-        return hidden, share
+            blocked, share = blocked | also, dr.select(blocked, share, there_share)
+        return blocked, share
 
     def _origins(self, piece: Any) -> list[list[Any]]:
         """Origins of the rays to `piece`."""
@@ -180,8 +180,8 @@ class PointVisibility:
         for there, here in zip(offset, origin, strict=True):
             size = dr.maximum(size, dr.abs(there + here))
         limit = dr.minimum((1.0 - SELF_GAP) * reach, reach - 1e-6 * size)
-        hidden = (facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own)
-        return hidden, double(distance) / dr.maximum(reach, 1e-300)
+        blocked = (facet != NO_PRIMITIVE) & (double(distance) < limit) & (facet != own)
+        return blocked, double(distance) / dr.maximum(reach, 1e-300)
 
 
 def _vectors(kind: Any, places: FloatArray, count: int) -> list[Any]:

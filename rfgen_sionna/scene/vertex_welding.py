@@ -56,7 +56,7 @@ def weld_vertices(faces: IntArray, shapes: Iterable[FloatArray]) -> IntArray:
     edges = _Edges.of(together, count)
     left = np.zeros(count, np.bool_)
     left[edges.ends((edges.uses > 2) | ((edges.uses == 2) & (edges.balance != 0)))] = True
-    left[edges.ends(edges.folded(known[0][faces], NEAR * extent))] = True
+    left[edges.ends(edges.coincident(known[0][faces], NEAR * extent))] = True
     left[together[(together == np.roll(together, 1, axis=1)).any(axis=1)]] = True
     return np.asarray(np.where(left[one], np.arange(count), one)[faces], faces.dtype)
 
@@ -89,7 +89,7 @@ class _Edges:
         some = self.key[chosen]
         return np.unique(np.concatenate([some // self.count, some % self.count]))
 
-    def folded(self, corners: FloatArray, near: float) -> NDArray[np.bool_]:
+    def coincident(self, corners: FloatArray, near: float) -> NDArray[np.bool_]:
         """(edge,) whether its two faces, of `corners` (face, 3, 3) [m], lie on one another."""
         side = np.argsort(self.number, kind="stable")
         side = side[self.uses[self.number[side]] == 2]

@@ -46,7 +46,7 @@ class ActorOverlap(Collision):
 
 
 def find_actor_overlaps(
-    one: MeshActor, other: MeshActor, start: float, stop: float, eye: ArrayLike = (0.0, 0.0, 0.0)
+    one: MeshActor, other: MeshActor, start: float, stop: float, viewpoint: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Iterator[ActorOverlap]:
     """Encounters of two actors deeper than :data:`~rfgen_sionna.scene.checks.collision.CONTACT`, in order of time.
 
@@ -58,13 +58,13 @@ def find_actor_overlaps(
     times = np.linspace(start, stop, 1 + max(0, int(np.ceil((stop - start) / STEP - 1e-9)))).tolist()
     before = _Instant(one, other, times[0])
     met = False
-    for each in before.meet(eye):
+    for each in before.overlaps(viewpoint):
         met = met or each.depth > ALLOWED
         yield each
     for t in times[1:]:
         after = _Instant(one, other, t)
         # those who are in one place already needn't be looked at between the instants
-        for each in after.meet(eye) if met else _between(before, after, eye):
+        for each in after.overlaps(viewpoint) if met else _between(before, after, viewpoint):
             met = met or each.depth > ALLOWED
             yield each
         before = after
@@ -76,7 +76,7 @@ def check_actor_overlaps(
     stop: float,
     policy: str,
     stacklevel: int,
-    eye: ArrayLike = (0.0, 0.0, 0.0),
+    viewpoint: ArrayLike = (0.0, 0.0, 0.0),
 ) -> None:
     """Make sure that no two actors are in one place from `start` to `stop` [s], as
     :func:`~rfgen_sionna.scene.checks.actors.check_collisions` does for actors and surroundings.
@@ -87,7 +87,7 @@ def check_actor_overlaps(
     if policy == "ignore":
         return
     for one, other in combinations(actors, 2):
-        found = find_actor_overlaps(one, other, start, stop, eye)
+        found = find_actor_overlaps(one, other, start, stop, viewpoint)
         report_collisions(found, policy, "Place one of them elsewhere, let them move less", stacklevel + 1)
 
 
@@ -99,26 +99,26 @@ class _Instant:
         self.bodies = surface_of(one), surface_of(other)
         self.vertices = tuple(body.vertices(t) for body in self.bodies)
 
-    def meet(self, eye: ArrayLike) -> Iterator[ActorOverlap]:
+    def overlaps(self, viewpoint: ArrayLike) -> Iterator[ActorOverlap]:
         """Parts of one actor in the other, or the whole of either."""
         boxes = [x for v in self.vertices for x in (v.min(axis=0), v.max(axis=0))]
-        if not _touch(*boxes) or not (_within(boxes) or _reach(self, boxes) <= 0.0):
+        if not _touch(*boxes) or not (_within(boxes) or _min_gap(self, boxes) <= 0.0):
             return
         for here, there in ((0, 1), (1, 0)):
-            if self._hollow(here) or self._holds(here, np.asarray(eye, np.float64)):
+            if self._is_sheet(here) or self._surrounds(here, np.asarray(viewpoint, np.float64)):
                 continue
             still = _Still(self.bodies[there].name, self.vertices[there], self.bodies[there].faces)
-            rays = RayScene([(still.vertices, still.faces)], origin=eye)
+            rays = RayScene([(still.vertices, still.faces)], origin=viewpoint)
             finder = CollisionFinder(_StaticMeshes((still,)), rays, self.bodies[here])
             for each in finder.find(self.time, self.time):
-                if np.isinf(each.depth) and self._hollow(there):
+                if np.isinf(each.depth) and self._is_sheet(there):
                     continue
                 yield ActorOverlap(each.actor, each.object, each.time, each.place, each.depth)
                 return
-        if (alike := self._alike()) is not None:
-            yield alike
+        if (coincident := self._coincident()) is not None:
+            yield coincident
 
-    def _alike(self) -> ActorOverlap | None:
+    def _coincident(self) -> ActorOverlap | None:
         """The encounter of two that are in nearly the same place, surface by surface: no vertex of either is deep in
         the other, and what is within is."""
         from scipy.spatial import cKDTree
@@ -126,7 +126,7 @@ class _Instant:
         small, large = sorted((0, 1), key=lambda k: float(np.ptp(self.vertices[k], axis=0).prod()))
         trees = [cKDTree(each) for each in self.vertices]
         near = trees[large].query(self.vertices[small], distance_upper_bound=ALLOWED)[0]
-        if self._hollow(0) or self._hollow(1) or np.isfinite(near).mean() < _ALIKE:
+        if self._is_sheet(0) or self._is_sheet(1) or np.isfinite(near).mean() < _ALIKE:
             return None
         low, high = self.vertices[small].min(axis=0), self.vertices[small].max(axis=0)
         points = (
@@ -143,16 +143,16 @@ class _Instant:
                 return ActorOverlap(*names, self.time, (x, y, z), float(depth[point]))
         return None
 
-    def _hollow(self, which: int) -> bool:
+    def _is_sheet(self, which: int) -> bool:
         """Whether an actor's surface is a sheet, such as clothes or a box of glass, with room for others in it."""
         return self.actors[which].properties.thickness is not None
 
-    def _holds(self, which: int, eye: FloatArray) -> bool:
+    def _surrounds(self, which: int, viewpoint: FloatArray) -> bool:
         """Whether an actor surrounds the radar, as a room or a vehicle: then the others are in it rightly."""
         vertices = self.vertices[which]
-        if (eye < vertices.min(axis=0)).any() or (eye > vertices.max(axis=0)).any():
+        if (viewpoint < vertices.min(axis=0)).any() or (viewpoint > vertices.max(axis=0)).any():
             return False
-        return bool(abs(winding_number(eye, vertices, self.bodies[which].faces)[0]) > 0.75)
+        return bool(abs(winding_number(viewpoint, vertices, self.bodies[which].faces)[0]) > 0.75)
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class _StaticMeshes:
     objects: tuple[_Still, ...]
 
 
-def _between(before: _Instant, after: _Instant, eye: ArrayLike) -> Iterator[ActorOverlap]:
+def _between(before: _Instant, after: _Instant, viewpoint: ArrayLike) -> Iterator[ActorOverlap]:
     """Encounters later than one instant, up to the next."""
     ways = [np.linalg.norm(b - a, axis=1).max() for a, b in zip(before.vertices, after.vertices, strict=True)]
     boxes = []
@@ -179,17 +179,17 @@ def _between(before: _Instant, after: _Instant, eye: ArrayLike) -> Iterator[Acto
     if not _touch(*boxes):
         return
     span = after.time - before.time
-    if _reach(before, boxes) > sum(ways):
+    if _min_gap(before, boxes) > sum(ways):
         return
     if sum(ways) > SHIFT and span > FINEST_STEP:
         middle = _Instant(*before.actors, before.time + 0.5 * span)
-        yield from _between(before, middle, eye)
-        yield from _between(middle, after, eye)
+        yield from _between(before, middle, viewpoint)
+        yield from _between(middle, after, viewpoint)
     else:
-        yield from after.meet(eye)
+        yield from after.overlaps(viewpoint)
 
 
-def _reach(instant: _Instant, boxes: Sequence[FloatArray]) -> float:
+def _min_gap(instant: _Instant, boxes: Sequence[FloatArray]) -> float:
     """Distance [m] below which the surfaces of both actors cannot be: that of their vertices less half their edges."""
     from scipy.spatial import cKDTree
 

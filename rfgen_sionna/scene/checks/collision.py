@@ -37,7 +37,7 @@ _DIRECTIONS = np.array(
 _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
-class Thing(Protocol):
+class NamedMesh(Protocol):
     """An object of a scene, or another actor at one instant, that an actor may run into."""
 
     @property
@@ -58,7 +58,7 @@ class StaticMeshes(Protocol):
     """A scene, by its objects."""
 
     @property
-    def objects(self) -> Sequence[Thing]: ...
+    def objects(self) -> Sequence[NamedMesh]: ...
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class CollisionFinder:
         self._actor = actor = surface_of(actor)
         self._edges = _unique_edges(actor.faces)
         # The facet through which each vertex has gone over to the other side, -1 for none.
-        self._beyond = np.full(int(actor.faces.max()) + 1, -1)
+        self._crossed = np.full(int(actor.faces.max()) + 1, -1)
         self._shells = _components(self._edges, int(actor.faces.max()) + 1)
         self._corners = np.concatenate([item.vertices[item.faces] for item in self._items])
         self._owner = np.repeat(np.arange(len(self._items)), [len(item.faces) for item in self._items])
@@ -142,15 +142,15 @@ class CollisionFinder:
             yield from self._at(t, middle, points)
             yield from self._between(t, middle, t1, after, points)
             return
-        self._beyond[crossing] = np.where(self._beyond[crossing] < 0, hits.facet, -1)
+        self._crossed[crossing] = np.where(self._crossed[crossing] < 0, hits.facet, -1)
         # A thin actor is through before it is seen on both sides.
-        beyond = np.flatnonzero(self._beyond >= 0)
-        if len(beyond) > 0.5 * len(way):
-            number = int(np.bincount(self._owner[self._beyond[beyond]]).argmax())
-            facets = np.unique(self._beyond[beyond])
-            depth = self._depth(after[beyond[:_SAMPLES]], number, facets[self._owner[facets] == number])
+        through = np.flatnonzero(self._crossed >= 0)
+        if len(through) > 0.5 * len(way):
+            number = int(np.bincount(self._owner[self._crossed[through]]).argmax())
+            facets = np.unique(self._crossed[through])
+            depth = self._depth(after[through[:_SAMPLES]], number, facets[self._owner[facets] == number])
             if depth.max() > CONTACT:
-                yield self._collision(number, t1, after[beyond[depth.argmax()]], np.inf)
+                yield self._collision(number, t1, after[through[depth.argmax()]], np.inf)
 
     def _at(self, t: float, vertices: FloatArray, points: tuple[FloatArray, NDArray[np.intp]]) -> Iterator[Collision]:
         yield from self._behind(t, vertices)
@@ -176,12 +176,12 @@ class CollisionFinder:
                 leading = leading[self._shells[ends[leading, 0]] == shell]
                 if not len(leading):
                     break
-                beyond = np.where(known[leading, 0], joined[leading, 1], joined[leading, 0])
-                for part in np.unique(beyond):
+                through = np.where(known[leading, 0], joined[leading, 1], joined[leading, 0])
+                for part in np.unique(through):
                     yield from self._part(
-                        t, vertices, np.flatnonzero(parts == part), hits.facet[leading[beyond == part]]
+                        t, vertices, np.flatnonzero(parts == part), hits.facet[leading[through == part]]
                     )
-                reached.update(beyond.tolist())
+                reached.update(through.tolist())
 
     def _sizes_of(self, shell: int, parts: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
         """(part,) whether a part belongs to a shell."""

@@ -22,7 +22,7 @@ ROOM_RADIUS = 0.5
 piece of furniture with the radar in it."""
 LARGE_ACTOR = 20.0
 """Beyond this extent [m] an actor with the radar in it is asked whether its mesh is in millimetres."""
-WAY_STEP = 1e-3
+PATH_STEP = 1e-3
 """Time between the instants at which a moving radar's place is looked up [s]."""
 
 
@@ -147,7 +147,7 @@ def check_radar_clear(
             raise SceneError(f"radar position {_text(place)} m lies inside {what}: place it in free space")
 
 
-def check_way_clear(
+def check_path_clear(
     radar: Radar, scene: RadarScene | None, actors: Sequence[Obstacle], start: float, stop: float
 ) -> None:
     """Make sure that a radar that moves stands free from `start` to `stop` [s], looked at wherever it has come half the
@@ -159,7 +159,7 @@ def check_way_clear(
     if radar.trajectory is None:
         return
     looked: FloatArray | None = None
-    for t in np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / WAY_STEP)))).tolist():
+    for t in np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / PATH_STEP)))).tolist():
         place = np.asarray(radar.pose(t)[0])
         if looked is None or np.linalg.norm(place - looked) > 0.5 * CLEARANCE:
             check_radar_clear(place, scene, actors, t)

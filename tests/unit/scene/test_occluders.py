@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rfgen_sionna.scene.occluders import before
+from rfgen_sionna.scene.occluders import possible_occluders
 from rfgen_sionna.scene.rays import RayScene
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
@@ -28,7 +28,9 @@ def placed(t: float) -> list[np.ndarray]:
 
 def occluders_of(rays, vertices, corners):
     """Behind all faces that come before the facets."""
-    found = before(rays.moving_faces, [np.concatenate(each) - VIEWPOINT for each in vertices], corners - VIEWPOINT)
+    found = possible_occluders(
+        rays.moving_faces, [np.concatenate(each) - VIEWPOINT for each in vertices], corners - VIEWPOINT
+    )
     return rays.occluders(VIEWPOINT, vertices, [found] * len(vertices), corners)
 
 
@@ -126,7 +128,7 @@ def test_no_face_that_comes_before_is_left_out(seed: int, size: float, count: in
     vertices = [points + speed * t for t in np.linspace(0.0, 1.0, count)]
     middle = rng.normal(size=3) * 3.0
     corners = np.stack([middle + rng.normal(size=(5, 3, 3)) * 0.1] * count)
-    chosen = before(faces, vertices, corners)
+    chosen = possible_occluders(faces, vertices, corners)
     for k in range(count):
         targets = np.einsum("rc,rci->ri", rng.dirichlet(np.ones(3), 40), corners[k][rng.integers(0, 5, 40)])
         # What a ray meets at so much of the way, of the plane of each face: w . corners = share * target.
@@ -143,6 +145,6 @@ def test_faces_beside_and_behind_are_left_out():
     vertices = np.concatenate([around.vertices, ball])
     faces = np.concatenate([around.faces, BALL.faces + len(around.vertices)]).astype(np.uint32)
     corners = ball[BALL.faces[:10]][None]
-    chosen = before(faces, [vertices], corners)
+    chosen = possible_occluders(faces, [vertices], corners)
     assert (chosen >= len(around.faces)).all()
     assert 0 < len(chosen) < 0.7 * len(BALL.faces)

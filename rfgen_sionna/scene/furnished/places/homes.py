@@ -79,7 +79,7 @@ def hang_lamp(plan: Plan) -> None:
     plan.put(lamp, float(x), float(y), 0.0, check=False)
 
 
-def warm(plan: Plan, openings: list[Opening]) -> None:
+def add_radiators(plan: Plan, openings: list[Opening]) -> None:
     """Radiators under the windows, where there is room."""
     for o in openings:
         if o.kind == "window" and plan.rng.random() < 0.6:
@@ -118,7 +118,7 @@ def living_room(rng: np.random.Generator) -> Plan:
     for _ in range(int(rng.integers(1, 4))):
         thing = decor.plant(rng)
         _corner(plan, thing) or plan.at_wall(thing)
-    warm(plan, openings)
+    add_radiators(plan, openings)
     wall_decoration(plan, int(rng.integers(1, 4)))
     hang_lamp(plan)
     return plan
@@ -173,7 +173,7 @@ def bedroom(rng: np.random.Generator) -> Plan:
         _desk(plan)
     plan.some(0.5, lambda: decor.floor_lamp(rng), lambda thing: _corner(plan, thing))
     plan.some(0.6, lambda: decor.plant(rng), lambda thing: _corner(plan, thing) or plan.at_wall(thing))
-    warm(plan, openings)
+    add_radiators(plan, openings)
     wall_decoration(plan, int(rng.integers(1, 3)))
     hang_lamp(plan)
     return plan

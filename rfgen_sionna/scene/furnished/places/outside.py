@@ -10,11 +10,11 @@ from rfgen_sionna.scene.furnished.piece import pick
 from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, seating
 from rfgen_sionna.scene.furnished.shapes import box, joined, quad, sheet
 
-BEYOND = 45.0
+GROUND_REACH = 45.0
 """Extent of the ground [m]."""
 
 
-def flat(plan: Plan, finish: str, x: tuple[float, float], y: tuple[float, float], name: str = "ground") -> None:
+def add_ground(plan: Plan, finish: str, x: tuple[float, float], y: tuple[float, float], name: str = "ground") -> None:
     """A level stretch of ground."""
     plan.shell.append(
         (name, quad([(x[0], y[0], 0.0), (x[1], y[0], 0.0), (x[1], y[1], 0.0), (x[0], y[1], 0.0)]).of(finish))
@@ -34,14 +34,16 @@ def street(rng: np.random.Generator) -> Plan:
     x = (-9.0, float(rng.uniform(28.0, 40.0)))
     plan = Plan(rng, x, (middle - edge - 10.0, middle + edge + 10.0), 9.0, person_space())
     plan.stand = (x[0] + 3.0, 0.6 * x[1]), (middle - road / 2 - walk, middle + road / 2 + walk)
-    flat(plan, "asphalt", (-BEYOND, BEYOND), (middle - road / 2, middle + road / 2), "road")
+    add_ground(plan, "asphalt", (-GROUND_REACH, GROUND_REACH), (middle - road / 2, middle + road / 2), "road")
     for s in (-1, 1):
         a, b = sorted((middle + s * road / 2, middle + s * (road / 2 + walk)))
-        flat(plan, "paving", (-BEYOND, BEYOND), (a, b), "pavement")
-        c, d = sorted((middle + s * (road / 2 + walk), middle + s * BEYOND))
-        flat(plan, pick(rng, "grass", "paving"), (-BEYOND, BEYOND), (c, d))
+        add_ground(plan, "paving", (-GROUND_REACH, GROUND_REACH), (a, b), "pavement")
+        c, d = sorted((middle + s * (road / 2 + walk), middle + s * GROUND_REACH))
+        add_ground(plan, pick(rng, "grass", "paving"), (-GROUND_REACH, GROUND_REACH), (c, d))
         kerb = middle + s * (road / 2 + 0.07)
-        plan.shell.append(("kerb", box((-BEYOND, kerb - 0.07, 0.0), (BEYOND, kerb + 0.07, 0.11)).of("stone")))
+        plan.shell.append(
+            ("kerb", box((-GROUND_REACH, kerb - 0.07, 0.0), (GROUND_REACH, kerb + 0.07, 0.11)).of("stone"))
+        )
     for s in (-1, 1):
         u = x[0] - rng.uniform(0, 3)
         while u < x[1] - 6.0:
@@ -96,10 +98,15 @@ def playground(rng: np.random.Generator) -> Plan:
     x, y = (-4.0, 2 * size - 6.0), (-size, size)
     plan = Plan(rng, x, y, 6.0, person_space())
     plan.stand = (-3.5, 9.0), (-7.0, 7.0)
-    flat(plan, pick(rng, "grass", "sand", "soil"), x, y)
-    far, outer = (-BEYOND, BEYOND), pick(rng, "grass", "paving", "grass")
-    for a, b in ((far, (y[1], BEYOND)), (far, (-BEYOND, y[0])), ((-BEYOND, x[0]), y), ((x[1], BEYOND), y)):
-        flat(plan, outer, a, b)
+    add_ground(plan, pick(rng, "grass", "sand", "soil"), x, y)
+    far, outer = (-GROUND_REACH, GROUND_REACH), pick(rng, "grass", "paving", "grass")
+    for a, b in (
+        (far, (y[1], GROUND_REACH)),
+        (far, (-GROUND_REACH, y[0])),
+        ((-GROUND_REACH, x[0]), y),
+        ((x[1], GROUND_REACH), y),
+    ):
+        add_ground(plan, outer, a, b)
     makers = [
         playing.swing,
         playing.slide,

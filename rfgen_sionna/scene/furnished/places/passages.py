@@ -7,7 +7,7 @@ import numpy as np
 from rfgen_sionna.scene.furnished.layout import Plan, Wall, person_space
 from rfgen_sionna.scene.furnished.piece import pick
 from rfgen_sionna.scene.furnished.pieces import buildings, decor, outdoors, seating, storage, tables
-from rfgen_sionna.scene.furnished.places.homes import warm
+from rfgen_sionna.scene.furnished.places.homes import add_radiators
 from rfgen_sionna.scene.furnished.shell import Opening, add_windows, enclose
 
 
@@ -60,7 +60,7 @@ def corridor(rng: np.random.Generator) -> Plan:
             0.7, lambda: buildings.notice_board(rng), lambda thing: plan.on_wall(thing, sides[int(rng.integers(2))])
         )
         plan.some(0.4, lambda: decor.picture(rng), lambda thing: plan.on_wall(thing, sides[int(rng.integers(2))]))
-    warm(plan, openings)
+    add_radiators(plan, openings)
     for u in np.arange(x[0] + 1.0, x[1] - 0.7, rng.uniform(2.2, 3.5)):
         plan.put(decor.ceiling_panel(rng, plan.height), float(u), shift, float(rng.choice([0.0, 90.0])), check=False)
     return plan

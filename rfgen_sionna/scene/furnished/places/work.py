@@ -7,7 +7,7 @@ import numpy as np
 from rfgen_sionna.scene.furnished.layout import FACING, Plan
 from rfgen_sionna.scene.furnished.piece import Piece, pick
 from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
-from rfgen_sionna.scene.furnished.places.homes import doors_and_windows, room, wall_decoration, warm
+from rfgen_sionna.scene.furnished.places.homes import add_radiators, doors_and_windows, room, wall_decoration
 from rfgen_sionna.scene.furnished.shell import enclose
 
 
@@ -63,7 +63,7 @@ def office(rng: np.random.Generator) -> Plan:
     plan.some(0.7, lambda: decor.waste_bin(rng), plan.at_wall)
     plan.some(0.4, lambda: decor.coat_rack(rng), lambda thing: plan.at_wall(thing, gap=0.1))
     plan.some(0.3, lambda: seating.chair(rng, "padded"), plan.at_wall)
-    warm(plan, openings)
+    add_radiators(plan, openings)
     wall_decoration(plan, int(rng.integers(0, 2)))
     strip_lights(plan)
     return plan
@@ -94,7 +94,7 @@ def lab(rng: np.random.Generator) -> Plan:
     for _ in range(2):
         plan.some(0.6, lambda: gas_bottle(rng), lambda thing: plan.at_wall(thing, gap=0.06))
     plan.some(0.5, lambda: decor.waste_bin(rng), plan.at_wall)
-    warm(plan, openings)
+    add_radiators(plan, openings)
     strip_lights(plan)
     return plan
 
@@ -152,7 +152,7 @@ def classroom(rng: np.random.Generator) -> Plan:
     plan.some(0.6, lambda: storage.bookshelf(rng), plan.at_wall)
     plan.some(0.4, lambda: decor.plant(rng), plan.at_wall)
     plan.some(0.5, lambda: decor.waste_bin(rng), plan.at_wall)
-    warm(plan, openings)
+    add_radiators(plan, openings)
     wall_decoration(plan, int(rng.integers(0, 3)))
     strip_lights(plan)
     return plan

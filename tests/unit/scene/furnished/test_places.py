@@ -102,7 +102,7 @@ def test_room_for_a_radar_and_a_person(scenes, place):
         assert not between.any()
         assert scene.layout.is_free(0.0, 0.0, 1.0)
         assert scene.layout.is_free(0.0, 0.0, scene.layout.height + 0.1) is not scene.layout.indoors
-        assert scene.interior.holds((0, 0, 1))
+        assert scene.interior.contains((0, 0, 1))
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -58,7 +58,7 @@ def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
         assert (each.fraction != alone.fraction).mean() < 0.05
         assert np.abs(each.fraction - alone.fraction).sum() < (5 if ensure_backend().startswith("llvm") else 6.5) / 3
         assert np.abs(each.level / alone.level - 1).max() < 1e-4
-        assert np.allclose(each.silhouette, alone.silhouette, atol=run._sight._apart)
+        assert np.allclose(each.silhouette, alone.silhouette, atol=run._moving_visibility._ray_spacing)
         assert abs(len(each.owner) - len(alone.owner)) <= 0.02 * len(alone.owner)
         assert each.sampled_facets == alone.sampled_facets
     assert len({each.fraction.sum() for each in together}) == len(times)
@@ -133,7 +133,7 @@ def test_what_is_looked_at_again_is_hidden_by_all_that_a_ray_may_come_to(radar, 
     first = len(body.faces)
     vertices = [tracer._vertices(t) for t in times]
     corners = np.stack([there[1][actors[1].faces] for there in vertices])
-    occluders = run._sight.occluders(tracer._rays, vertices, corners)
+    occluders = run._moving_visibility.occluders(tracer._rays, vertices, corners)
     number = occluders.numbered(first + np.arange(len(actors[1].faces), dtype=np.int32), len(times))
     middle = np.full((len(number), 3), 1 / 3)
     visible = occluders.targets(run._viewpoint, corners.reshape(-1, 3, 3), number).visible(

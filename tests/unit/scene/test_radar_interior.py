@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import SceneError, available_scenes, load_scene, material
-from rfgen_sionna.scene.checks.radar_placement import check_radar_placed
+from rfgen_sionna.scene.checks.radar_interior import check_radar_placed
 from rfgen_sionna.scene.interior import Interior, read_interior
 from rfgen_sionna.scene.scene import StaticObject
 from rfgen_sionna.simulation import Simulator

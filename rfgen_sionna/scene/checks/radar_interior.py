@@ -56,7 +56,7 @@ def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: C
     place = np.asarray(position, np.float64)
     where = "radar position (" + ", ".join(f"{x:g}" for x in place) + ") m"
     if scene.interior is not None:
-        if not scene.interior.holds(place):
+        if not scene.interior.contains(place):
             raise SceneError(
                 f"{where} lies outside of the room {scene.name!r}, whose walls are opaque: place it within "
                 f"{scene.interior} m"
