@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from rfgen_sionna._types import FloatArray
 
@@ -50,3 +54,64 @@ def look_at_angles(position: Vector, target: Vector) -> Vector:
     if np.hypot(np.hypot(x, y), z) < 1e-9:
         raise ValueError(f"radar.look_at is the radar's own position {position}: choose another point")
     return float(np.arctan2(y, x)), float(-np.arctan2(z, np.hypot(x, y))), 0.0
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A twice continuously differentiable curve through places and, if given, orientations.
+
+    Before the first and after the last time the position goes straight on and the orientation stays.
+    """
+
+    times: tuple[float, ...]
+    """Ascending, at least two [s]."""
+    positions: tuple[Vector, ...]
+    """World positions at `times` [m]."""
+    orientations: tuple[Vector, ...] | None = None
+    """Yaw, pitch, roll at `times` [rad]; None keeps the orientation that the radar has."""
+
+    def __post_init__(self) -> None:
+        times = np.asarray(self.times, dtype=np.float64)
+        if times.ndim != 1 or len(times) < 2 or not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0):
+            raise ValueError(
+                f"trajectory.times is {self.times!r}: at least two finite times [s], ascending, are needed"
+            )
+        object.__setattr__(self, "times", tuple(times.tolist()))
+        for name in ("positions", "orientations"):
+            value = getattr(self, name)
+            if value is None and name == "orientations":
+                continue
+            array = np.asarray(value, dtype=np.float64)
+            if array.shape != (len(times), 3) or not np.all(np.isfinite(array)):
+                raise ValueError(
+                    f"trajectory.{name} has shape {array.shape}: three finite numbers for each of {len(times)} times "
+                    "are needed"
+                )
+            object.__setattr__(self, name, tuple(map(tuple, array.tolist())))
+
+    @cached_property
+    def _place(self) -> Any:
+        return make_interp_spline(self.times, np.asarray(self.positions), k=min(3, len(self.times) - 1))
+
+    @cached_property
+    def _turn(self) -> RotationSpline:
+        matrices = np.stack([rotation_matrix(angles) for angles in self.orientations or ()])
+        return RotationSpline(self.times, Rotation.from_matrix(matrices))
+
+    def __call__(self, t: float) -> Any:
+        """Position [m], or a pair of position and orientation [rad], at time `t` [s]."""
+        inside = min(max(float(t), self.times[0]), self.times[-1])
+        position = self._place(inside) + (float(t) - inside) * self._place(inside, nu=1)
+        if self.orientations is None:
+            return tuple(position.tolist())
+        yaw, pitch, roll = self._turn(inside).as_euler("ZYX").tolist()
+        return tuple(position.tolist()), (yaw, pitch, roll)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able."""
+        turned = self.orientations
+        return {
+            "times": list(self.times),
+            "positions": [list(position) for position in self.positions],
+            "orientations": None if turned is None else [list(angles) for angles in turned],
+        }

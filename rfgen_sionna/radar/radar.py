@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config import overridden, read_config
-from rfgen_sionna.radar.config_checks import RadarConfigError
+from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
-from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, look_at_angles, rotation_matrix, vector
+from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, rotation_matrix, vector
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import slot_label
-from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 
@@ -59,7 +57,7 @@ class Radar:
     trajectory: Callable[[float], Any] | None = None
     """Function of the time [s] that returns the position [m], or a pair of position and orientation [rad]; `position`
     and `orientation` are then those at t = 0. It must be smooth (C²): steps in it are steps in the phase. A
-    :class:`~rfgen_sionna.radar.trajectory.Trajectory` can be stored in a file, a function cannot."""
+    :class:`~rfgen_sionna.radar.pose.Trajectory` can be stored in a file, a function cannot."""
 
     def __post_init__(self) -> None:
         for end in ("tx", "rx"):

@@ -9,9 +9,9 @@ from typing import Any
 
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.pattern import pattern_from_record
+from rfgen_sionna.radar.pose import Trajectory
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot
-from rfgen_sionna.radar.trajectory import Trajectory
 from rfgen_sionna.radar.waveform import Waveform
 
 _OPTIONAL = ("position", "orientation", "adc", "trajectory")

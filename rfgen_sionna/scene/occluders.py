@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.scene.point_visibility import NO_PRIMITIVE, PointVisibility
 from rfgen_sionna.scene.ray_layer import MeshLayer, evaluate_hits

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.scene.ray_layer import loop_mode
 
 SELF_GAP = 1e-5

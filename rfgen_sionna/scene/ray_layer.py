@@ -13,7 +13,7 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.parallel import ThreadLimit
-from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.scene.scene_errors import BackendError
 
 MeshArrays: TypeAlias = tuple[FloatArray, IntArray]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.occluders import Occluders
 from rfgen_sionna.scene.point_visibility import CHUNK, NO_PRIMITIVE, SELF_GAP, PointVisibility

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,12 +13,10 @@ import numpy as np
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.furnished.finishes import FINISHES, surface_material
 from rfgen_sionna.scene.furnished.layout import Ground, Item, Plan
-from rfgen_sionna.scene.furnished.piece import merge
-from rfgen_sionna.scene.furnished.shapes import Part
-from rfgen_sionna.scene.interior import Interior
+from rfgen_sionna.scene.furnished.shapes import Part, merge
 from rfgen_sionna.scene.materials import warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, lengths
-from rfgen_sionna.scene.scene import RadarScene, StaticObject
+from rfgen_sionna.scene.scene import Interior, RadarScene, StaticObject
 
 CEILING_OF_THE_SKY = 30.0
 """Height [m] up to which a radar may stand outdoors."""
@@ -157,7 +156,7 @@ class FurnishedScene(RadarScene):
     @cached_property
     def sionna(self) -> Any:
         """The same place as a `sionna.rt.Scene`."""
-        from rfgen_sionna.scene.furnished.to_sionna import to_sionna
+        from rfgen_sionna.scene.furnished.furnished_scene import to_sionna
 
         return to_sionna(self.objects, self.colours, self.frequency or self.surface_frequency)
 
@@ -191,3 +190,37 @@ def assemble(place: str, seed: int, plan: Plan, indoors: bool, frequency: float)
 def _with_area(points: FloatArray, faces: IntArray) -> IntArray:
     area = np.linalg.norm(face_normals(points, faces), axis=1)
     return np.ascontiguousarray(faces[area > 1e-12])
+
+
+def to_sionna(objects: Sequence[StaticObject], colours: FloatArray, frequency: float) -> Any:
+    """A `sionna.rt.Scene` of some objects, at a carrier frequency [Hz].
+
+    Raises:
+        BackendError: Mitsuba cannot run here.
+    """
+    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
+
+    ensure_backend()
+    import mitsuba as mi
+    import sionna.rt
+
+    from rfgen_sionna.scene.radio_materials import sionna_material
+
+    scene = sionna.rt.load_scene()
+    materials: dict[Any, Any] = {}
+    found = []
+    for item, colour in zip(objects, colours, strict=True):
+        key = (item.properties.name, item.properties.thickness, item.properties.scattering_coefficient, tuple(colour))
+        if key not in materials:
+            materials[key] = sionna_material(item.properties, name=f"{item.properties.name} {len(materials)}")
+            materials[key].color = tuple(float(c) for c in colour)
+        mesh = mi.Mesh(item.name, len(item.vertices), len(item.faces))
+        parameters = mi.traverse(mesh)
+        parameters["faces"] = mi.UInt32(np.ascontiguousarray(item.faces.ravel(), dtype=np.uint32))
+        key_of_points = next(k for k in parameters.keys() if k.startswith("vertex_position"))  # noqa: SIM118
+        parameters[key_of_points] = mi.Float(np.ascontiguousarray(item.vertices.ravel(), dtype=np.float32))
+        parameters.update()
+        found.append(sionna.rt.SceneObject(mi_mesh=mesh, name=item.name, radio_material=materials[key]))
+    scene.edit(add=found)
+    scene.frequency = frequency
+    return scene

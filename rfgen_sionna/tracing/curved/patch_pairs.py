@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.curved.surface_patches import (
     COLUMNS,

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
 
 NEWTON_STEPS = 10
@@ -21,7 +20,7 @@ MAX_MISS = 1e-3
 MAX_STEP_OVERSHOOT = (4.0, 2.0, 1.0)
 """How far beyond a piece its place may be after the first step, the second, and the further ones, in its barycentric
 coordinates; whatever is further belongs to another pair."""
-MAX_OVERSHOOT = 0.2
+MAX_FACE_OVERSHOOT = 0.2
 """How far it may lie beyond its face in the end, in that one's coordinates: normals go on from face to face, but not
 how they turn, so that of a fold neither of two faces may have it, where the smooth surface is about to."""
 _DAMPING = 1e-12
@@ -75,7 +74,7 @@ def find_specular_points(
     local = np.concatenate([1.0 - local.sum(axis=2, keepdims=True), local], axis=2)
     placed = np.einsum("psc,pscv->psv", local, np.stack([each[lane] for each in weights], axis=1))
     overshoot = -placed.min(axis=(1, 2), initial=np.inf)
-    kept = np.flatnonzero(overshoot < MAX_OVERSHOOT)
+    kept = np.flatnonzero(overshoot < MAX_FACE_OVERSHOOT)
     return SpecularPoints(lane[kept], placed[kept], misses[lane[kept]], overshoot[kept])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.scene.device_transfer import empty_aligned
+from rfgen_sionna.scene.kernels import empty_aligned
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.curved.double_bounces import unit_normals
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface

@@ -9,8 +9,7 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.pattern import ElementPattern, Pattern
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths
 
 _NEPERS = 0.1 * math.log(10.0)

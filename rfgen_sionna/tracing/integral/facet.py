@@ -32,8 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.tracing.integral.obliquity import Media, dispersion, media_of_lanes, media_tables
 from rfgen_sionna.tracing.integral.quadratic import (
     SlopeOrder,

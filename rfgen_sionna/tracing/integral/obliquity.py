@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import drjit_types
+from rfgen_sionna.scene.kernels import drjit_types, upload
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 
 
 def propagation_delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.tracing.integral.obliquity import Media, Medium, media_of_lanes, media_tables, reflection, transverse
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.slabs import SlabStackLanes, transmitted_field

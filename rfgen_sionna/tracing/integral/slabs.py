@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
+from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.integral.obliquity import MAX_FRINGE
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair

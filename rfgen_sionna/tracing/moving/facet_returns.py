@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import concatenate_aligned
+from rfgen_sionna.scene.kernels import concatenate_aligned
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import PROBES, Expansion

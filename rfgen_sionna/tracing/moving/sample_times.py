@@ -15,8 +15,7 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import knot_weights
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths, triangle_centroids
 from rfgen_sionna.tracing.moving.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS, representative
 from rfgen_sionna.tracing.surface.facet_positions import mean_phasor, solid_angles, width_and_distance
@@ -61,9 +60,9 @@ def choose_sample_times(
     frequency: float,
     tolerance: float,
     max_spacing: float,
-    beside: bool = False,
+    indirect: bool = False,
     pair: bool = False,
-    cancelled: FloatArray | None = None,
+    cancellation: FloatArray | None = None,
 ) -> SampleTimes:
     """As few evenly spaced instants as follow the gains to a tolerance.
 
@@ -85,12 +84,12 @@ def choose_sample_times(
         Allowed error relative to the return [root mean square over time].
     max_spacing
         Longest gap [s], but of :data:`QUIET_SPACING` where three instants do, and of :data:`PAIR_SPACING` where two do.
-    beside
+    indirect
         Whether mirrors or slabs show the meshes as well: then there are four instants at least, as what they show is
         not looked at between instants.
     pair
         Whether two instants may do: nothing is left out then to tell what shadows that pass in between change.
-    cancelled
+    cancellation
         (mesh,) by how much each one's error is larger than faces tell that know nothing of one another; None is 1.
     """
     if len(knots) == 1:
@@ -103,20 +102,20 @@ def choose_sample_times(
     ]
     least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
     most = max(least, int(length / MIN_SPACING))
-    allowed, gaps = CANCELLING_SHARE * tolerance if beside else tolerance, least
+    allowed, gaps = CANCELLING_SHARE * tolerance if indirect else tolerance, least
 
-    more = np.ones(len(meshes)) if cancelled is None else cancelled
+    more = np.ones(len(meshes)) if cancellation is None else cancellation
 
     def missed(gaps: int) -> float:
         return MARGIN * max(
             (own * each.missed(gaps) for each, own in zip(meshes, more.tolist(), strict=True)), default=0.0
         )
 
-    told = [[representative(each) for each in there] for there in places]
-    turn = _most_turn(told, viewpoint) * (len(knots) - 1) if not beside else np.inf
+    representatives = [[representative(each) for each in there] for there in places]
+    turn = _most_turn(representatives, viewpoint) * (len(knots) - 1) if not indirect else np.inf
     few = (1, PAIR_SPACING, PAIR_TURN), (QUIET_GAPS, QUIET_SPACING, QUIET_TURN)
     for some, spacing, most_turn in few if pair else few[1:]:
-        straight = some > 1 or _most_departure(told, viewpoint) <= STRAIGHT
+        straight = some > 1 or _most_departure(representatives, viewpoint) <= STRAIGHT
         if length <= some * spacing and turn <= some * most_turn and straight and (error := missed(some)) <= allowed:
             gaps = some
             break

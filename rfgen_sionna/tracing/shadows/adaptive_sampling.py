@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.tracing.shadows.lattice_sampling import LatticeSampler, OccluderTest, search_lattices
 from rfgen_sionna.tracing.shadows.lattices import SPACINGS, inset_points, points_of

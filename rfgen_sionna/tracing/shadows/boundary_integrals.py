@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.tracing.shadows.boundary_edges import MAX_SLANT, ShadowEdges
 
 _ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import corner_columns, lengths, triangle_centroids, unit
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 

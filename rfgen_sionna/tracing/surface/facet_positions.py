@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import PathKind, RadarPaths, interpolate_knots, knot_weights
-from rfgen_sionna.scene.device_transfer import concatenate_aligned
+from rfgen_sionna.scene.kernels import concatenate_aligned
 from rfgen_sionna.scene.mesh import lengths, max_component, triangle_centroids
 from rfgen_sionna.tracing.surface.facet_positions import PlacedFacets, place_facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, QuadraticPatch, split_facets, split_values

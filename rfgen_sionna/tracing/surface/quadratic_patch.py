@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
-from rfgen_sionna.scene.kernels import drjit_types
+from rfgen_sionna.scene.kernels import concatenate_aligned, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths
 
 QUARTERS = 0.5 * np.array(

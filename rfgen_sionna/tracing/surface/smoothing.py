@@ -4,7 +4,7 @@ A mesh of a ball, of a body or of a car door stands for something round. Between
 p_k - p_i rises in its middle by a circle's sagitta, about (n_k - n_i) . (p_k - p_i) / 8, and a facet by the quadratic
 that its three edges fix. Neighbours share edges and normals, so that the surface stays closed. Where faces meet at an
 angle, as those of a box do, each side has normals of its own and stays as it is, and what is flat between bent edges
-stays flat (`rfgen_sionna.scene.plane_parts`).
+stays flat (`rfgen_sionna.scene.faceting`).
 
 That surface alone is what returns: its slope is its own, which where neighbours turn by tens of degrees is not quite
 that of the vertices' normals it was made from.
@@ -22,11 +22,9 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
-from rfgen_sionna.scene.faceting import SMOOTH
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.faceting import FLATNESS_ANGLE, SMOOTH, PlaneParts, find_plane_parts
+from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
 from rfgen_sionna.scene.mesh import corner_columns, face_normals, lengths, max_component
-from rfgen_sionna.scene.plane_parts import FLATNESS_ANGLE, PlaneParts, find_plane_parts
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 _TIP, _STRAIGHT = 0.02, 10.0

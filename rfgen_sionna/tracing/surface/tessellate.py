@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import concatenate_aligned, upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types
+from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
 from rfgen_sionna.scene.mesh import face_corners, lengths, max_component, triangle_centroids
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 from rfgen_sionna.tracing.surface.resolution import MAX_PARTS, SmoothPieces, required_splits

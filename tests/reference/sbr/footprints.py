@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import drjit_types, exact_division
+from rfgen_sionna.scene.kernels import drjit_types, exact_division, upload
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, CurvedMirror
 from rfgen_sionna.tracing.curved.media import polarisation_bases, reflected

@@ -5,7 +5,7 @@ import gc
 import numpy as np
 import pytest
 
-from rfgen_sionna.scene.device_transfer import concatenate_aligned, empty_aligned, upload
+from rfgen_sionna.scene.kernels import concatenate_aligned, empty_aligned, upload
 from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
 

@@ -10,8 +10,7 @@ import trimesh
 
 from rfgen_sionna.scene import SceneError, available_scenes, load_scene, material
 from rfgen_sionna.scene.checks.radar_interior import check_radar_placed
-from rfgen_sionna.scene.interior import Interior, read_interior
-from rfgen_sionna.scene.scene import StaticObject
+from rfgen_sionna.scene.scene import Interior, StaticObject, read_interior
 from rfgen_sionna.simulation import Simulator
 
 pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.scene.scene_errors.MaterialRangeWarning")

@@ -11,8 +11,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene import material as material_named
-from rfgen_sionna.scene.device_transfer import upload
-from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, exact_division
+from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, exact_division, upload
 from rfgen_sionna.tracing.integral import facet
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media

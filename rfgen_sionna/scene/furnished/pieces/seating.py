@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.piece import Piece, corners, legs, pick, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, tube
+from rfgen_sionna.scene.furnished.shapes import (
+    Part,
+    Piece,
+    block,
+    box,
+    corners,
+    cushion,
+    lathe,
+    legs,
+    pick,
+    piece,
+    tube,
+)
 
 
 def upholstered(rng: np.random.Generator, places: int, cover: str, arm: float, each: float, depth: float) -> list[Part]:
