@@ -175,7 +175,7 @@ class CurvedReflections:
         self, visible: Sequence[DoubleBounceVisibility], reference_level: FloatArray
     ) -> tuple[list[DoubleBounces], float]:
         """Of what was `visible` at some instants all that is not too weak, and the error, as of :meth:`trace`."""
-        most = self._usual(reference_level)
+        most = self._reference_levels(reference_level)
         found = [each.double_bounces for each in visible]
         level, off = np.max(
             [self._levels(each.double_bounces, most, each.stationary_phase_error) for each in visible], axis=0
@@ -205,7 +205,7 @@ class CurvedReflections:
             found[lane] = corner_curvatures(own, *stands, facet[lane] - first)
         return found
 
-    def _usual(self, reference_level: FloatArray) -> FloatArray:
+    def _reference_levels(self, reference_level: FloatArray) -> FloatArray:
         """(surface,) direct returns that errors are relative to: of what stays in the world the strongest one's."""
         count, first = len(self._every), len(self._surfaces.static)
         found = np.zeros(count)
@@ -228,10 +228,10 @@ class CurvedReflections:
         found, off = np.zeros((2, len(self._every)))
         if len(double_bounces) == 0:
             return found, off
-        eyes, place = self._elements, self._elements.position
+        elements, place = self._elements, self._elements.position
         arrival, route = double_bounces.arrival(self._whose, place, place, self._optics)
         a = self._received(arrival, route, self._radar.center_frequency) * self._caustic_factors(double_bounces)
-        a = a * np.sqrt(eyes.pattern_gain(arrival.legs[0]) * eyes.pattern_gain(-arrival.ray))
+        a = a * np.sqrt(elements.pattern_gain(arrival.legs[0]) * elements.pattern_gain(-arrival.ray))
         a = a * phasors(arrival.length / self._radar.wavelength)
         owner = self._stronger(double_bounces, reference_level)
         for number in np.unique(owner).tolist():
@@ -257,7 +257,9 @@ class CurvedReflections:
     def _caustic_factors(self, double_bounces: DoubleBounces) -> FloatArray:
         return double_bounces.caustic_factor(self._middle(double_bounces), 2 * np.pi / self._radar.wavelength)
 
-    def _way(self, double_bounces: DoubleBounces, t: float, positions: Positions) -> tuple[DoubleBounces, ArrivingWave]:
+    def _at_time(
+        self, double_bounces: DoubleBounces, t: float, positions: Positions
+    ) -> tuple[DoubleBounces, ArrivingWave]:
         """The places and the way of glints at `t` [s], near the instant that they were seen at."""
         stand = [*self._surfaces.static_vertices, *positions(t)]
         there = double_bounces.transported(SmoothedSurface.some(self._every, stand, double_bounces.facet.T.reshape(-1)))
@@ -268,7 +270,7 @@ class CurvedReflections:
         entry = [np.arange(len(found[0]))[:, None]]
         for k in range(1, len(found)):
             t = 0.5 * float(sample_times[k - 1] + sample_times[k])
-            before, after = (self._way(each, t, positions) for each in found[k - 1 : k + 1])
+            before, after = (self._at_time(each, t, positions) for each in found[k - 1 : k + 1])
             # Ways count so much that who is near by them is near enough.
             scale = TRACK_DISTANCE / (TRACK_WAVELENGTHS * self._radar.wavelength)
             places = [
@@ -293,30 +295,30 @@ class CurvedReflections:
         """Those of glints that were `found` at the `sample_times` [s], as of :meth:`trace`: of each that goes on both
         ways
         round, one way's after the other's."""
-        tracks, eyes = self._tracks(sample_times, found, positions), self._elements
+        tracks, elements = self._tracks(sample_times, found, positions), self._elements
         count = len(tracks.first)
         late = self._optics.table.round_trip_lengths
         echoes = max(float(late[self._whose[each.facet]].sum(axis=1).max(initial=0.0)) for each in found)
         u = band_nodes(echoes, self._half_band, self._rtol)
-        shape = len(eyes.tx), len(eyes.rx), 2 * count
+        shape = len(elements.tx), len(elements.rx), 2 * count
         gains = np.zeros((len(u), *shape, len(sample_times)), np.complex128)
-        beside = np.zeros(
+        extra = np.zeros(
             (*shape, len(sample_times))
         )  # by how much ways of element pairs differ from the phase centre's
         for k, each in enumerate(found):
             lane = np.flatnonzero(tracks.entry[:, k] >= 0)
             a, way = self._of_pairs(each.take(tracks.entry[lane, k]), u)
             column = np.concatenate([lane, lane + count])
-            gains[..., column, k], beside[..., column, k] = a, way
+            gains[..., column, k], extra[..., column, k] = a, way
         for k in range(len(sample_times)):  # before a track begins and after it ends as it is there
             near = np.tile(np.clip(k, tracks.first, tracks.last), 2)
             off = np.flatnonzero(near != k)
-            beside[..., off, k] = beside[..., off, near[off]]
+            extra[..., off, k] = extra[..., off, near[off]]
         way, first, last = self._at_knots(knots, sample_times, found, tracks, positions)
         if not np.array_equal(knots, sample_times):
             weights = knot_weights(sample_times, knots)
-            gains, beside = interpolate_knots(weights, gains), beside @ weights.T
-        tau = (np.tile(way, (2, 1)) + beside) / SPEED_OF_LIGHT
+            gains, extra = interpolate_knots(weights, gains), extra @ weights.T
+        tau = (np.tile(way, (2, 1)) + extra) / SPEED_OF_LIGHT
         if len(knots) > 1:
             rate = tau @ knot_weights(knots, knots, 1).T
         else:
@@ -329,13 +331,13 @@ class CurvedReflections:
     def _of_pairs(self, double_bounces: DoubleBounces, u: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Gains (order, tx, rx, path) of all element pairs, and by how much their ways are longer than the phase
         centre's (tx, rx, path) [m]; of each glint both ways round, one way's after the other's."""
-        eyes, count = self._elements, len(double_bounces)
-        shape = len(eyes.tx), len(eyes.rx), 2 * count
+        elements, count = self._elements, len(double_bounces)
+        shape = len(elements.tx), len(elements.rx), 2 * count
         both = DoubleBounces.concatenate([double_bounces, double_bounces.reverse()]).take(
             np.tile(np.arange(2 * count), shape[0] * shape[1])
         )
-        tx = np.broadcast_to(eyes.tx[:, None, None], (*shape, 3)).reshape(-1, 3)
-        rx = np.broadcast_to(eyes.rx[None, :, None], (*shape, 3)).reshape(-1, 3)
+        tx = np.broadcast_to(elements.tx[:, None, None], (*shape, 3)).reshape(-1, 3)
+        rx = np.broadcast_to(elements.rx[None, :, None], (*shape, 3)).reshape(-1, 3)
         arrival, route = both.arrival(self._whose, tx, rx, self._optics)
         frequencies = [self._radar.center_frequency + self._half_band * float(each) for each in u]
         gains = np.stack([self._received(arrival, route, each).reshape(shape) for each in frequencies])
@@ -363,7 +365,9 @@ class CurvedReflections:
             slope = np.zeros(len(double_bounces))
             if len(overshoot) and len(sample_times) > 1:
                 chosen = double_bounces.take(tracks.entry[overshoot, k])
-                before, after = (self._way(chosen, at + step, positions)[1].length for step in (-RATE_STEP, RATE_STEP))
+                before, after = (
+                    self._at_time(chosen, at + step, positions)[1].length for step in (-RATE_STEP, RATE_STEP)
+                )
                 slope[tracks.entry[overshoot, k]] = (after - before) / (2 * RATE_STEP)
             for j, t in enumerate(knots.tolist()):
                 weight = _hat_weight(sample_times, k, t)
@@ -377,7 +381,7 @@ class CurvedReflections:
                     continue
                 entry = tracks.entry[lane, k]
                 if weight > 0 and t != at:
-                    arrival = self._way(double_bounces.take(entry), t, positions)[1]
+                    arrival = self._at_time(double_bounces.take(entry), t, positions)[1]
                     length, legs = arrival.length, (arrival.legs[0], -arrival.ray)
                 else:
                     length = whole.length[entry] + (t - at) * slope[entry]

@@ -23,7 +23,7 @@ GAP, STEEP = 1e-4, 0.3
 which they fall at this cosine at least."""
 MIN_SEPARATION = 2.0
 """Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
-MAX_OVERSHOOT = 2.0
+MAX_OVERSHOOT_WAVELENGTHS = 2.0
 """Wavelengths that places lie beyond their faces at most, where these go on smoothly."""
 SAME_POINT, SAME_BOUNCE = 1e-6, 1e-3
 """Places as near to each other as that are found by different halves of the same faces, and glints of neighbouring
@@ -64,7 +64,7 @@ class DoubleBounceSearch:
     ) -> None:
         self._smoothed, self._rays, self._source, self._wanted = surface_model, rays, source, wanted
         self._required, self._curvatures = required, curvatures
-        self._max_overshoot = MAX_OVERSHOOT * wavelength
+        self._max_overshoot = MAX_OVERSHOOT_WAVELENGTHS * wavelength
         self._limits = PathLimits(MIN_SEPARATION * wavelength, 2.0 * max_range)
         self.sent = 0
         """Rays sent so far."""
@@ -83,9 +83,9 @@ class DoubleBounceSearch:
             weights.append(found.weights)
             width = size[faces[-1]].max(axis=1, initial=0.0)
             rank.append(np.stack([np.maximum(found.overshoot, 0.0) * width, found.miss]))
-        return self._seen(np.concatenate(faces), np.concatenate(weights), *np.concatenate(rank, axis=1))
+        return self._visible(np.concatenate(faces), np.concatenate(weights), *np.concatenate(rank, axis=1))
 
-    def _seen(
+    def _visible(
         self, facet: NDArray[np.int64], weights: FloatArray, overshoot: FloatArray, miss: FloatArray
     ) -> DoubleBounces:
         """Of places (glint, 2, 3) on faces `facet` (glint, 2), which lie about `overshoot` (glint,) [m] these and

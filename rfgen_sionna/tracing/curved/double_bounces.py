@@ -112,8 +112,8 @@ class DoubleBounces:
         ai, _, bi, _ = airy(-zeta)
         modulus = np.pi * np.cbrt(2 / (wavenumber * cubic)) * np.hypot(ai, bi)
         width = np.sqrt(2 * np.pi / (wavenumber * curvature))
-        gone = np.where(zeta < SEPARATE_ARGUMENT, np.minimum(modulus / width, 1.0), 1.0)
-        return np.asarray(gone.prod(axis=1) * self._overlap_factor(vectors, width))
+        reduction = np.where(zeta < SEPARATE_ARGUMENT, np.minimum(modulus / width, 1.0), 1.0)
+        return np.asarray(reduction.prod(axis=1) * self._overlap_factor(vectors, width))
 
     def _overlap_factor(self, vectors: FloatArray, width: FloatArray) -> FloatArray:
         """(glint,) share of a glint's own return where more than two are so close that their Fresnel zones, `width`
@@ -124,10 +124,10 @@ class DoubleBounces:
         axes = [tangents(self.normal[:, i]) for i in range(2)]
         for n in range(count if count >= MIN_CROWD else 0):
             apart = self.point - self.point[n]
-            beside = np.concatenate([apart[:, i] @ axes[i][n] for i in range(2)], axis=1) @ vectors[n]
-            near = (np.abs(beside) <= 0.5 * width[n]).all(axis=1)
+            offsets = np.concatenate([apart[:, i] @ axes[i][n] for i in range(2)], axis=1) @ vectors[n]
+            near = (np.abs(offsets) <= 0.5 * width[n]).all(axis=1)
             if near.sum() >= MIN_CROWD:
-                extent = np.ptp(beside[near], axis=0)
+                extent = np.ptp(offsets[near], axis=0)
                 longest = int(np.argmax(extent))
                 share[n] = min(1.0, extent[longest] / width[n, longest]) / (near.sum() - 1)
         return share

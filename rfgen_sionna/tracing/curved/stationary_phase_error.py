@@ -57,9 +57,9 @@ def stationary_phase_errors(
         quartic = even - 0.5 * wavenumber * size[:, along] * unit[:, along] ** 2
         higher += np.abs(7.5 * odd**2 - 3.0 * sign * quartic + edge_curvature - 3.0 * sign * change * odd)
     around = np.concatenate([EDGE_OFFSETS, -np.array(EDGE_OFFSETS)])
-    beside = np.einsum("x,aigk->ixagk", around, steps).reshape(2, -1, 3)
-    times = beside.shape[1] // count
-    lies = _on_surfaces(double_bounces.take(np.tile(np.arange(count), times)), beside, source, rays).reshape(
+    offsets = np.einsum("x,aigk->ixagk", around, steps).reshape(2, -1, 3)
+    times = offsets.shape[1] // count
+    lies = _on_surfaces(double_bounces.take(np.tile(np.arange(count), times)), offsets, source, rays).reshape(
         len(around), -1, count
     )
     ends = np.minimum(0.5, 1.0 / (np.sqrt(2.0 * np.pi) * np.abs(around)))

@@ -45,16 +45,16 @@ class CornerReturnEstimate:
     def _outside(self, reflector: NDArray[np.intp] | int, points: FloatArray) -> FloatArray:
         """(flat, 3) how far [m] the points of reflection are beside the outline's rectangle."""
         axes = np.broadcast_to(self._axes[reflector], (len(points), 2, 3))
-        beside = np.einsum("fai,fi->fa", axes, points) - self._middle[reflector]
-        beside -= np.clip(beside, -self._half[reflector], self._half[reflector])
-        return np.asarray(np.einsum("fai,fa->fi", axes, beside))
+        excess = np.einsum("fai,fi->fa", axes, points) - self._middle[reflector]
+        excess -= np.clip(excess, -self._half[reflector], self._half[reflector])
+        return np.asarray(np.einsum("fai,fa->fi", axes, excess))
 
     def _left(self, reflector: NDArray[np.intp] | int, outside: FloatArray, length: FloatArray) -> FloatArray:
         """(flat,) share of the wave that is left so far `outside` (flat, 3) [m] the rectangle."""
         axes = np.broadcast_to(self._axes[reflector], (len(outside), 2, 3))
-        beside = np.abs(np.einsum("fai,fi->fa", axes, outside))
+        excess = np.abs(np.einsum("fai,fi->fa", axes, outside))
         zone = 0.5 * np.sqrt(self._wavelength * length)
-        tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(beside, 1e-12))
+        tail = zone[:, None] / (np.pi * np.sqrt(2.0) * np.maximum(excess, 1e-12))
         return np.asarray(np.minimum(tail, 1.0).prod(axis=1))
 
     def _face(self, flat: NDArray[np.intp], reflector: int) -> NDArray[np.bool_]:
@@ -62,8 +62,8 @@ class CornerReturnEstimate:
         not."""
         least = 0.1 * self._wavelength
         before = (self._corners[flat] @ self._normal[reflector]).max(axis=1) + self._height[reflector]
-        beyond = (self._corners[reflector] @ self._normal[flat].T).max(axis=0) + self._height[flat]
-        return np.asarray((before > least) & (beyond > least))
+        behind_it = (self._corners[reflector] @ self._normal[flat].T).max(axis=0) + self._height[flat]
+        return np.asarray((before > least) & (behind_it > least))
 
     def __call__(self, flat: NDArray[np.intp], first: int, last: int) -> FloatArray:
         """(flat,) levels of radar, plate `first`, flat parts, plate `last` or straight, radar."""

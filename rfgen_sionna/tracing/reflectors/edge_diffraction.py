@@ -118,18 +118,18 @@ class EdgeDiffractionError:
             is there both ways round is looked at once.
         """
         known: dict[int, list[ImageSource]] = {DIRECT: [DIRECT_SOURCE]}
-        outlines: dict[int, FloatArray] = {}
+        triangles: dict[int, FloatArray] = {}
 
         def of(number: int) -> list[ImageSource]:
             if number not in known:
                 known[number] = image_sources(reflectors[number], self._view)
             return known[number]
 
-        def outline(number: int) -> FloatArray:
-            if number not in outlines:
+        def triangles_of(number: int) -> FloatArray:
+            if number not in triangles:
                 flat = planar_parts[number]
-                outlines[number] = flat.triangles(points[flat.surface]) - self._view
-            return outlines[number]
+                triangles[number] = flat.triangles(points[flat.surface]) - self._view
+            return triangles[number]
 
         # What goes by the same plates may be in phase, in whatever order.
         together: defaultdict[tuple[int, frozenset[int]], float] = defaultdict(float)
@@ -141,7 +141,7 @@ class EdgeDiffractionError:
                 ways = [(one, other) for one in of(first) for other in of(last)]
                 facet = footprints.facet[entry]
                 for targets in (
-                    reflector_targets(facet, visible[entry], ways, outline, facets, own),
+                    reflector_targets(facet, visible[entry], ways, triangles_of, facets, own),
                     facet_targets(facet, whole[entry], visible[entry], facets, own, self._view),
                 ):
                     if not len(targets.group):

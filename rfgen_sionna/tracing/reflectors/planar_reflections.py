@@ -105,9 +105,9 @@ class PlanarReflections:
         self._planar_parts: tuple[PlanarPart, ...] | None = None
         self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
         self._adjacent: list[set[int]] = []  # (plate,) those that it has an edge in common with
-        self._stretch = 0
+        self._interval = 0
         # Until when what is too weak is left alone: plates, and kind, surface and plates of groups.
-        self._until: dict[tuple[int, ...], int] = {}
+        self._rests_until: dict[tuple[int, ...], int] = {}
         # (plate, surface) facets that plates may show: lately, and when each of those came to rest.
         self._counts: IntArray = np.zeros((0, len(surfaces.moving)), np.int32)
         self._rested: dict[tuple[int, ...], IntArray] = {}
@@ -135,7 +135,7 @@ class PlanarReflections:
             self._counts = np.zeros((len(self._planar_parts), len(self._surfaces.moving)), np.int32)
             if self._still.any():
                 self._adjacent = adjacent_parts(self._planar_parts, vertices)
-        self._imaging = self._chosen(t)
+        self._imaging = self._imaging_reflectors(t)
         return len(self._planar_parts) > 0
 
     def delay_points(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
@@ -146,7 +146,7 @@ class PlanarReflections:
         planar_parts = [self.planar_parts[number] for number in self._imaging]
         return [flat.image(every[flat.surface], points) for flat in planar_parts for points in few]
 
-    def _chosen(self, t: float) -> list[int]:
+    def _imaging_reflectors(self, t: float) -> list[int]:
         """Plates in which images are followed: some of those that move and show something at `t` [s]."""
         first, reflectors = len(self._surfaces.static), zip(self.planar_parts, self.at(t), strict=True)
         moving = [
@@ -221,7 +221,7 @@ class PlanarReflections:
     def trace_visibility(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> ReflectionVisibility:
         """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
         wall, still = self._wall, self._stays
-        clipper, visible = self._clipper(t, rays, facets), self._straight(facets, fraction)
+        clipper, visible = self._clipper(t, rays, facets), self._directly_visible(facets, fraction)
         own = self.owner[facets.number]
         unoccluded, once = {}, []
         for number, reflector in enumerate(self.at(t)):
@@ -236,7 +236,7 @@ class PlanarReflections:
                 once.append(clipper.clip_facets(self._strong(chosen, facets, number, DIRECT), number, DIRECT))
         twice = []
         if self._max_bounces > 2:
-            across = self._across(t)
+            across = self._partners(t)
             for number, first in unoccluded.items():
                 for other, last in unoccluded.items():
                     walls = still[number] and still[other]
@@ -255,7 +255,7 @@ class PlanarReflections:
     def _clipper(self, t: float, rays: RayScene, facets: Facets) -> FootprintClipper:
         return FootprintClipper(rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range)
 
-    def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+    def _directly_visible(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
         """(facet,) which may be seen the straight way."""
         return np.asarray(fraction > 0)
 
@@ -276,7 +276,7 @@ class PlanarReflections:
     def _band(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
         return ReflectedBand(radar, rtol, mirrors, tx, rx)
 
-    def _across(self, t: float) -> list[set[int]]:
+    def _partners(self, t: float) -> list[set[int]]:
         """(plate,) by way of which plates that stay in the world, together with each of them, others are shown: itself,
         and to a radar that moves those that it meets, as in corner reflectors, and among wide ones all others."""
         found = [{number} for number in range(len(self.planar_parts))]
@@ -300,7 +300,9 @@ class PlanarReflections:
 
     def _is_resting(self, key: tuple[int, ...], count: IntArray) -> bool:
         """Whether a plate or group is left alone, where plates may show so many facets."""
-        rests = self._until.get(key, -1) > self._stretch and bool((count <= WAKE_GROWTH * self._rested[key]).all())
+        rests = self._rests_until.get(key, -1) > self._interval and bool(
+            (count <= WAKE_GROWTH * self._rested[key]).all()
+        )
         if rests:
             self._skipped.add(key)
         return rests
@@ -348,20 +350,20 @@ class PlanarReflections:
             error += missed
             total = total + self._edges.returned(more, facets[middle].surface[column], knot)
         self._returns.finish(error)
-        self._stretch += 1
+        self._interval += 1
         idle = [(number,) for number in range(len(self.planar_parts)) if number not in used]
         for key in (*idle, *((kind, *group) for kind, those in enumerate(weak) for group in those)):
             if key not in self._skipped:
                 # Not all at once: what comes back is looked at in turns.
-                self._until[key] = self._stretch + REST_INTERVALS + sum(key) % REST_INTERVALS
+                self._rests_until[key] = self._interval + REST_INTERVALS + sum(key) % REST_INTERVALS
                 self._rested[key] = self._facets_reached(key).copy()
         self._skipped.clear()
         # No facets mend what the mirrors' outlines do.
         if paths:
             level = np.abs(total)
             np.maximum.at(level, tolerance_groups(self._surfaces.moving), reference_level)
-            beside = self._edge_error(float(sample_times[middle]), facets[middle], visible[middle], weak)
-            error = float(np.hypot(error, (beside / np.maximum(level, 1e-300)).max()))
+            edge_error = self._edge_error(float(sample_times[middle]), facets[middle], visible[middle], weak)
+            error = float(np.hypot(error, (edge_error / np.maximum(level, 1e-300)).max()))
         return paths, error
 
     def _edge_error(

@@ -83,7 +83,7 @@ def reflector_targets(
     facet: NDArray[np.intp],
     visible: FloatArray,
     ways: Sequence[tuple[ImageSource, ImageSource]],
-    outline: Callable[[int], FloatArray],
+    triangles_of: Callable[[int], FloatArray],
     facets: Facets,
     own: IntArray,
 ) -> ShadowTargets:
@@ -93,7 +93,7 @@ def reflector_targets(
     flat = own[facet]
     facet, visible, flat = facet[flat >= 0], visible[flat >= 0], flat[flat >= 0]
     planar_parts, first, index = np.unique(flat, return_index=True, return_inverse=True)
-    count, triangles = len(planar_parts), [outline(number) for number in planar_parts.tolist()]
+    count, triangles = len(planar_parts), [triangles_of(number) for number in planar_parts.tolist()]
     pieces = np.concatenate([*triangles, np.zeros((0, 3, 3))])
     owner = np.repeat(np.arange(count), [len(each) for each in triangles])
     visible_facets = np.zeros(count)
@@ -151,10 +151,10 @@ def triangle_spans(t: FloatArray, s: FloatArray, at: FloatArray) -> tuple[FloatA
     """(piece, cell) where lines across, at `at` (piece, cell), enter and leave triangles with corners `t`, `s`
     (piece, corner); the other way round where they miss them."""
     away = t[:, :, None] - at[:, None]
-    after, beyond = np.roll(away, -1, axis=1), np.roll(s, -1, axis=1)
+    after, following_s = np.roll(away, -1, axis=1), np.roll(s, -1, axis=1)
     met = away * after < 0
     share = away / np.where(met, away - after, 1.0)
-    place = s[:, :, None] + share * (beyond - s)[:, :, None]
+    place = s[:, :, None] + share * (following_s - s)[:, :, None]
     return np.where(met, place, np.inf).min(axis=1), np.where(met, place, -np.inf).max(axis=1)
 
 

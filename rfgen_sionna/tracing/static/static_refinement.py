@@ -36,12 +36,12 @@ MAX_SUBDIVISIONS = 32
 """What :data:`rfgen_sionna.tracing.moving.temporal_refinement.MAX_SUBDIVISIONS` is, of what stays: flat facets of
 rooms are wider than those of
 bodies."""
-LIKELY = 0.35
+LEAVE_ONE_OUT_SCALE = 0.35
 """What splines through all instants mostly miss, of what they miss without one of them: only where that is above the
 tolerance facets are looked at again. The error that is stated is all of it, as much as is missed where edges pass by
 wavelengths at once."""
 
-_SURE = 0.3
+_NEGLIGIBLE_SHARE = 0.3
 """Share of the tolerance that facets which are not even integrated may err by, at most."""
 
 
@@ -95,23 +95,25 @@ def refine_occlusion(
         return nothing
     _, cut, width = max_returns(static.facets.corners[some] - static.viewpoint, static.returns.wavenumber)
     # Few of many facets may return enough to matter.
-    at_most = LIKELY * _at_most(static, some, left[some], cut, width)
+    at_most = LEAVE_ONE_OUT_SCALE * _at_most(static, some, left[some], cut, width)
     order = np.argsort(at_most, kind="stable")
     whole = (static.paths.a[0, 0, some] * _phasors(static.paths, some))[:, 0] * static.weight[some]
-    together = np.cumsum(LIKELY * leave_one_out(whole[order, None] * left[some[order]]), axis=0)
+    together = np.cumsum(LEAVE_ONE_OUT_SCALE * leave_one_out(whole[order, None] * left[some[order]]), axis=0)
     apart = np.sqrt(np.cumsum(at_most[order] ** 2))
     skipped = np.maximum.accumulate(np.maximum(apart, rms(together)))  # one by one, and as they add up, side by side
-    sure = int(np.count_nonzero(skipped <= _SURE * BETWEEN_PER_RTOL * rtol * static.level))
-    beside, aside = (apart[sure - 1], together[sure - 1]) if sure else (0.0, np.zeros(together.shape[1], np.complex128))
+    sure = int(np.count_nonzero(skipped <= _NEGLIGIBLE_SHARE * BETWEEN_PER_RTOL * rtol * static.level))
+    apart_skipped, together_skipped = (
+        (apart[sure - 1], together[sure - 1]) if sure else (0.0, np.zeros(together.shape[1], np.complex128))
+    )
     rows = np.sort(order[sure:])
     some, width, mine = some[rows], width[rows], np.zeros(len(left), np.bool_)
     mine[some] = True
-    told, most = (
+    integrated_visibility, most = (
         static.integrated([each.only(mine) for each in static_visibility]),
         max_subdivisions(len(sample_times), MAX_SUBDIVISIONS),
     )
     found = choose_refinement(
-        LIKELY * _single(static, some, left[some], told),
+        LEAVE_ONE_OUT_SCALE * _single(static, some, left[some], integrated_visibility),
         np.broadcast_to(_phasors(static.paths, some), (len(some), len(sample_times))),
         left[some],
         width,
@@ -120,9 +122,9 @@ def refine_occlusion(
         np.array([static.level]),
         rtol,
         most,
-        aside,
+        together_skipped,
     )
-    found = found._replace(rest=np.hypot(found.rest, beside) / LIKELY)
+    found = found._replace(rest=np.hypot(found.rest, apart_skipped) / LEAVE_ONE_OUT_SCALE)
     if not len(found.facets):
         return nothing._replace(error=found.error())
     chosen, rounds = some[found.facets], max(found.rounds, 2)
@@ -135,7 +137,7 @@ def refine_occlusion(
         """Of a large room no more is kept than what is looked at."""
         return visibility._replace(left=visibility.left[chosen])
 
-    known = {t: own(each.only(mine)) for t, each in zip(sample_times.tolist(), told, strict=True)}
+    known = {t: own(each.only(mine)) for t, each in zip(sample_times.tolist(), integrated_visibility, strict=True)}
     waves, every = _phasors(static.paths, chosen), np.zeros(len(chosen), np.intp)
     sent = 0
     while True:
@@ -155,9 +157,11 @@ def refine_occlusion(
             break
         rounds = min(2 * rounds, most)
     rest = [each.only(~mine) for each in static_visibility]
-    asked = len(chosen) * (len(known) - len(sample_times))
-    unknown = max(each.missed for each in known.values())
-    return ActorOcclusion(sample_times, rest, times, chosen, occluders, found.error(missed), asked, sent, unknown)
+    resampled = len(chosen) * (len(known) - len(sample_times))
+    missed_edges = max(each.missed for each in known.values())
+    return ActorOcclusion(
+        sample_times, rest, times, chosen, occluders, found.error(missed), resampled, sent, missed_edges
+    )
 
 
 def interpolation_error(static: StaticTrace, paths: RadarPaths, left: FloatArray) -> float:
@@ -211,8 +215,8 @@ def _single(
             own = own + np.sqrt(static.fraction[owner] * left[row[owner], k]) * rough[0, 0, owner]
         found[row[owner], k] = own
         if each.boundary_correction is not None:
-            beside = each.boundary_correction.within(owner)
-            found[row[owner], k] += static.fraction[owner] * beside.of_first(len(owner))
+            correction = each.boundary_correction.within(owner)
+            found[row[owner], k] += static.fraction[owner] * correction.of_first(len(owner))
     return np.asarray(found * static.weight[index][:, None])
 
 

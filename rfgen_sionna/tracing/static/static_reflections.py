@@ -120,11 +120,17 @@ class ReflectionSetup:
     merge_footprints: Callable[[Sequence[ClippedFootprints]], ClippedFootprints]
     clipped: Callable[[Facets, ClippedFootprints, bool], ReflectedFacets]
     """All entries, the ways swapped or not, of what was looked at."""
-    made: Callable[[RadarPaths, float, int, tuple[ClippedFootprints, ...], FootprintClipper], StaticReflections]
+    result_type: Callable[[RadarPaths, float, int, tuple[ClippedFootprints, ...], FootprintClipper], StaticReflections]
 
 
 def trace_static_reflections(
-    surfaces: Surfaces, rays: RayScene, radar: Radar, band: BandTracer, static: StaticTrace, rtol: float, most: int
+    surfaces: Surfaces,
+    rays: RayScene,
+    radar: Radar,
+    band: BandTracer,
+    static: StaticTrace,
+    rtol: float,
+    max_bounces: int,
 ) -> StaticReflections | None:
     """Paths of two, and with `most` of 3 of three, bounces within the static scene, of which `rays` holds nothing else;
     None where there are none."""
@@ -136,23 +142,23 @@ def trace_static_reflections(
     def clipped(facets: Facets, footprints: ClippedFootprints, swapped: bool) -> ReflectedFacets:
         return ReflectedFacets.clipped(facets, footprints.keys, footprints, swapped)
 
-    showing = ReflectionSetup(
+    setup = ReflectionSetup(
         static.facets, static.levels, clipper, ReflectedBand, merge_footprints, clipped, StaticReflections
     )
-    return trace_reflections(showing, surfaces, radar, band, static, rtol, most)
+    return trace_reflections(setup, surfaces, radar, band, static, rtol, max_bounces)
 
 
 def trace_reflections(
-    showing: ReflectionSetup,
+    setup: ReflectionSetup,
     surfaces: Surfaces,
     radar: Radar,
     band: BandTracer,
     static: StaticTrace,
     rtol: float,
-    most: int,
+    max_bounces: int,
 ) -> StaticReflections | None:
     """As :func:`trace_static_reflections`, of what is shown."""
-    view, facets = np.asarray(radar.position), showing.facets
+    view, facets = np.asarray(radar.position), setup.facets
     points = surfaces.static_vertices
     planar_parts = find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
     reflectors = [flat.at(points[flat.surface], view) for flat in planar_parts]
@@ -167,24 +173,24 @@ def trace_reflections(
     own = owner[facets.number]
     order = np.argsort(own, kind="stable")
     starts = np.searchsorted(own[order], np.arange(-1, len(planar_parts) + 1))
-    of_flat = [order[starts[f + 1] : starts[f + 2]] for f in range(len(planar_parts))]
+    facets_of = [order[starts[f + 1] : starts[f + 2]] for f in range(len(planar_parts))]
     bent = order[starts[0] : starts[1]]
     levels = CornerReturnEstimate(reflectors, radar)
     mirrors = [reflector for m in wide if (reflector := reflectors[m]) is not None]
-    round_ones = [
+    curved_surfaces = [
         _CurvedSurface(
-            number, showing.levels[number], ghost_levels(radar, band.pattern_gain, mirrors, points[number], most)
+            number, setup.levels[number], ghost_levels(radar, band.pattern_gain, mirrors, points[number], max_bounces)
         )
         for number in np.unique(facets.surface[bent]).tolist()
     ]
     # By two plates they are seen from elsewhere: their far side, too.
-    twice_shown = [each.number for each in round_ones if each.by_two.max(initial=0.0) > allowed]
-    if twice_shown:
-        around = static_facets(surfaces, band, view, static.tolerance, radar.max_range, twice_shown)
+    by_two_mirrors = [each.number for each in curved_surfaces if each.by_two.max(initial=0.0) > allowed]
+    if by_two_mirrors:
+        around = static_facets(surfaces, band, view, static.tolerance, radar.max_range, by_two_mirrors)
         around = around.take(np.flatnonzero(owner[around.number] < 0))
         facets = Facets.joined([facets, around])
-    every = np.arange(len(showing.facets), len(facets))
-    clipper = showing.clipper(reflectors, owner, facets)
+    every = np.arange(len(setup.facets), len(facets))
+    clipper = setup.clipper(reflectors, owner, facets)
 
     @cache
     def unoccluded(mirror: int) -> NDArray[np.bool_]:
@@ -202,12 +208,12 @@ def trace_reflections(
     once: list[ClippedFootprints] = []
     twice: list[ClippedFootprints] = []
     area = np.array([flat.area for flat in planar_parts])
-    present = np.array([f for f in possible if len(of_flat[f])], dtype=np.intp)
+    present = np.array([f for f in possible if len(facets_of[f])], dtype=np.intp)
     for m in possible:
         others = present[(present != m) & (mirror_weights(area, present, m, DIRECT) > 0)]
         for f, level in _above(allowed, others, levels(others, m, DIRECT)):
-            once.append(clip_facets(of_flat[f], level, m, DIRECT))
-    if most > 2:
+            once.append(clip_facets(facets_of[f], level, m, DIRECT))
+    if max_bounces > 2:
         # By way of two narrow plates these matter in corner reflectors, where they meet.
         across = adjacent_parts(planar_parts, points)
         for m in wide:
@@ -216,9 +222,9 @@ def trace_reflections(
             for other in sorted(each for each in {m, *across[m]} if each >= m and reflectors[each] is not None):
                 others = present[(present != m) & (present != other)]
                 for f, level in _above(allowed, others, levels(others, m, other)):
-                    found = clip_facets(of_flat[f], level, m, other)
+                    found = clip_facets(facets_of[f], level, m, other)
                     twice += [found] if other == m else [found, found.swapped()]
-    for each in round_ones:
+    for each in curved_surfaces:
         index = bent[facets.surface[bent] == each.number]
         for m, level in zip(wide, each.by_one.tolist(), strict=True):
             if level > allowed:
@@ -227,18 +233,18 @@ def trace_reflections(
         for one, other in np.argwhere(each.by_two > allowed).tolist():
             found = clip_facets(index, each.by_two[one, other], wide[one], wide[other])
             twice += [found] if one == other else [found, found.swapped()]
-    footprint_sets = showing.merge_footprints(once), showing.merge_footprints(twice)
+    footprint_sets = setup.merge_footprints(once), setup.merge_footprints(twice)
 
-    def counted(facets: Facets, footprints: ClippedFootprints, swapped: bool) -> ReflectedFacets:
+    def weighted(facets: Facets, footprints: ClippedFootprints, swapped: bool) -> ReflectedFacets:
         shares = mirror_weights(area, clipper.owner(footprints.facet), footprints.first, footprints.last)
-        return showing.clipped(facets, footprints, swapped).times(shares)
+        return setup.clipped(facets, footprints, swapped).times(shares)
 
-    def beside(footprint_sets: Sequence[ClippedFootprints], edges: EdgeDiffractionError) -> FloatArray:
+    def edge_error(footprint_sets: Sequence[ClippedFootprints], edges: EdgeDiffractionError) -> FloatArray:
         left = [(footprints, clipper.left(footprints)) for footprints in footprint_sets]
         return edges(planar_parts, reflectors, points, facets, owner[facets.number], area, left)
 
     return _integrate_reflections(
-        replace(showing, clipped=counted),
+        replace(setup, clipped=weighted),
         facets,
         surfaces,
         radar,
@@ -247,7 +253,7 @@ def trace_reflections(
         clipper,
         reflectors,
         footprint_sets,
-        beside,
+        edge_error,
     )
 
 
@@ -278,7 +284,7 @@ def _above(allowed: float, planar_parts: NDArray[np.intp], levels: FloatArray) -
 
 
 def _integrate_reflections(
-    showing: ReflectionSetup,
+    setup: ReflectionSetup,
     facets: Facets,
     surfaces: Surfaces,
     radar: Radar,
@@ -287,14 +293,14 @@ def _integrate_reflections(
     clipper: FootprintClipper,
     reflectors: Sequence[PlanarReflector | None],
     footprint_sets: tuple[ClippedFootprints, ClippedFootprints],
-    beside: Callable[[Sequence[ClippedFootprints], EdgeDiffractionError], FloatArray],
+    edge_error: Callable[[Sequence[ClippedFootprints], EdgeDiffractionError], FloatArray],
 ) -> StaticReflections | None:
     mirrors = tuple(reflector or next(each for each in reflectors if each is not None) for reflector in reflectors)
     names = surfaces.object_names, surfaces.part_names
-    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, showing.band)
+    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, setup.band)
     reference_level, now = np.full(len(surfaces.static), static.level), np.zeros(1)
     footprint_sets, error = _cull_weak(
-        showing, facets, returns, clipper, footprint_sets, NEGLIGIBLE * rtol * static.level
+        setup, facets, returns, clipper, footprint_sets, NEGLIGIBLE * rtol * static.level
     )
     paths, error, used = [], error / max(static.level, 1e-300), []
     # All that stays returns together.
@@ -306,7 +312,7 @@ def _integrate_reflections(
         footprints = footprint_sets[1] if all(way) else footprint_sets[0]
         if len(footprints.facet) == 0:
             continue
-        any_visible = showing.clipped(facets, footprints, way == (False, True))
+        any_visible = setup.clipped(facets, footprints, way == (False, True))
 
         def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
             return facets.centroids[chosen]
@@ -321,12 +327,12 @@ def _integrate_reflections(
     if not paths:
         return None
     level = max(static.level, float(np.abs(total[0])), 1e-300)
-    error = float(np.hypot(error, beside(footprint_sets, edges)[0] / level))
-    return showing.made(RadarPaths.concatenate(paths), error, clipper.sent, tuple(used), clipper)
+    error = float(np.hypot(error, edge_error(footprint_sets, edges)[0] / level))
+    return setup.result_type(RadarPaths.concatenate(paths), error, clipper.sent, tuple(used), clipper)
 
 
 def _cull_weak(
-    showing: ReflectionSetup,
+    setup: ReflectionSetup,
     facets: Facets,
     returns: ImageReturns,
     clipper: FootprintClipper,
@@ -344,7 +350,7 @@ def _cull_weak(
         if len(footprints.facet):
             # What goes by one plate does both ways round, either of which counts: Tx and Rx may be changed over.
             each = [
-                returns.estimate(way, 0.0, showing.clipped(facets, footprints, way == (False, True)), PROBES)
+                returns.estimate(way, 0.0, setup.clipped(facets, footprints, way == (False, True)), PROBES)
                 for way in ways
             ]
             waves.append(np.sum(each, axis=0))

@@ -102,10 +102,10 @@ def static_slab_transmission(
     """What static slabs let through beside their shadows' edges on static facets."""
     edges, every = SlabTransmission(transmission_tracer, band, range(len(surfaces.static))), _all_vertices(surfaces)
 
-    def beside(rays: RayScene, facets: Facets, found: SampledVisibility) -> tuple[FloatArray, int]:
+    def edge_transmission(rays: RayScene, facets: Facets, found: SampledVisibility) -> tuple[FloatArray, int]:
         return edges(rays, every, facets, found.owner, found.pieces, found.occluder)
 
-    return beside
+    return edge_transmission
 
 
 def _all_vertices(surfaces: Surfaces) -> list[FloatArray]:
@@ -152,7 +152,7 @@ def trace_static_slab_reflections(
     static: StaticTrace,
     through: RadarPaths | None,
     rtol: float,
-    most: int,
+    max_bounces: int,
 ) -> StaticReflections | None:
     """As :func:`~rfgen_sionna.tracing.static.static_reflections.trace_static_bounces`, for ways through static slabs;
     `through`
@@ -162,18 +162,18 @@ def trace_static_slab_reflections(
     count = len(surfaces.static)
     if not transmission_tracer.any_transmission(range(count), one_way=True):
         return None
-    gone_through = np.where(np.arange(len(every)) < count, transmission_tracer.through, 0.0)
+    amplitude = np.where(np.arange(len(every)) < count, transmission_tracer.through, 0.0)
     # Nothing of what moves is gone through: any vertices of it will do.
     vertices = [*surfaces.static_vertices, *(np.zeros((int(each.faces.max()) + 1, 3)) for each in surfaces.moving)]
     view, least = np.asarray(radar.position), OMITTED_SHARE * rtol
 
     def clipper(reflectors: Sequence[PlanarReflector | None], owner: IntArray, facets: Facets) -> SlabFootprintClipper:
-        slab_tracer = SlabTracer(rays, vertices, every, gone_through, least**2)
+        slab_tracer = SlabTracer(rays, vertices, every, amplitude, least**2)
         return SlabFootprintClipper(
-            slab_tracer, gone_through, least, rays, reflectors, owner, view, facets, radar.max_range
+            slab_tracer, amplitude, least, rays, reflectors, owner, view, facets, radar.max_range
         )
 
-    def made_of(radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
+    def slab_band(radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
         return SlabReflectedBand(transmission_tracer.table, radar, rtol, mirrors, tx, rx)
 
     def joined(footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
@@ -185,8 +185,8 @@ def trace_static_slab_reflections(
         return found
 
     levels = static.levels if through is None else np.maximum(static.levels, _levels(surfaces, through))
-    showing = ReflectionSetup(_whole(static), levels, clipper, made_of, joined, clipped, StaticSlabReflections)
-    return trace_reflections(showing, surfaces, radar, band, static, rtol, most)
+    setup = ReflectionSetup(_whole(static), levels, clipper, slab_band, joined, clipped, StaticSlabReflections)
+    return trace_reflections(setup, surfaces, radar, band, static, rtol, max_bounces)
 
 
 def _whole(static: StaticTrace) -> Facets:

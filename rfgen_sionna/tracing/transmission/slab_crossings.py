@@ -111,17 +111,17 @@ class SlabTracer:
             at = begun[open_] + hits.distance
             of = np.where(hits.object < 0, NO_SLAB, hits.facet if label is None else label[hits.facet])
             met = (hits.object >= 0) & (of == ends[open_])
-            beyond = ~met & ((hits.object < 0) | (at > (1.0 - BLIND_GAP) * reach[open_]))
+            arrived = ~met & ((hits.object < 0) | (at > (1.0 - BLIND_GAP) * reach[open_]))
             if exact:
-                crossing[open_[beyond]] = BLOCKED
-            indirect = np.flatnonzero(~met & ~beyond)
+                crossing[open_[arrived]] = BLOCKED
+            indirect = np.flatnonzero(~met & ~arrived)
             own = np.zeros(len(indirect), np.bool_) if starts is None else of[indirect] == starts[open_[indirect]]
             entered = indirect[~own]
             lane, surface = open_[entered], hits.object[entered]
             left[lane] *= self._through[surface]
-            gone = (left[lane] ** 2 > self._least) & (depth[lane] < MAX_SLABS)
-            crossing[lane[~gone]] = BLOCKED
-            lane, surface, met_at = lane[gone], surface[gone], entered[gone]
+            transmitted = (left[lane] ** 2 > self._least) & (depth[lane] < MAX_SLABS)
+            crossing[lane[~transmitted]] = BLOCKED
+            lane, surface, met_at = lane[transmitted], surface[transmitted], entered[transmitted]
             face, place = hits.face[met_at], hits.barycentric[met_at]
             across = np.empty((len(lane), 3))
             for each in np.unique(surface):
@@ -132,7 +132,7 @@ class SlabTracer:
             across *= -np.sign(np.einsum("ri,ri->r", across, k[lane]))[:, None]
             crossing[lane, depth[lane]], normals[lane, depth[lane]] = surface, across
             depth[lane] += 1
-            indirect = np.concatenate([indirect[own], entered[gone]])
+            indirect = np.concatenate([indirect[own], entered[transmitted]])
             open_, at = open_[indirect], at[indirect]
             begun[open_] = at + BLIND_GAP * reach[open_]
         crossing[open_] = BLOCKED

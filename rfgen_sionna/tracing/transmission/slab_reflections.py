@@ -49,7 +49,7 @@ class SlabReflections(PlanarReflections):
         self._transmission_tracer = transmission_tracer
         super().__init__(surfaces, radar, rtol, max_bounces, tuple)
 
-    def _chosen(self, t: float) -> list[int]:
+    def _imaging_reflectors(self, t: float) -> list[int]:
         """Plates in which images are followed: the largest, walls among them."""
         there = [number for number, reflector in enumerate(self.at(t)) if reflector is not None]
         return sorted(there, key=lambda number: -self.planar_parts[number].area)[:MAX_IMAGES]
@@ -63,7 +63,7 @@ class SlabReflections(PlanarReflections):
         given = rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range
         return SlabFootprintClipper(slab_tracer, self._transmission_tracer.through, least, *given)
 
-    def _straight(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+    def _directly_visible(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
         return self._transmission_tracer.possibly_visible(facets, self._transmission_tracer.penetrable)
 
     def _joined(self, footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
