@@ -13,7 +13,8 @@ import numpy as np
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.furnished.finishes import FINISHES, surface_material
 from rfgen_sionna.scene.furnished.layout import Ground, Item, Plan
-from rfgen_sionna.scene.furnished.shapes import Part, merge
+from rfgen_sionna.scene.furnished.piece import merge
+from rfgen_sionna.scene.furnished.shapes import Part
 from rfgen_sionna.scene.materials import warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, lengths
 from rfgen_sionna.scene.scene import Interior, RadarScene, StaticObject

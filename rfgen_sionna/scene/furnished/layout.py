@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.scene.furnished.shapes import Part, Piece
+from rfgen_sionna.scene.furnished.piece import Piece
+from rfgen_sionna.scene.furnished.shapes import Part
 
 Wall = Literal["far", "near", "left", "right"]
 """Sides of a place, seen by a radar that looks along +x: far is high x, left is high y."""

@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Ground, Plan, Wall
-from rfgen_sionna.scene.furnished.shapes import Part, box, cushion, grid_faces, joined, lathe, merge, quad, tube
+from rfgen_sionna.scene.furnished.piece import merge
+from rfgen_sionna.scene.furnished.shapes import Part, box, cushion, grid_faces, joined, lathe, quad, tube
 
 DOOR_SPACE = 0.75
 """Free space in front of a door [m]."""

@@ -4,21 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.shapes import (
-    Part,
-    Piece,
-    block,
-    box,
-    cushion,
-    joined,
-    lathe,
-    loft,
-    pick,
-    piece,
-    quad,
-    ring,
-    tube,
-)
+from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, joined, lathe, loft, quad, ring, tube
 from rfgen_sionna.scene.furnished.shell import Opening, panel, window_parts
 
 

@@ -4,19 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.shapes import (
-    Part,
-    Piece,
-    block,
-    box,
-    cushion,
-    grid_faces,
-    lathe,
-    leaves,
-    pick,
-    piece,
-    tube,
-)
+from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, lathe, leaves, tube
 
 
 def floor_lamp(rng: np.random.Generator) -> Piece:

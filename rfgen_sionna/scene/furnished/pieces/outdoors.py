@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
 from rfgen_sionna.scene.furnished.shapes import (
     Part,
-    Piece,
     block,
     box,
     cushion,
@@ -16,8 +16,6 @@ from rfgen_sionna.scene.furnished.shapes import (
     loft,
     lump,
     mirrored,
-    pick,
-    piece,
     ring,
     tube,
 )

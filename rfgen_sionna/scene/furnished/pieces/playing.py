@@ -4,20 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.shapes import (
-    Part,
-    Piece,
-    block,
-    box,
-    corners,
-    cushion,
-    grid_faces,
-    lathe,
-    pick,
-    piece,
-    ring,
-    tube,
-)
+from rfgen_sionna.scene.furnished.piece import Piece, corners, pick, piece
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, lathe, ring, tube
 
 
 def swing(rng: np.random.Generator) -> Piece:

@@ -4,19 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.shapes import (
-    Part,
-    Piece,
-    block,
-    box,
-    corners,
-    cushion,
-    lathe,
-    legs,
-    pick,
-    piece,
-    tube,
-)
+from rfgen_sionna.scene.furnished.piece import Piece, corners, legs, pick, piece
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, tube
 
 
 def upholstered(rng: np.random.Generator, places: int, cover: str, arm: float, each: float, depth: float) -> list[Part]:

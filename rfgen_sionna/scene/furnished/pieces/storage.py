@@ -4,20 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.shapes import (
-    Part,
-    Piece,
-    block,
-    box,
-    corners,
-    cushion,
-    joined,
-    lathe,
-    legs,
-    pick,
-    piece,
-    tube,
-)
+from rfgen_sionna.scene.furnished.piece import Piece, corners, legs, pick, piece
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, joined, lathe, tube
 
 
 def books(rng: np.random.Generator, width: float, height: float, depth: float) -> Part | None:

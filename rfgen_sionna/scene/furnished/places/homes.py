@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Item, Plan, Wall, from_item, person_space
+from rfgen_sionna.scene.furnished.piece import Piece, pick
 from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
-from rfgen_sionna.scene.furnished.shapes import Piece, pick
 from rfgen_sionna.scene.furnished.shell import Opening, add_door, add_windows, enclose
 
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.furnished.layout import Plan, person_space
+from rfgen_sionna.scene.furnished.piece import pick
 from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, seating
-from rfgen_sionna.scene.furnished.shapes import box, joined, pick, quad, sheet
+from rfgen_sionna.scene.furnished.shapes import box, joined, quad, sheet
 
 GROUND_REACH = 45.0
 """Extent of the ground [m]."""

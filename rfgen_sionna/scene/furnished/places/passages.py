@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import Plan, Wall, person_space
+from rfgen_sionna.scene.furnished.piece import pick
 from rfgen_sionna.scene.furnished.pieces import buildings, decor, outdoors, seating, storage, tables
 from rfgen_sionna.scene.furnished.places.homes import add_radiators
-from rfgen_sionna.scene.furnished.shapes import pick
 from rfgen_sionna.scene.furnished.shell import Opening, add_windows, enclose
 
 

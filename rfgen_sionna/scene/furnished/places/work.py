@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Plan
+from rfgen_sionna.scene.furnished.piece import Piece, pick
 from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
 from rfgen_sionna.scene.furnished.places.homes import add_radiators, doors_and_windows, room, wall_decoration
-from rfgen_sionna.scene.furnished.shapes import Piece, pick
 from rfgen_sionna.scene.furnished.shell import enclose
 
 
@@ -100,7 +100,8 @@ def lab(rng: np.random.Generator) -> Plan:
 
 
 def gas_bottle(rng: np.random.Generator) -> Piece:
-    from rfgen_sionna.scene.furnished.shapes import lathe, piece
+    from rfgen_sionna.scene.furnished.piece import piece
+    from rfgen_sionna.scene.furnished.shapes import lathe
 
     r, h = 0.115, rng.uniform(1.3, 1.55)
     profile = [
