@@ -14,14 +14,13 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment import room_selection as rooms
 from rfgen_sionna.generative.environment.conditional_prior import LatentPrior
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, ModelFileError, read_model
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images, with_layout_maps
 from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, noise_like, sample_images
 from rfgen_sionna.generative.environment.layout_map import CHANNELS, empty_layout_maps, mirrored, render_layout_map
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.generative.environment.primitives import Primitives, PrimitiveScene, fit_primitives
 from rfgen_sionna.generative.environment.room_selection import FIRST_SEED, PlaceRequest, choose_room
-from rfgen_sionna.generative.environment.view_unet import KINDS
+from rfgen_sionna.generative.environment.view_unet import KINDS, make_scheduler
 from rfgen_sionna.generative.environment.viewpoints import PlaceRenderer, Viewpoint, choose_viewpoint
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
