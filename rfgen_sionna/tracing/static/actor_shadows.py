@@ -1,4 +1,4 @@
-"""What actors take from static paths."""
+"""Shadows of actors on static paths."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from rfgen_sionna.records import RadarPaths
 
 @dataclass(frozen=True)
 class Shadow:
-    """Static paths weighted with what actors leave of them less 1: added to the static paths it is what is left."""
+    """Change of static paths by actors: gains times the visible share minus 1. Static paths plus shadow are what is
+    left."""
 
     paths: RadarPaths
     index: NDArray[np.intp]
-    """(path,) static path that each takes from."""
+    """(path,) static path of each."""
 
     def at(self, index: NDArray[np.intp]) -> Shadow:
-        """The same where `index` counts the static paths out of more."""
+        """The same, with `index` mapped to the numbers `index[...]` of a larger set of paths."""
         return replace(self, index=index[self.index])
 
     def of(self, first: int) -> Shadow:
-        """The same where the static paths are counted from `first` on."""
+        """The same, with static paths numbered from `first` on."""
         return replace(self, index=self.index + first)
 
 
 def cast_shadow(
     paths: RadarPaths, left: FloatArray, knots: FloatArray, within: NDArray[np.intp] | None = None
 ) -> tuple[Shadow, Shadow]:
-    """Shadows on static `paths`, of a single knot, when `left` (path, time) is left of each at the knots [s].
+    """Shadows on single-knot static `paths` with visible share `left` (path, time) at the `knots` [s].
 
-    The first one changes from knot to knot, and holds the paths `within`, which are hidden in part, in any case. The
-    second one stays as it is, with a single knot: most of what a body hides it hides all along.
+    The first one holds paths whose share changes, and in any case the partly occluded paths `within`. The second one
+    holds constant shares, with a single knot.
     """
     changes = (left != left[:, :1]).any(axis=1)
     if within is not None:

@@ -1,5 +1,5 @@
-"""What bent surfaces of the static scene show of one another (:mod:`~rfgen_sionna.tracing.curved.curved_reflections`),
-once."""
+"""Specular double bounces between curved static surfaces, found once
+(:mod:`~rfgen_sionna.tracing.curved.curved_reflections`)."""
 
 from __future__ import annotations
 
@@ -24,31 +24,30 @@ from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 @dataclass(frozen=True)
 class StaticCurvedReflections:
-    """Glints within the static scene."""
+    """Specular double bounces within the static scene."""
 
     paths: RadarPaths
-    """Of a single knot: of each glint both ways round, one way's after the other's."""
+    """Single knot; all double bounces in one direction, then in the other."""
     rays: int
     facet: NDArray[np.int64]
-    """(glint, 2) faces of both places."""
+    """(double bounce, 2) faces of both points."""
     places: FloatArray
-    """(glint, 2, 3) places on the mesh [m]."""
+    """(double bounce, 2, 3) points on the mesh [m]."""
     free: NDArray[np.bool_]
-    """(glint,) of which rays say so without actors: a ray may just touch what is bent."""
+    """(double bounce,) whether visibility rays are free without actors; grazing rays may touch the surface itself."""
     viewpoint: FloatArray
     error: float
-    """What geometrical optics may be off by (:mod:`~rfgen_sionna.tracing.curved.stationary_phase_error`), relative to
-    what the static
-    scene's own is."""
+    """Error of geometrical optics (:mod:`~rfgen_sionna.tracing.curved.stationary_phase_error`), relative to the static
+    reference level."""
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
-        """(path,) 0 where an actor stands in one of a glint's legs, where `rays` has them, else 1; and the number of
-        rays sent. The positions of the `actors` have no part in it."""
+        """(path,) 0 where an actor blocks a leg, else 1, and the number of rays sent. `rays` includes the actors; their
+        positions `actors` are not used."""
         hidden = self.free & ~_unobstructed(rays, self.facet, self.places, self.viewpoint)
         return np.tile(1.0 - hidden, 2), 3 * len(hidden)
 
     def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
-        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`, for (path, time) of
+        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`; `left` (path, time) is from
         :meth:`visible`."""
         return cast_shadow(self.paths, left, knots)
 
@@ -56,7 +55,7 @@ class StaticCurvedReflections:
 def _unobstructed(
     rays: RayScene, facet: NDArray[np.int64], places: FloatArray, source: FloatArray
 ) -> NDArray[np.bool_]:
-    """(glint,) whether nothing stands in the three legs by way of both `places` (glint, 2, 3) on faces (glint, 2)."""
+    """(n,) whether all three legs by `places` (n, 2, 3) on faces (n, 2) are free."""
     (one, other), (first, second) = places.transpose(1, 0, 2), facet.T
     hidden = rays.occluded(source, one, first) | rays.occluded(source, other, second)
     return np.asarray(~(hidden | rays.occluded(one, other, second, first)))
@@ -65,7 +64,8 @@ def _unobstructed(
 def trace_static_curved(
     surfaces: Surfaces, rays: RayScene, radar: Radar, static: StaticTrace, rtol: float
 ) -> StaticCurvedReflections | None:
-    """Glints in the static scene, of which `rays` holds nothing else; None where they are below the tolerance."""
+    """Specular double bounces in the static scene; None where they are below the tolerance. `rays` holds static
+    surfaces alone."""
     if all(each.smooth is None for each in surfaces.static):
         return None
     points = surfaces.static_vertices

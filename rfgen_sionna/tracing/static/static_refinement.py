@@ -1,10 +1,9 @@
-"""Glances between instants at what actors hide of the static scene.
+"""Temporal refinement of shadows on the static scene.
 
-As of actors (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`): where the edge of a shadow moves on over a facet
-that lies
-aslant, splines through instants miss what it returns in between. Static facets that matter are looked at more often,
-and what is hidden of them has knots of its own. How far an edge moves is told by the share that is left: where a rod
-hides the middle of a facet, both edges move and the share stays, so that the estimate may be too low.
+The counterpart for actors is :mod:`rfgen_sionna.tracing.moving.temporal_refinement`. A shadow boundary that crosses an
+oblique facet changes its return faster than splines through the sample times can follow. Such facets are sampled more
+often and get knots of their own. The boundary's motion is estimated from the visible share: a rod across the middle of
+a facet moves two boundaries at a constant share, and the estimate may be too low.
 """
 
 from __future__ import annotations
@@ -33,42 +32,41 @@ from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
 
 MAX_SUBDIVISIONS = 32
-"""What :data:`rfgen_sionna.tracing.moving.temporal_refinement.MAX_SUBDIVISIONS` is, of what stays: flat facets of
-rooms are wider than those of
-bodies."""
+"""Most parts of the gap between sample times. Larger than
+:data:`rfgen_sionna.tracing.moving.temporal_refinement.MAX_SUBDIVISIONS`: flat facets of rooms are wider than bodies'.
+"""
 LEAVE_ONE_OUT_SCALE = 0.35
-"""What splines through all instants mostly miss, of what they miss without one of them: only where that is above the
-tolerance facets are looked at again. The error that is stated is all of it, as much as is missed where edges pass by
-wavelengths at once."""
+"""Typical error of a spline through all sample times over its leave-one-out error. Facets are refined by the scaled
+error; the stated error is unscaled."""
 
 _NEGLIGIBLE_SHARE = 0.3
-"""Share of the tolerance that facets which are not even integrated may err by, at most."""
+"""Share of the tolerance that facets left out before integration may make up."""
 
 
 class ActorOcclusion(NamedTuple):
-    """What actors hide of the static scene's direct returns over a stretch of time."""
+    """Occlusion of the static scene's direct returns by actors over an interval."""
 
     sample_times: FloatArray
-    """(instant,) [s]"""
+    """(sample time,) [s]"""
     static_visibility: Sequence[StaticVisibility]
-    """What is left at each instant; of the facets below all is."""
+    """Visibility at each sample time; refined facets count as fully visible."""
     times: FloatArray
-    """(time,) of the facets that were looked at in between [s]; none where there are none."""
+    """(time,) times of the refined facets [s]; empty without any."""
     chosen: NDArray[np.intp]
-    """(facet,) those facets, ascending."""
+    """(facet,) refined facets, ascending."""
     occluders: Sequence[StaticVisibility]
-    """What is left of those at each of the times, integrated: their shares alone."""
+    """Integrated visibility of the refined facets alone, at each of their times."""
     error: float
     """Estimated error between times, relative to :attr:`StaticTrace.level`."""
     sampled_facets: int
-    """Facets looked at in between, each as often as it was."""
+    """Number of additional facet samples."""
     rays: int
-    """Rays sent for that."""
+    """Additional rays."""
     missed: float
-    """:attr:`StaticVisibility.missed` of the worst of the looks."""
+    """Largest :attr:`StaticVisibility.missed` of the additional samples."""
 
     def shadows(self, static: StaticTrace) -> tuple[Shadow, ...]:
-        """What is missing of the `static` paths."""
+        """Shadows on the `static` paths."""
         found = static.shadows(self.sample_times, static.integrated(self.static_visibility))
         return found if not len(self.times) else (*found, *static.shadows(self.times, self.occluders, self.chosen))
 
@@ -80,11 +78,11 @@ def refine_occlusion(
     rays: Callable[[float], RayScene],
     rtol: float,
 ) -> ActorOcclusion:
-    """Look again at the static facets that splines through evenly spaced `sample_times` [s] miss, until they miss no
-    more than the tolerance, or as often as may be.
+    """Resample static facets whose shadow is off between evenly spaced `sample_times` [s], until the tolerance is met
+    or `MAX_SUBDIVISIONS` is reached.
 
-    `static_visibility` are :meth:`StaticTrace.visible` at the instants, and `rays` gives the ray scene at any other
-    time [s].
+    `static_visibility` is from :meth:`StaticTrace.visible` at the sample times; `rays` returns the ray scene at a time
+    [s].
     """
     nothing = ActorOcclusion(sample_times, static_visibility, np.zeros(0), np.zeros(0, np.intp), (), 0.0, 0, 0, 0.0)
     left = np.stack([each.left for each in static_visibility], axis=1)
@@ -134,7 +132,7 @@ def refine_occlusion(
     nearest = min(each.nearest for each in static_visibility)
 
     def own(visibility: StaticVisibility) -> StaticVisibility:
-        """Of a large room no more is kept than what is looked at."""
+        """The same for the chosen facets alone, to save memory."""
         return visibility._replace(left=visibility.left[chosen])
 
     known = {t: own(each.only(mine)) for t, each in zip(sample_times.tolist(), integrated_visibility, strict=True)}
@@ -165,8 +163,8 @@ def refine_occlusion(
 
 
 def interpolation_error(static: StaticTrace, paths: RadarPaths, left: FloatArray) -> float:
-    """Estimated error between instants of further `paths` of the static scene, of a single knot, of which `left` (path,
-    instant) is left, relative to :attr:`StaticTrace.level`."""
+    """Estimated error between sample times of indirect static `paths` (single knot) with visible share `left` (path,
+    sample time), relative to :attr:`StaticTrace.level`."""
     some = np.flatnonzero((left != left[:, :1]).any(axis=1))
     if left.shape[1] < MIN_SAMPLE_TIMES or not len(some) or static.level == 0:
         return 0.0
@@ -180,10 +178,9 @@ def interpolation_error(static: StaticTrace, paths: RadarPaths, left: FloatArray
 def _at_most(
     static: StaticTrace, index: NDArray[np.intp], left: FloatArray, cut: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """(facet,) estimate, without its return being known, of how much each differs from what others of its times tell:
-    for shares `left` (facet, instant) that come and go, and for edges that pass on over a facet of so many radians
-    `width` (facet,), which cut by an edge returns `cut` (facet,) of
-    :func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns` at most."""
+    """(facet,) bound of the leave-one-out error before integration, from shares `left` (facet, sample time) and from a
+    boundary that crosses a facet of phase width `width` [rad] and return bound `cut` of
+    :func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns`."""
     weight = static.weight[index]
     whole = np.abs(static.paths.a[0, 0, index, 0]) * weight
     jumps = np.abs(leave_one_out(left.astype(np.complex128))).max(axis=1, initial=0.0)
@@ -197,9 +194,8 @@ def _at_most(
 def _single(
     static: StaticTrace, index: NDArray[np.intp], left: FloatArray, static_visibility: Sequence[StaticVisibility]
 ) -> ComplexArray:
-    """(facet, time) gains of the first pair in the middle of the band, antennas included, of the facets that `index`
-    counts out, of which `left` (facet, time) is left; the integrated
-    `static_visibility` covers those hidden in part."""
+    """(facet, time) gains of the first element pair at the band's centre, antennas included, of the facets `index` with
+    visible share `left` (facet, time); partly occluded ones are from the integrated `static_visibility`."""
     found = static.paths.a[0, 0, index] * left
     weights, rough = static.returns.expansion.weights[0, 0, 0], static.returns.rough
     row = np.full(len(static.facets), -1, np.intp)
@@ -221,5 +217,5 @@ def _single(
 
 
 def _phasors(paths: RadarPaths, index: NDArray[np.intp]) -> ComplexArray:
-    """(path, 1) of the propagation, of the first pair in the middle of the band."""
+    """(path, 1) propagation phasors of the first element pair at the band's centre."""
     return phasors(paths.frequency * paths.tau[0, 0, index])

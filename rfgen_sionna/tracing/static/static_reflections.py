@@ -1,9 +1,8 @@
-"""What the static scene's flat parts show of one another and of the furniture: room corners, shelves, table tops.
+"""Reflections within the static scene by its planar reflectors: room corners, shelves, table tops.
 
-Which pairs and triples of surfaces count is estimated before anything is integrated. Between flat parts it is the image
-of the image: Fresnel coefficients, spreading, the size of the plate against the Fresnel zone, and how far beside the
-plates' outlines the point of reflection lies, where only a wave from the rim is left. What is bent returns by way of a
-plate as much as it does directly, at the image's distance.
+Relevant pairs and triples of surfaces are estimated before integration. Between planar surfaces the estimate is the
+image of the image: Fresnel coefficients, spreading, size against the Fresnel zone, and distance of the reflection point
+from the outline. A curved surface returns by a reflector as much as directly, at the image's distance.
 """
 
 from __future__ import annotations
@@ -51,23 +50,23 @@ from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 MIN_PLATE_WIDTH = 1.0
-"""How many wavelengths a flat part that others show is wide at least; narrower ones count as bent."""
+"""Least width of a planar reflector [wavelengths]; narrower parts count as curved."""
 SKIPPED_SHARE = 0.5
-"""Share of the tolerance that each of the pairs and triples of surfaces that are left out may make up."""
+"""Share of the tolerance below which a pair or triple of surfaces is left out."""
 NEGLIGIBLE = 0.2
-"""Share of the tolerance that all the facets may make up that are left out of the others."""
+"""Share of the tolerance that the facets left out of the others may make up together."""
 
 
 @dataclass(frozen=True)
 class StaticReflections:
-    """Paths of two and three bounces within the static scene without actors, a single knot."""
+    """Paths of two and three bounces within the static scene without actors, single knot."""
 
     paths: RadarPaths
     error: float
-    """Relative to what the error of :class:`~rfgen_sionna.tracing.static.static_trace.StaticTrace` is relative to."""
+    """Relative to the static reference level."""
     rays: int
     footprint_sets: tuple[ClippedFootprints, ...]
-    """Pieces of the paths, way by way."""
+    """Pieces of the paths, by leg combination."""
     clipper: FootprintClipper
 
     @cached_property
@@ -75,7 +74,7 @@ class StaticReflections:
         return self._all_pieces()
 
     def _all_pieces(self) -> ClippedFootprints:
-        """All pieces, `owner` being the path."""
+        """All pieces; `owner` is the path."""
         firsts = np.cumsum([0] + [len(each.facet) for each in self.footprint_sets])
         return ClippedFootprints(
             np.concatenate([each.facet for each in self.footprint_sets]),
@@ -87,8 +86,8 @@ class StaticReflections:
         )
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
-        """(path,) what is left of each with the actors where `rays` has them, against what there is without; and the
-        number of rays sent. `actors` are the (vertex, 3) positions [m] of each."""
+        """(path,) visible share with the actors in `rays`, relative to the scene without them, and the number of rays
+        sent. `actors` are the (vertex, 3) positions [m] of each."""
         found, pieces = np.ones(self.paths.num_paths), self._pieces
         near = self.clipper.near(pieces, actors)
         if len(near) == 0:
@@ -101,25 +100,25 @@ class StaticReflections:
         return np.clip(found, 0.0, None), sent
 
     def shadows(self, knots: FloatArray, fraction: FloatArray) -> tuple[Shadow, Shadow]:
-        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`, for (path, time) of
+        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`; `fraction` (path, time) is from
         :meth:`visible`."""
         return cast_shadow(self.paths, fraction, knots)
 
 
 @dataclass(frozen=True)
 class ReflectionSetup:
-    """What plates may show, and how; that is another thing where slabs are seen through."""
+    """Parts of the reflection trace that differ with and without slabs."""
 
     facets: Facets
-    """What the radar sees directly, and may see by one plate as well."""
+    """Facets that face the radar, as candidates for one mirrored leg."""
     levels: FloatArray
-    """(surface,) what each of the bent ones returns directly."""
+    """(surface,) direct return of each."""
     clipper: Callable[[Sequence[PlanarReflector | None], IntArray, Facets], FootprintClipper]
-    """Made for the plates, the number of the plate of each face of the ray scene, and what is looked at."""
+    """From reflectors, the reflector's number of each face, and facets."""
     band: Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand]
     merge_footprints: Callable[[Sequence[ClippedFootprints]], ClippedFootprints]
     clipped: Callable[[Facets, ClippedFootprints, bool], ReflectedFacets]
-    """All entries, the ways swapped or not, of what was looked at."""
+    """From facets, footprints, and whether the legs are swapped."""
     result_type: Callable[[RadarPaths, float, int, tuple[ClippedFootprints, ...], FootprintClipper], StaticReflections]
 
 
@@ -132,8 +131,8 @@ def trace_static_reflections(
     rtol: float,
     max_bounces: int,
 ) -> StaticReflections | None:
-    """Paths of two, and with `most` of 3 of three, bounces within the static scene, of which `rays` holds nothing else;
-    None where there are none."""
+    """Paths of two bounces, and of three with `max_bounces` 3, within the static scene; None without any. `rays` holds
+    static surfaces alone."""
     view = np.asarray(radar.position)
 
     def clipper(reflectors: Sequence[PlanarReflector | None], owner: IntArray, facets: Facets) -> FootprintClipper:
@@ -157,7 +156,7 @@ def trace_reflections(
     rtol: float,
     max_bounces: int,
 ) -> StaticReflections | None:
-    """As :func:`trace_static_reflections`, of what is shown."""
+    """As :func:`trace_static_reflections`, with a `setup`."""
     view, facets = np.asarray(radar.position), setup.facets
     points = surfaces.static_vertices
     planar_parts = find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
@@ -183,7 +182,7 @@ def trace_reflections(
         )
         for number in np.unique(facets.surface[bent]).tolist()
     ]
-    # By two plates they are seen from elsewhere: their far side, too.
+    # Two mirrored legs reach the far side as well.
     by_two_mirrors = [each.number for each in curved_surfaces if each.by_two.max(initial=0.0) > allowed]
     if by_two_mirrors:
         around = static_facets(surfaces, band, view, static.tolerance, radar.max_range, by_two_mirrors)
@@ -194,13 +193,13 @@ def trace_reflections(
 
     @cache
     def unoccluded(mirror: int) -> NDArray[np.bool_]:
-        """(facet,) whether the mirror may show each."""
+        """(facet,) whether each may be visible by the mirror."""
         found = np.zeros(len(facets), np.bool_)
         found[clipper.candidates(mirror)] = True
         return found
 
     def clip_facets(index: NDArray[np.intp], level: float, first: int, last: int) -> ClippedFootprints:
-        """Of the facets `index`, which return about `level` by these plates, those of which enough is left."""
+        """Footprints on the facets `index`, of about `level` by these reflectors, that are above the tolerance."""
         index = index[unoccluded(first)[index]]
         found = clipper.clip_facets(index if last == DIRECT else index[unoccluded(last)[index]], first, last)
         return found.take(level * clipper.left(found) > allowed)
@@ -214,7 +213,7 @@ def trace_reflections(
         for f, level in _above(allowed, others, levels(others, m, DIRECT)):
             once.append(clip_facets(facets_of[f], level, m, DIRECT))
     if max_bounces > 2:
-        # By way of two narrow plates these matter in corner reflectors, where they meet.
+        # Two narrow reflectors matter where they are adjacent, as in corner reflectors.
         across = adjacent_parts(planar_parts, points)
         for m in wide:
             across[m].update(wide)
@@ -258,27 +257,27 @@ def trace_reflections(
 
 
 class _CurvedSurface(NamedTuple):
-    """A surface that is bent, and what mirrors show of it."""
+    """A curved surface and its ghosts' levels."""
 
     number: int
     level: float
-    """What it returns directly."""
+    """Its direct return."""
     ghosts: GhostLevels
     """Relative to that."""
 
     @property
     def by_one(self) -> FloatArray:
-        """(mirror,) levels of both ways round."""
+        """(mirror,) levels with one mirrored leg, both directions."""
         return self.level * self.ghosts.alone[:, 0]
 
     @property
     def by_two(self) -> FloatArray:
-        """(mirror, mirror) levels by the same mirror there and back, and by two."""
+        """(mirror, mirror) levels with two mirrored legs, by the same mirror on the diagonal."""
         return self.level * (np.diag(self.ghosts.alone[:, 1]) + self.ghosts.across)
 
 
 def _above(allowed: float, planar_parts: NDArray[np.intp], levels: FloatArray) -> list[tuple[int, float]]:
-    """Those of the flat parts that return more than is `allowed`, with their levels."""
+    """Planar parts that return more than `allowed`, with their levels."""
     strong = levels > allowed
     return list(zip(planar_parts[strong].tolist(), levels[strong].tolist(), strict=True))
 
@@ -303,7 +302,7 @@ def _integrate_reflections(
         setup, facets, returns, clipper, footprint_sets, NEGLIGIBLE * rtol * static.level
     )
     paths, error, used = [], error / max(static.level, 1e-300), []
-    # All that stays returns together.
+    # The static scene is one tolerance group.
     edges = EdgeDiffractionError(
         radar, [each.material for each in surfaces.static], np.zeros(len(reference_level), np.int32)
     )
@@ -339,16 +338,15 @@ def _cull_weak(
     footprint_sets: tuple[ClippedFootprints, ClippedFootprints],
     allowed: float,
 ) -> tuple[tuple[ClippedFootprints, ClippedFootprints], float]:
-    """The `footprint_sets` by one plate and by two without those entries that all together return no more than is
-    `allowed`,
-    and what they return: one by one, and those of one flat part by the same plates in phase, whichever is more, as the
-    faces of a fine mesh are faint only by themselves."""
+    """The `footprint_sets` by one and by two reflectors, without the entries that together return at most `allowed`,
+    and the sum left out: the energy sum, or the coherent sum of one planar part by the same reflectors where that is
+    larger."""
     waves, kinds, keys = [], [], []
     for number, (footprints, ways) in enumerate(
         zip(footprint_sets, (LEG_COMBINATIONS[:2], LEG_COMBINATIONS[2:]), strict=True)
     ):
         if len(footprints.facet):
-            # What goes by one plate does both ways round, either of which counts: Tx and Rx may be changed over.
+            # With one mirrored leg both directions count.
             each = [
                 returns.estimate(way, 0.0, setup.clipped(facets, footprints, way == (False, True)), PROBES)
                 for way in ways
@@ -370,7 +368,7 @@ def _cull_weak(
         missed = float(np.sqrt(np.maximum(single, in_phase).sum()))
         if missed <= allowed:
             break
-        # Of those that return in phase the strongest stay as a whole.
+        # The strongest coherent groups stay whole.
         more = in_phase - single
         order = order[(more < 0.5 * more.max())[group[order]]]
         left = order[:0]
@@ -384,7 +382,7 @@ def _cull_weak(
 
 
 def _number_columns(rows: NDArray[np.integer[Any]]) -> IntArray:
-    """(column,) number of each of the columns of `rows` (row, column), the same of those alike."""
+    """(column,) number of each column of `rows` (row, column); equal columns share one."""
     found = np.zeros(rows.shape[1], np.int64)
     for row in rows:
         _, found = np.unique(found * (int(row.max()) + 2) + row + 1, return_inverse=True)

@@ -1,4 +1,4 @@
-"""The part of a scene that stays: traced once per radar pose."""
+"""Direct returns of the static scene, traced once per radar pose."""
 
 from __future__ import annotations
 
@@ -35,55 +35,55 @@ from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 MAX_ROUNDS = 4
-"""How often the facets are made finer before the tolerance is given up with a warning."""
+"""Most rounds of refinement; after them the tolerance is given up with a warning."""
 MAX_EFFORT = 10_000_000
-"""Triangles to integrate at each node, beyond which the tolerance is given up as well."""
+"""Most triangles to integrate per node (memory and time); beyond them the tolerance is given up as well."""
 _MIDDLE = slice(1, 2)
-"""The probe in the middle of the band."""
+"""Probe at the band's centre."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class StaticTrace:
-    """Paths of the static scene without actors, and what is needed to know what actors hide of them."""
+    """Paths of the static scene without actors, and the state to find its occlusion by actors."""
 
     paths: RadarPaths
     """One path per facet of `facets`, a single knot."""
     facets: Facets
-    """Those that are seen; of such as are seen in part the pieces that are."""
+    """Visible facets; of partly visible ones the visible pieces."""
     fraction: FloatArray
     """(facet,) visible share without actors, above 0."""
     scene: RayScene | None
-    """The static surfaces; None where there are none."""
+    """Static surfaces; None without any."""
     viewpoint: FloatArray
+    """(3,) phase centre of the radar [m]."""
     rays: int
     """Rays sent."""
     error: float
-    """Estimated error of the coherent return, relative to what `tracing.gains.accuracy.Accuracy.total` says."""
+    """Estimated error of the coherent return, relative to `level`."""
     level: float
-    """What that is."""
+    """Reference level (:attr:`rfgen_sionna.tracing.gains.error_estimate.ErrorEstimate.scale`)."""
     levels: FloatArray
     """(surface,) coherent return of each surface."""
     whole: int
-    """So many of `facets` come first; the others are pieces of such as are seen in part."""
+    """Number of uncut facets, the first of `facets`."""
     hidden: Facets
-    """Facets that are hidden, or in part."""
+    """Facets that are occluded, wholly or in part."""
     hidden_fraction: FloatArray
     """(hidden,) visible share of those."""
     tolerance: FloatArray
-    """(surface,) that facets are made for."""
+    """(surface,) tolerance of the tessellation."""
     returns: StaticReturns
 
     @cached_property
     def unoccluded(self) -> NDArray[np.int64]:
-        """Faces of the ray scene of which something is seen."""
+        """Visible faces of the ray scene, ascending."""
         return np.unique(self.facets.number).astype(np.int64)
 
     @cached_property
     def _guides(self) -> tuple[CornerVisibility, NDArray[np.bool_], int]:
-        """Rays to the facets' corners, (facet, 3) which are seen without actors, and the number of rays: looked up
-        where there are any."""
-        # Corners of pieces lie on shadows' edges: they are looked at as they will be with actors.
+        """Visibility rays to facet corners, (facet, 3) visibility without actors, and the number of rays."""
+        # Corners of pieces lie on shadow boundaries: they are sampled as with actors.
         facets = self.facets
         places = shared_vertices(facets.corners, facets.surface)
         guides = CornerVisibility(self.viewpoint, facets.corners, facets.number, places)
@@ -97,7 +97,7 @@ class StaticTrace:
 
     @cached_property
     def weight(self) -> FloatArray:
-        """(facet,) the antennas' field gain towards each."""
+        """(facet,) field gain of the element pattern."""
         return self.returns.band.pattern_gain(self.facets.directions(self.viewpoint))
 
     @cached_property
@@ -106,7 +106,7 @@ class StaticTrace:
 
     @property
     def without_actors(self) -> StaticVisibility:
-        """What is left where there are no actors."""
+        """Visibility without actors."""
         count = len(self.facets)
         return StaticVisibility(
             np.ones(count),
@@ -121,7 +121,7 @@ class StaticTrace:
         )
 
     def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """Facets that may be hidden by the `actors`, each of which takes up (point, 3) places [m]."""
+        """Facets that the `actors`, each at (point, 3) [m], may occlude."""
         if not len(self.facets):
             return np.zeros(0, np.intp)
         return np.flatnonzero(in_shadow_cones(self._spheres, self.viewpoint, actors))
@@ -129,12 +129,10 @@ class StaticTrace:
     def visible(
         self, rays: RayScene, index: NDArray[np.intp], silhouette_rays: SilhouetteRays
     ) -> tuple[StaticVisibility, int]:
-        """What is left of each facet with the actors where `rays` has them, and the number of rays sent.
+        """Visibility of all facets with the actors in `rays`, and the number of rays sent.
 
-        `index` counts those out that may be hidden, `silhouette_rays` are rays that just pass the actors' outlines.
-        What static
-        things hide is known: nothing but actors is looked for, and a facet that none of them touches keeps its share to
-        the bit.
+        `index` are the facets that actors may occlude, `silhouette_rays` pass just beside the actors. Only occlusion by
+        actors is sampled; a facet that none of them touches keeps its share bit for bit.
         """
         past = silhouette_rays.of_actors
         nearest = float(lengths(past.directions).min(initial=np.inf))
@@ -143,8 +141,8 @@ class StaticTrace:
     def resample(
         self, rays: RayScene, index: NDArray[np.intp], silhouette: FloatArray, nearest: float
     ) -> tuple[StaticVisibility, int]:
-        """:meth:`visible` where so much `silhouette` (facet,) [rad] falls on each facet, the `nearest` of it so far off
-        [m]."""
+        """As :meth:`visible`, with the `silhouette` length (facet,) [rad] on each facet and the distance `nearest` [m]
+        of the nearest silhouette."""
         every, silhouette = silhouette, silhouette[index]
         known = "_guides" in self.__dict__
         guides, unoccluded, first = self._guides
@@ -188,7 +186,7 @@ class StaticTrace:
         ), sent + found.rays
 
     def integrated(self, static_visibility: Sequence[StaticVisibility]) -> list[StaticVisibility]:
-        """The same with their values."""
+        """The same with integrated values."""
         cut = [each for each in static_visibility if len(each.owner)]
         found = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
         return [next(found) if len(each.owner) else each for each in static_visibility]
@@ -196,14 +194,14 @@ class StaticTrace:
     def shadows(
         self, knots: FloatArray, static_visibility: Sequence[StaticVisibility], index: NDArray[np.intp] | None = None
     ) -> tuple[Shadow, Shadow]:
-        """What is missing of static paths with what is left at each of the `knots` [s], integrated: as it changes, and
-        as it is. `index` (facet,) are the facets that shares are of, ascending; None is all."""
+        """Shadows on static paths with integrated visibility at each of the `knots` [s]: changing ones and constant
+        ones. `index` (facet,) are the facets that shares are of, ascending; None means all."""
         every = np.arange(len(self.facets)) if index is None else index
         left = np.stack([each.left for each in static_visibility], axis=1)
         paths = self.paths if index is None else self.paths.select(index)
         within = np.searchsorted(every, np.concatenate([each.owner for each in static_visibility]))
         changing, steady = (shadow.at(every) for shadow in cast_shadow(paths, left, knots, within))
-        a, dispersion = changing.paths.a, changing.paths.dispersion  # its own, to be written to
+        a, dispersion = changing.paths.a, changing.paths.dispersion  # writable copies
         for knot, each in enumerate(static_visibility):
             if not len(each.owner):
                 continue
@@ -215,7 +213,7 @@ class StaticTrace:
             gains *= share
             if self.returns.rough is not None:
                 visible = share * each.left[np.searchsorted(every, owner)]
-                gains[0] += np.sqrt(visible) * self.returns.rough[..., owner]  # of energy, half of a facet returns half
+                gains[0] += np.sqrt(visible) * self.returns.rough[..., owner]  # energy goes with the visible area
             a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
             if dispersion is not None and self.paths.dispersion is not None:
                 dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
@@ -231,14 +229,14 @@ def trace_static(
     max_range: float,
     slab_edges: SlabEdgeTransmission | None = None,
 ) -> StaticTrace:
-    """Trace the static surfaces; facets beyond `max_range` [m] are left out, as the radar's IF filter removes them.
+    """Trace the static surfaces up to `max_range` [m], as the radar's IF filter removes farther ones.
 
-    `rays` holds the static scene alone; None where there is no static surface. `beside` tells what slabs let through
-    beside their shadows' edges; None: nothing.
+    `rays` holds the static scene alone; None without static surfaces. `slab_edges` finds transmission through slabs
+    beside shadow boundaries; None has none. Warns where `rtol` is not met.
     """
     materials = tuple(surface.material for surface in surfaces.static)
     resolution, rays_sent = np.ones(len(materials)), 0
-    before = [np.inf, np.inf]  # error of the facets by themselves, and with an expansion
+    before = [np.inf, np.inf]  # error of single facets, and with an expansion
     silhouette_rays = None
     if rays is not None:
         past, span = static_silhouettes(surfaces, viewpoint)
@@ -250,10 +248,10 @@ def trace_static(
         facets, rays_sent = visible.facets, rays_sent + visible.rays
         weight = visible.fraction * band.pattern_gain(facets.directions(viewpoint))
         refined = RefinedReturns.of(band, facets, materials, weight)
-        # Facets that are too coarse by themselves, in the middle of the band, need no expansion to tell it by.
+        # Facets that are too coarse at the band's centre need no expansion.
         found, exact = refined.of_facets(places=_MIDDLE)
         effort = float((facets.parts.astype(np.float64) ** 2).sum())
-        # More of the same is no use where the error hardly falls, or where it would take too long.
+        # Stop where the error hardly falls or the effort is too large.
         last = attempt == MAX_ROUNDS - 1 or found.total > 0.5 * before[0] or effort * found.total / rtol > MAX_EFFORT
         before[0] = found.total
         if last or found.total <= rtol:
@@ -278,7 +276,7 @@ def trace_static(
     if len(visible.edges.owner):
         returns.boundary_correction(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
     if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
-        gains[0] += np.sqrt(visible.fraction) * rough  # of energy, half of a facet returns half
+        gains[0] += np.sqrt(visible.fraction) * rough  # energy goes with the visible area
     tau = band.delays(facets.centroids)[..., None]
     paths = facet_paths(
         surfaces.static,

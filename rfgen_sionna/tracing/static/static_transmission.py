@@ -1,4 +1,4 @@
-"""What of the static scene is seen through slabs: what stands behind a wall or in a cupboard."""
+"""Static scene through slabs: direct paths to surfaces behind a partition or in a cupboard, and reflections there."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from rfgen_sionna.tracing.transmission.transmission import OMITTED_SHARE, Transm
 
 @dataclass(frozen=True)
 class StaticTransmission:
-    """Paths through static slabs without actors, a single knot, and what is needed to know what actors hide of them."""
+    """Direct paths through static slabs without actors, single knot, and the state to find their occlusion."""
 
     paths: RadarPaths
     error: float
-    """Relative to what the error of :class:`~rfgen_sionna.tracing.static.static_trace.StaticTrace` is relative to."""
+    """Relative to the static reference level."""
     rays: int
     transmission_tracer: Transmission
     static: StaticTrace
@@ -53,17 +53,17 @@ class StaticTransmission:
     keys: NDArray[np.int64]
     """(path, 1 + depth) facet of `static.hidden`, and slabs."""
     share: FloatArray
-    """(path,)"""
+    """(path,) visible share."""
 
     @cached_property
     def _facet(self) -> tuple[NDArray[np.intp], Facets]:
-        """Which of the hidden facets are seen at all, in ascending order."""
+        """Hidden facets that are visible through slabs, ascending."""
         used = np.unique(self.keys[:, 0]).astype(np.intp)
         return used, self.static.hidden.take(used)
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
-        """(path,) what is left of each with the actors where `rays` has them, against what there is without; and the
-        number of rays sent. `actors` are the (vertex, 3) positions [m] of each."""
+        """(path,) visible share with the actors in `rays`, relative to the scene without them, and the number of rays
+        sent. `actors` are the (vertex, 3) positions [m] of each."""
         used, facets = self._facet
         left = np.ones(len(self.keys))
         view = self.static.viewpoint
@@ -84,13 +84,13 @@ class StaticTransmission:
         return left, now.rays
 
     def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
-        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`, for (path, time) of
+        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`; `left` (path, time) is from
         :meth:`visible`."""
         return cast_shadow(self.paths, left, knots)
 
 
 def find_static_transmission(surfaces: Surfaces, radar: Radar, rtol: float) -> Transmission | None:
-    """What finds what is seen of static surfaces through static slabs; None where there are none."""
+    """Tracer of static surfaces through static slabs; None without slabs."""
     names = surfaces.object_names, surfaces.part_names
     transmission_tracer = Transmission((*surfaces.static, *surfaces.moving), surfaces.static, names, radar, rtol)
     return transmission_tracer if transmission_tracer.any_transmission(range(len(surfaces.static))) else None
@@ -99,7 +99,7 @@ def find_static_transmission(surfaces: Surfaces, radar: Radar, rtol: float) -> T
 def static_slab_transmission(
     surfaces: Surfaces, transmission_tracer: Transmission, band: BandTracer
 ) -> SlabEdgeTransmission:
-    """What static slabs let through beside their shadows' edges on static facets."""
+    """Transmission of static slabs beside shadow boundaries on static facets."""
     edges, every = SlabTransmission(transmission_tracer, band, range(len(surfaces.static))), _all_vertices(surfaces)
 
     def edge_transmission(rays: RayScene, facets: Facets, found: SampledVisibility) -> tuple[FloatArray, int]:
@@ -109,7 +109,7 @@ def static_slab_transmission(
 
 
 def _all_vertices(surfaces: Surfaces) -> list[FloatArray]:
-    """(vertex, 3) of all surfaces: nothing of what moves is in rays of the static scene, and any of it will do."""
+    """(vertex, 3) of all surfaces; moving ones are not in the static ray scene and get placeholders."""
     moving = [np.zeros((int(each.faces.max()) + 1, 3)) for each in surfaces.moving]
     return [*surfaces.static_vertices, *moving]
 
@@ -117,7 +117,7 @@ def _all_vertices(surfaces: Surfaces) -> list[FloatArray]:
 def trace_static_transmission(
     surfaces: Surfaces, rays: RayScene, transmission_tracer: Transmission, static: StaticTrace
 ) -> StaticTransmission | None:
-    """Paths through static slabs to static surfaces; None where there are none. `rays` holds the static scene alone."""
+    """Paths through static slabs to static surfaces; None without any. `rays` holds static surfaces alone."""
     points, every = surfaces.static_vertices, _all_vertices(surfaces)
     only = range(len(points))
     visible = transmission_tracer.trace_visibility(rays, every, static.hidden, static.hidden_fraction, only)
@@ -133,7 +133,7 @@ def trace_static_transmission(
 
 
 class StaticSlabReflections(StaticReflections):
-    """Paths of two and three bounces through at least one slab within the static scene, a single knot."""
+    """Paths of two and three bounces through at least one slab within the static scene, single knot."""
 
     def _all_pieces(self) -> ClippedFootprints:
         plain, footprint_sets = super()._all_pieces(), cast(Sequence[SlabFootprints], self.footprint_sets)
@@ -154,9 +154,8 @@ def trace_static_slab_reflections(
     rtol: float,
     max_bounces: int,
 ) -> StaticReflections | None:
-    """As :func:`~rfgen_sionna.tracing.static.static_reflections.trace_static_bounces`, for ways through static slabs;
-    `through`
-    are the paths that go straight through them."""
+    """As :func:`~rfgen_sionna.tracing.static.static_reflections.trace_static_reflections`, for legs through static
+    slabs; `through` are the direct paths through them."""
     every, names = (*surfaces.static, *surfaces.moving), (surfaces.object_names, surfaces.part_names)
     transmission_tracer = Transmission(every, surfaces.static, names, radar, rtol)
     count = len(surfaces.static)
@@ -190,12 +189,12 @@ def trace_static_slab_reflections(
 
 
 def _whole(static: StaticTrace) -> Facets:
-    """All facets that face the radar, seen or hidden, none of them cut."""
+    """All uncut facets that face the radar, visible or occluded."""
     clear = np.flatnonzero(static.fraction[: static.whole] == 1)
     return Facets.joined([static.facets.take(clear), static.hidden])
 
 
 def _levels(surfaces: Surfaces, paths: RadarPaths) -> FloatArray:
-    """(surface,) what straight ways through slabs bring of each, as if nothing interfered."""
+    """(surface,) incoherent sum of the direct paths through slabs."""
     power = np.abs(paths.a[0, 0, :, 0]) ** 2
     return np.sqrt(np.bincount(paths.object_id, power, len(surfaces.static)))

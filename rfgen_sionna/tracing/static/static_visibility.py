@@ -1,4 +1,4 @@
-"""StaticReturns of static facets and of the pieces of them that actors leave visible."""
+"""Static facets, their visible parts with and without actors, and the returns of these."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, tessellate
 
 
 class StaticVisibility(NamedTuple):
-    """What actors leave of static facets, at one time."""
+    """Visibility of static facets at one time, with actors."""
 
     left: FloatArray
-    """(facet,) share of what is seen without actors."""
+    """(facet,) visible share, relative to the scene without actors."""
     owner: NDArray[np.intp]
-    """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
+    """(piece,) facet of each visible piece, ascending; partly occluded facets alone have pieces."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of their corners."""
+    """(piece, corner, 3) barycentric coordinates of the corners."""
     edges: ShadowEdges | None
-    """Shadows' edges on these; None where there are none."""
+    """Shadow boundaries on the pieces; None without any."""
     missed: float
-    """Estimated error for what is not known of shadows' edges, relative to what that of :class:`StaticTrace` is."""
+    """Estimated error of unresolved shadow boundaries, relative to the static reference level."""
     silhouette: FloatArray
-    """(facet,) length of actors' outlines that fall on each [rad], as rays' points tell."""
+    """(facet,) length of actors' silhouettes on each [rad]."""
     nearest: float
-    """How far the nearest outline of an actor is [m]; infinity where there is none."""
+    """Distance of the nearest silhouette of an actor [m]; infinity without any."""
     values: ComplexArray
-    """(value, cut) what the expansion starts from of each facet that is hidden in part, in their order: the sum over
-    its pieces. None of them before :meth:`StaticTrace.integrated`."""
+    """(value, cut) integrals of each partly occluded facet, in order: sums over pieces. Empty before
+    :meth:`StaticTrace.integrated`."""
     boundary_correction: BoundaryCorrection | None
-    """What pairs see more or less of these; None before that, and where there is nothing."""
+    """Per-element correction of the shadow boundaries; None before integration and without boundaries."""
 
     def only(self, chosen: NDArray[np.bool_]) -> StaticVisibility:
-        """The same as if actors hid nothing but the `chosen` (facet,)."""
+        """The same, as if actors occluded nothing but the `chosen` (facet,)."""
         cut = np.unique(self.owner)
         mine = chosen[self.owner]
         edges, correction = self.edges, self.boundary_correction
@@ -70,22 +70,22 @@ class StaticVisibility(NamedTuple):
 
 @dataclass(frozen=True)
 class StaticReturns:
-    """What static facets return, and what tells it of pieces of them."""
+    """Integration of static facets and their pieces."""
 
     band: BandTracer
     materials: tuple[Material, ...]
     expansion: Expansion
     rough: ComplexArray | None
-    """(tx, rx, facet) what roughness adds, or (1, 1, facet) the same for every pair; None where nothing is rough."""
+    """(tx, rx, facet) diffuse gains, or (1, 1, facet) equal for all pairs; None without rough surfaces."""
     wavenumber: float
     """At the highest frequency [rad/m]."""
     rtol: float
     level: float
-    """What all return without interfering, in units of
-    :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled.returned`."""
+    """Incoherent sum of all returns, in units of
+    :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
 
     def of_pieces(self, facets: Facets, parts: Sequence[StaticVisibility]) -> list[StaticVisibility]:
-        """The same with their values; all are integrated together."""
+        """The same visibilities with values, integrated in one batch."""
         owner, pieces = (np.concatenate([getattr(each, k) for each in parts]) for k in ("owner", "pieces"))
         values = self.band.values(facets.cut(owner, pieces), self.materials, self.expansion, facets.centroids[owner])
         found, first = [], 0
@@ -110,8 +110,8 @@ class StaticReturns:
         return found
 
     def boundary_correction(self, tiny: Facets, edges: ShadowEdges, reference: FloatArray) -> BoundaryCorrection:
-        """What pairs see beside shadows' `edges`, of which `tiny` facets tell, by way of the points `reference`
-        (edge, 3) [m]."""
+        """Per-element correction of shadow boundaries `edges`, with the gain densities of the `tiny` facets, relative
+        to the points `reference` (edge, 3) [m]."""
         middle = edges.middle + self.band.viewpoint
         values = self.band.values(tiny, self.materials, self.expansion, middle)
         return self.band.boundary_correction(edges, values, reference, self.expansion)
@@ -125,8 +125,8 @@ def static_facets(
     max_range: float,
     chosen: Collection[int] | None = None,
 ) -> Facets:
-    """All facets of the static surfaces, or of those `chosen`, made for the `tolerance` (surface,) of each and as far
-    as `max_range` [m]: seen or not, whichever way they look."""
+    """Facets of the static surfaces, or of the surfaces `chosen`, for the `tolerance` (surface,) and up to `max_range`
+    [m], visible or not."""
     pieces = [
         tessellate(
             points,
@@ -153,32 +153,36 @@ def static_facets(
 
 
 SlabEdgeTransmission = Callable[[RayScene, Facets, SampledVisibility], tuple[FloatArray, int]]
-"""What is seen of facets to (piece, 16) what casts the shadows and what that lets through, as
-:meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of` takes it, and the number of rays sent."""
+"""Returns (piece, 16) occluders and transmission as :meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of`
+takes them, and the number of rays sent."""
 
 
 def max_wavenumber(band: BandTracer) -> float:
+    """Wavenumber at the band's highest frequency [rad/m]."""
     return 2 * np.pi * band.highest / SPEED_OF_LIGHT
 
 
 class VisibleStaticFacets(NamedTuple):
+    """Static facets, visible and occluded ones."""
+
     facets: Facets
     fraction: FloatArray
     """(facet,)"""
     whole: int
-    """So many facets come first, then pieces of others."""
+    """Number of uncut facets, which come first; pieces follow."""
     edges: ShadowEdges
-    """Shadows' edges on these pieces."""
+    """Shadow boundaries on the pieces."""
     tiny: Facets
-    """What tells of them."""
+    """Facets for the gain density at each boundary."""
     hidden: Facets
+    """Facets that are occluded, wholly or in part."""
     hidden_fraction: FloatArray
     """(hidden,)"""
     level: float
-    """What all return without interfering, in units of
+    """Incoherent sum of all returns, in units of
     :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
     missed: float
-    """Estimated error of that for what is not known of shadows' edges, relative to it."""
+    """Estimated error of unresolved shadow boundaries, relative to `level`."""
     rays: int
 
 
@@ -193,8 +197,8 @@ def find_visible_facets(
     silhouette_rays: SilhouetteRays | None,
     slab_edges: SlabEdgeTransmission | None,
 ) -> VisibleStaticFacets:
-    """The facets that are seen, made for the `tolerance` (surface,) of each surface, and of those that are seen in part
-    the pieces that are; and those that are hidden, or in part, with their visible share."""
+    """Visible facets of the static scene, cut at shadow boundaries, and occluded ones with their visible share.
+    `tolerance` (surface,) is of the tessellation, `rtol` of the visibility."""
     facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
