@@ -11,6 +11,7 @@ import torch
 from diffusers.models.attention_processor import AttnProcessor
 from torch import Tensor
 
+from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.conditional_prior import LEAST_SPREAD
 from rfgen_sionna.generative.environment.environment_model import (
     CONTROL_FILE,
@@ -20,8 +21,7 @@ from rfgen_sionna.generative.environment.environment_model import (
     weights_fingerprint,
     write_control,
 )
-from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
+from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from training.environment.image_training import draw_batch, weighted_velocity_loss
 from training.learning import Progress, Run, precision, reports_out_of_memory
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.classifier import ImageClassifier
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images
 from rfgen_sionna.generative.environment.image_sampling import ImageSampler, noise_like
 from rfgen_sionna.generative.environment.reprojection import NATIVE
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest
+from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from rfgen_sionna.pir.codec import PirCodec
 from training.environment.image_metrics import (
     Physical,

@@ -11,14 +11,13 @@ from diffusers.models.attention_processor import AttnProcessor
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
 from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, UNetShape, write_model
-from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward_process import make_scheduler, signal_and_noise
 from rfgen_sionna.generative.environment.layout_map import NO_LAYOUT_MAP
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
-from rfgen_sionna.generative.environment.view_unet import KINDS
+from rfgen_sionna.generative.environment.view_unet import KINDS, make_scheduler, signal_and_noise
 from rfgen_sionna.pir.codec import PirCodec
 from training.environment.fits import fit_conditional_prior
 from training.environment.view_corpus import ViewCorpus

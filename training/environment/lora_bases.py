@@ -12,11 +12,11 @@ from diffusers.models.attention_processor import AttnProcessor
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.environment_model import read_model
-from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.image_models import is_embedded
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
+from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from rfgen_sionna.pir.codec import PirCodec
 
 

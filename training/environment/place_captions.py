@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.generative.environment.place_names import NAMES, OUTDOORS, article
+from rfgen_sionna.generative.environment.requested_objects import NAMES, OUTDOORS, article
 
 USUAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

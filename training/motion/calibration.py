@@ -1,4 +1,4 @@
-"""Measures what a trained network misses, action by action; see :mod:`rfgen_sionna.generative.diffusion.residual`."""
+"""Measures what a trained network misses, action by action; see :mod:`rfgen_sionna.generative.diffusion.network`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, recentred
 from rfgen_sionna.generative.diffusion.motion_sampling import MotionRequest, MotionSampler, conditions_of
+from rfgen_sionna.generative.diffusion.network import BANDS, DIRECTIONS, Residual
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.residual import BANDS, DIRECTIONS, Residual
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
 from training.motion.motion_captions import caption
 from training.motion.motion_corpus import Entry, MotionCorpus

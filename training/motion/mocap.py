@@ -10,14 +10,15 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import JOINT_NAMES, MEAN_ADULT, PARENTS
-from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
     JOINT,
     NUM_BODY_JOINTS,
     SIDES,
     forward_kinematics,
+    from_rest,
     global_rotations,
+    two_bone,
 )
 from rfgen_sionna.records import Motion
 

@@ -7,8 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.generative.diffusion.inflection import inflect
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, inflect
 from rfgen_sionna.generative.diffusion.understanding import stems
 from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, OPEN_CLAUSES
 

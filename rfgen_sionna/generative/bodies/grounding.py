@@ -9,7 +9,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.retarget import bone_rotations
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
-from rfgen_sionna.generative.motion.ik import from_rest, two_bone
+from rfgen_sionna.generative.motion.skeleton import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, Z, normalised
 from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics
 

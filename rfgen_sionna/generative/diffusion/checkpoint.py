@@ -14,8 +14,7 @@ from safetensors.torch import save_file
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import HandBasis
-from rfgen_sionna.generative.diffusion.network import DenoisingNet, NetworkShape
-from rfgen_sionna.generative.diffusion.residual import Residual
+from rfgen_sionna.generative.diffusion.network import DenoisingNet, NetworkShape, Residual
 from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder
 

@@ -26,9 +26,16 @@ from rfgen_sionna.generative.diffusion.drafts import (
     sample_pace,
 )
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, recentred, replace_parts
-from rfgen_sionna.generative.diffusion.inflection import doing
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, drafts_around_constraints, move_back
-from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST, SHORTEST, MotionRequest, MotionSampler
+from rfgen_sionna.generative.diffusion.motion_sampling import (
+    LONGEST,
+    SHORTEST,
+    SPARE,
+    MotionRequest,
+    MotionSampler,
+    sample_in_segments,
+    threads_for,
+)
 from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.path_following import (
     LONGER,
@@ -37,7 +44,7 @@ from rfgen_sionna.generative.diffusion.path_following import (
     follow_path,
     path_pace,
 )
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, doing
 from rfgen_sionna.generative.diffusion.postprocessing import RATE, to_motion
 from rfgen_sionna.generative.diffusion.root_placement import (
     centre_on_origin,
@@ -45,13 +52,10 @@ from rfgen_sionna.generative.diffusion.root_placement import (
     limit_turn_rate,
     move_to_start,
 )
-from rfgen_sionna.generative.diffusion.segments import SPARE, sample_in_segments
-from rfgen_sionna.generative.diffusion.threads import threads_for
 from rfgen_sionna.generative.diffusion.understanding import Understanding, ambiguous_actions, known_reading, understand
 from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton
-from rfgen_sionna.generative.motion.both_hands import both_hands
-from rfgen_sionna.generative.motion.kinematic import check_hand
+from rfgen_sionna.generative.motion.kinematic import both_hands, check_hand
 from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)

@@ -66,11 +66,11 @@ def choose_hand(action: str, hand: str, seed: int) -> str:
     return "right" if np.random.default_rng([seed, 3]).uniform() < 0.9 else "left"
 
 
-def sample_pace(seed: int, asked: float = 1.0) -> float:
+def sample_pace(seed: int, speed: float = 1.0) -> float:
     """Factor on the usual pace of one person, drawn from the seed around the one that is asked for."""
     low, high = np.log(PACES)
     drawn = np.random.default_rng([seed, 37]).uniform(low, high)
-    return float(asked * np.exp(drawn if asked == 1.0 else _TOLD * (drawn - 0.5 * (low + high))))
+    return float(speed * np.exp(drawn if speed == 1.0 else _TOLD * (drawn - 0.5 * (low + high))))
 
 
 def make_draft(

@@ -11,9 +11,16 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
-from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
-from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics, global_rotations
+from rfgen_sionna.generative.motion.skeleton import (
+    JOINT,
+    PLANTED_BELOW,
+    SIDES,
+    forward_kinematics,
+    from_rest,
+    global_rotations,
+    two_bone,
+)
 from rfgen_sionna.records import Motion
 
 _SHORTEST = 0.13
@@ -36,7 +43,7 @@ _FURTHEST = 0.12
 
 
 def lock_feet(
-    motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True, kept: NDArray[np.bool_] | None = None
+    motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True, fixed_legs: NDArray[np.bool_] | None = None
 ) -> Motion:
     """The motion with toes held still while they are planted and no foot under the floor.
 
@@ -46,7 +53,7 @@ def lock_feet(
         ride: whether the pelvis may be raised or lowered to put the lower planted foot on the floor.
         kept: (frame,) where the legs stay as they are, whatever the feet do; None: nowhere.
     """
-    hold = np.ones(len(motion.translation)) if kept is None else _away_from(kept, _EASE * motion.frame_rate)
+    hold = np.ones(len(motion.translation)) if fixed_legs is None else _away_from(fixed_legs, _EASE * motion.frame_rate)
     moved = hold > 0.0
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     root = motion.translation.copy()
@@ -142,11 +149,11 @@ def _swing_height(swinging: NDArray[np.bool_], rate: float) -> FloatArray:
     return out
 
 
-def _away_from(kept: NDArray[np.bool_], ease: float) -> FloatArray:
-    """(frame,) 0 where `kept`, from there rising smoothly to 1 over `ease` frames."""
-    if not kept.any():
-        return np.ones(len(kept))
-    s = np.minimum(distance_transform_edt(~kept) / max(ease, 1.0), 1.0)
+def _away_from(fixed_legs: NDArray[np.bool_], ease: float) -> FloatArray:
+    """(frame,) 0 where `fixed_legs`, from there rising smoothly to 1 over `ease` frames."""
+    if not fixed_legs.any():
+        return np.ones(len(fixed_legs))
+    s = np.minimum(distance_transform_edt(~fixed_legs) / max(ease, 1.0), 1.0)
     return np.asarray(s * s * (3.0 - 2.0 * s), np.float64)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,6 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
-
-from rfgen_sionna.generative.environment.fingerprint import fingerprint
 
 FORMAT = "rfgen-lora-1"
 WEIGHT_NAME = "pytorch_lora_weights.safetensors"
@@ -178,3 +177,14 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     unet.fuse_lora()
     unet.unload_lora()
     return facts
+
+
+def fingerprint(net: torch.nn.Module | None) -> str:
+    """Hash of a network's weights, 16 hexadecimal digits; without a network empty."""
+    if net is None:
+        return ""
+    told = sha256()
+    for name, values in sorted(net.state_dict().items()):
+        told.update(name.encode())
+        told.update(values.detach().cpu().double().numpy().tobytes())
+    return told.hexdigest()[:16]

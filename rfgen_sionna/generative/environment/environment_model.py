@@ -16,14 +16,13 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.sentence_encoder import WIDTH
+from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
 from rfgen_sionna.generative.environment.edge_smoothing import EdgePreservingSmoothing
-from rfgen_sionna.generative.environment.fingerprint import fingerprint
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder, ViewFacts
 from rfgen_sionna.generative.environment.prompt_encoder import HORIZONTAL_VIEW, PromptEncoder, PromptTokenizer
-from rfgen_sionna.generative.environment.view_unet import ViewUNet
+from rfgen_sionna.generative.environment.view_unet import ViewUNet, make_scheduler
 from rfgen_sionna.pir.codec import PirCodec
 
 if TYPE_CHECKING:

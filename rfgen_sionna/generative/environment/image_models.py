@@ -13,13 +13,13 @@ import torch
 from torch import Tensor
 
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, read_model
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images, view_facts
 from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, Progress, noise_like
 from rfgen_sionna.generative.environment.reprojection import NATIVE, KnownView, empty_pir
 from rfgen_sionna.generative.environment.requested_objects import is_empty
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest
 from rfgen_sionna.generative.environment.torch_device import memory_errors, pick_device, precision
+from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from rfgen_sionna.generative.furniture import LOOSE
 from rfgen_sionna.pir.projection import Projection
 from rfgen_sionna.pir.view import View

@@ -25,9 +25,8 @@ from rfgen_sionna.generative.environment.image_sampling import (
     noise_like,
     sample_images,
 )
-from rfgen_sionna.generative.environment.place_names import OUTDOORS
 from rfgen_sionna.generative.environment.reprojection import NATIVE, PATCH, resize_pir
-from rfgen_sionna.generative.environment.requested_objects import check_words
+from rfgen_sionna.generative.environment.requested_objects import OUTDOORS, check_words
 from rfgen_sionna.generative.environment.torch_device import memory_errors
 from rfgen_sionna.generative.prompts import check_seed
 from rfgen_sionna.pir.image_surroundings import check_image

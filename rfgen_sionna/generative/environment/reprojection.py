@@ -25,7 +25,7 @@ KNOWN = 0.75
 """Share of a patch's pixels that must be seen for it to count as known."""
 
 
-def reproject(shown: Sequence[Pir], view: View) -> tuple[FloatArray, FloatArray]:
+def reproject(images: Sequence[Pir], view: View) -> tuple[FloatArray, FloatArray]:
     """What images show, as seen from `view`.
 
     Each pixel becomes a few points of its surface. Of those that fall into one pixel of the new view the nearest
@@ -38,7 +38,7 @@ def reproject(shown: Sequence[Pir], view: View) -> tuple[FloatArray, FloatArray]
     rows, columns = view.resolution
     best = np.full(view.size, np.inf)
     parts = []
-    for pir in shown:
+    for pir in images:
         old = View.of(pir)
         reach, level = _split(0.5 * SPEED_OF_LIGHT * pir.time_of_arrival, pir.energy)
         points = np.asarray(old.position) + reach[..., None] * old.subpixels(SPLIT)
@@ -73,9 +73,9 @@ class KnownView:
     """(row / PATCH, column / PATCH) patches that are known."""
 
 
-def known_from_views(shown: Sequence[Pir], view: View) -> KnownView | None:
-    """What `shown` tells of `view`; None where that is nothing."""
-    energy, distance = reproject(shown, view)
+def known_from_views(images: Sequence[Pir], view: View) -> KnownView | None:
+    """What `images` tells of `view`; None where that is nothing."""
+    energy, distance = reproject(images, view)
     seen = energy > 0
     rows, columns = view.resolution
     patches = seen.reshape(rows // PATCH, PATCH, columns // PATCH, PATCH).mean(axis=(1, 3)) >= KNOWN

@@ -5,17 +5,44 @@ The encoder of :mod:`.text` learnt from whole captions. Of bare nouns, as negati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 
 from rfgen_sionna.generative.body_prompt import PromptError
-from rfgen_sionna.generative.environment.place_names import NAMES
 from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names
 from rfgen_sionna.generative.negation import negation_in
 from rfgen_sionna.generative.text_reader import Reader, inflected, normalise
 from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
+
+NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "living room": ("living room", "lounge", "sitting room", "family room"),
+        "bedroom": ("bedroom", "sleeping room", "room to sleep in"),
+        "office": ("office", "office room", "work room", "study"),
+        "lab": ("lab", "laboratory", "research lab", "science laboratory"),
+        "corridor": ("corridor", "hallway", "passage", "long hall"),
+        "classroom": ("classroom", "school room", "lecture room", "class room"),
+        "garage": ("garage", "car garage", "workshop garage"),
+        "street": ("street", "road in a town", "residential street", "city street"),
+        "playground": ("playground", "children's playground", "play area"),
+        "open field": ("open field", "meadow", "field", "grassland"),
+    }
+)
+"""What each place is called; the first is its name."""
+
+OUTDOORS = ("street", "playground", "open field")
+_PLURAL = ("tyres",)
+
+
+def article(noun: str) -> str:
+    """The noun with "a" or "an"; plurals stay."""
+    if noun in _PLURAL:
+        return noun
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
 
 _PLAIN = frozenset(
     (
@@ -49,7 +76,7 @@ class NamedObjects:
     """What a text names."""
 
     places: tuple[str, ...]
-    """By the names of :data:`~rfgen_sionna.generative.environment.place_names.NAMES`."""
+    """By the names of :data:`~rfgen_sionna.generative.environment.requested_objects.NAMES`."""
     words: tuple[tuple[str, tuple[str, ...]], ...]
     """The words for furniture, doors and windows, and the kinds that each may mean."""
     rest: tuple[str, ...]

@@ -198,8 +198,8 @@ def _first_line(error: Exception) -> str:
 
 
 def _reporter(progress: Progress, steps: int) -> Any:
-    def report(_: Any, step: int, __: Any, kept: dict[str, Any]) -> dict[str, Any]:
+    def report(_: Any, step: int, __: Any, state: dict[str, Any]) -> dict[str, Any]:
         progress(step + 1, steps)
-        return kept
+        return state
 
     return report

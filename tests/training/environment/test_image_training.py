@@ -17,8 +17,8 @@ from rfgen_sionna.generative.environment.environment_model import (
     read_control,
     read_model,
 )
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
+from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from training.environment.control_training import ControlRecipe, diffuse_towards, train_control
 from training.environment.image_training import ImageRecipe, train
 from training.environment.place_text import train_text

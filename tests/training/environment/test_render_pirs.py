@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.generative.environment.layout_map import render_layout_map
-from rfgen_sionna.generative.environment.place_names import NAMES
 from rfgen_sionna.generative.environment.primitives import PrimitiveScene
+from rfgen_sionna.generative.environment.requested_objects import NAMES
 from rfgen_sionna.generative.environment.viewpoints import ViewpointRanges
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from rfgen_sionna.generative.diffusion.features import NUM_FEATURES
-from rfgen_sionna.generative.diffusion.residual import Corrector
+from rfgen_sionna.generative.diffusion.network import Corrector
 from training.motion.calibration import fit_residual
 
 SHARES = np.array([0.05, 0.3, 0.7, 0.95, 0.999])

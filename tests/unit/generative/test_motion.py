@@ -5,10 +5,16 @@ import pytest
 
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource, MotionSource
 from rfgen_sionna.generative.motion.curves import bump, cruise, ease, hermite, keys
-from rfgen_sionna.generative.motion.ik import two_bone
 from rfgen_sionna.generative.motion.limits import joint_angles
 from rfgen_sionna.generative.motion.rotations import about, basis, between, continuous, to_matrices, to_quaternions
-from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, PARENTS, forward_kinematics, global_rotations
+from rfgen_sionna.generative.motion.skeleton import (
+    JOINT,
+    JOINT_NAMES,
+    PARENTS,
+    forward_kinematics,
+    global_rotations,
+    two_bone,
+)
 from rfgen_sionna.records import Motion
 
 SEEDS = (0, 1, 2)

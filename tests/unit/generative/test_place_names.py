@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rfgen_sionna.generative.environment.place_names import NAMES, article
+from rfgen_sionna.generative.environment.requested_objects import NAMES, article
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
 
 NAMED = [(name, place) for place, names in NAMES.items() for name in names]

@@ -25,7 +25,7 @@ from rfgen_sionna.generative.diffusion.features import (
     turned,
 )
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet, runs
-from rfgen_sionna.generative.diffusion.joint_clamping import clamp_joint_angles
+from rfgen_sionna.generative.diffusion.postprocessing import clamp_joint_angles
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion

@@ -18,8 +18,8 @@ from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, resa
 from rfgen_sionna.generative.diffusion.diffusion_source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.diffusion.features import PARTS, heading, joint_positions
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
+from rfgen_sionna.generative.diffusion.motion_sampling import SMALL
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.threads import SMALL
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
@@ -247,7 +247,7 @@ def test_legs_given_for_a_while_are_kept_for_that_while(source: DiffusionSource)
 def test_feet_are_locked_where_legs_are_not_kept() -> None:
     walk = KinematicSource(60.0)("walk", 4.0, 1)
     kept = np.arange(len(walk.translation)) < 120
-    partly, wholly = lock_feet(walk, ride=False, kept=kept), lock_feet(walk, ride=False)
+    partly, wholly = lock_feet(walk, ride=False, fixed_legs=kept), lock_feet(walk, ride=False)
     assert np.allclose(partly.rotations[kept], walk.rotations[kept], atol=1e-9)
     assert not np.allclose(wholly.rotations[kept], walk.rotations[kept], atol=1e-3)
     assert np.allclose(partly.rotations[130:], wholly.rotations[130:], atol=1e-9)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.diffusion.inflection import inflect
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, inflect
 from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder, pieces, stem, tokenise, words
 from rfgen_sionna.generative.diffusion.understanding import understand
 from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, OPEN_CLAUSES

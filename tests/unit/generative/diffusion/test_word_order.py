@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from rfgen_sionna.generative.diffusion.understanding import understand
-from rfgen_sionna.generative.diffusion.word_order import action_by_word_order, direction_named, hand_named
+from rfgen_sionna.generative.diffusion.understanding import (
+    action_by_word_order,
+    direction_named,
+    hand_named,
+    understand,
+)
 
 
 @pytest.mark.parametrize(

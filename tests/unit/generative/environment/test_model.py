@@ -20,11 +20,11 @@ from rfgen_sionna.generative.environment.environment_model import (
     condition_of,
     read_model,
 )
-from rfgen_sionna.generative.environment.forward_process import make_scheduler
 from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, noise_like, sample_images
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.generative.environment.place_encoder import TOKENS, ViewFacts, view_tokens
 from rfgen_sionna.generative.environment.torch_device import DeviceMemoryError
+from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from training.environment.fits import fit_autoencoder

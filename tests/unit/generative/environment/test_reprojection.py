@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
+from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion, ViewCache
 from rfgen_sionna.generative.environment.reprojection import known_from_views, reproject, resize_pir
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest, choose_room
-from rfgen_sionna.generative.environment.view_cache import ViewCache
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 

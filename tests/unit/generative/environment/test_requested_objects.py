@@ -23,9 +23,8 @@ from rfgen_sionna.generative.environment.image_models import (
 )
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
-from rfgen_sionna.generative.environment.place_names import NAMES, article
 from rfgen_sionna.generative.environment.primitives import PrimitiveScene
-from rfgen_sionna.generative.environment.requested_objects import check_words, is_empty, read_objects
+from rfgen_sionna.generative.environment.requested_objects import NAMES, article, check_words, is_empty, read_objects
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest, choose_room
 from rfgen_sionna.generative.furniture import LOOSE, OTHER_NAMES, SEVERAL
 from rfgen_sionna.pir.view import View
