@@ -38,7 +38,7 @@ class TracedFrame(NamedTuple):
     parts: Callable[[], Sequence[RadarPaths]]
     """Computes all other paths, on any thread."""
     report: TraceReport
-    shown: tuple[RadarPaths, ...]
+    image_paths: tuple[RadarPaths, ...]
     """Actors and imagined surroundings, for images; empty where surroundings are modelled."""
     still: int
     """Number of static objects, the first ones, which share one tolerance."""

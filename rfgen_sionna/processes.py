@@ -98,11 +98,11 @@ def map_in_processes(job: Callable[[int], T], runs: Sequence[range], workers: in
                 begun.append(_Worker(job, to_do.popleft(), begun))
             first, working = begun[0], {each.connection: each for each in begun if not each.over}
             # What others send is taken from them, but not waited for where something is at hand.
-            for ready in wait(list(working), 0.0 if first.told else None) if working else ():
+            for ready in wait(list(working), 0.0 if first.queue else None) if working else ():
                 working[ready].receive()  # type: ignore[index]
-            if not first.told:
+            if not first.queue:
                 continue
-            said, what = first.told.popleft()
+            said, what = first.queue.popleft()
             if said is _Message.MADE:
                 yield what
             elif said is _Message.LOGGED:
@@ -125,7 +125,7 @@ class _Worker:
     def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Worker]) -> None:
         context = get_context("fork")
         self.connection, theirs = context.Pipe()
-        self.told, self.over, self._numbers = deque[tuple[_Message, Any]](), False, numbers
+        self.queue, self.over, self._numbers = deque[tuple[_Message, Any]](), False, numbers
         # Ends of pipes that it does not need would hide from other processes that this one has gone.
         inherited = [self.connection, *(each.connection for each in others)]
         self._process = context.Process(target=_run_worker, args=(job, numbers, theirs, inherited), daemon=True)
@@ -145,7 +145,7 @@ class _Worker:
                 f"the process that worked on frames {self._numbers.start} … {self._numbers.stop - 1} ended with "
                 f"{self._process.exitcode} (below 0 it is a signal; -9 is often want of memory: take fewer workers)"
             )  # fmt: skip
-        self.told.append((said, what))
+        self.queue.append((said, what))
         self.over = said in (_Message.FAILED, _Message.OVER)
 
     def end(self) -> None:

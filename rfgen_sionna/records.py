@@ -104,7 +104,7 @@ class PathKind(IntEnum):
     """Path made from an image of the surroundings, random phase."""
 
 
-_DIGITS, _KEPT = 13, 10_000
+_DIGITS, _MAX_CACHED = 13, 10_000
 """Decimals of times as shares of the knots' span, and the most weights that are cached."""
 
 
@@ -120,7 +120,7 @@ def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> Float
     # the knots span they are the same from frame to frame.
     span = float(knots[-1] - knots[0])
     places, at = (np.round((np.asarray(each) - knots[0]) / span, _DIGITS) for each in (knots, t))
-    weigh = _known_weights if len(places) * len(at) <= _KEPT else _weights
+    weigh = _known_weights if len(places) * len(at) <= _MAX_CACHED else _weights
     return np.asarray(weigh(places.tobytes(), at.tobytes(), derivative) / span**derivative)
 
 

@@ -153,7 +153,7 @@ class Simulator:
         self.rtol = float(rtol)
         self.collisions: Policy = collisions
         self.seed = _checked_seed(seed)
-        self._silence_told = False
+        self._warned_silent = False
         self._fusion: FusedTracer | None = None
         self.scene.tune(radar.center_frequency)
         self.scene.warn_unfollowed()
@@ -328,8 +328,8 @@ class Simulator:
         made = frame_samples(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers)
         for index, (samples, traced) in enumerate(made):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
-            full_scale, shown = capture.full_scale, traced.shown
-            yield Frame(index, traced.begin, capture.samples, traced.report, full_scale, capture.clipped, shown)
+            full_scale, image_paths = capture.full_scale, traced.image_paths
+            yield Frame(index, traced.begin, capture.samples, traced.report, full_scale, capture.clipped, image_paths)
 
     def is_occluded(self, actor: MeshActor, start: float, stop: float) -> bool:
         """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar at every
@@ -362,9 +362,9 @@ class Simulator:
 
     def _warn_silent(self) -> None:
         """Warn once of a scene without any return."""
-        if self._silence_told or self.scene.is_free_space or self.radar.trajectory is not None:
+        if self._warned_silent or self.scene.is_free_space or self.radar.trajectory is not None:
             return
-        self._silence_told = True
+        self._warned_silent = True
         if self.tracer.static.paths.a.any():
             return
         name, reach = nearest_surface(self.radar.position, self.scene)

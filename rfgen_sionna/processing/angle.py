@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.profile_selection import ComplexChannels, decoder, entry_times
+from rfgen_sionna.processing.multiplexing import ComplexChannels, decoder, entry_times
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

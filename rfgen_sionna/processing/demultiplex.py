@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from rfgen_sionna.processing.profile_selection import (
+from rfgen_sionna.processing.multiplexing import (
     ComplexChannels,
     decoder,
     entry_times,

@@ -152,9 +152,9 @@ def refine_peaks(power: ArrayLike, cells: NDArray[np.integer]) -> tuple[FloatArr
             (log[i, (j - 1) % columns], log[i, (j + 1) % columns]),
         )
     ):
-        bend = low - 2 * centre + high
+        curvature = low - 2 * centre + high
         slope = (high - low) / 2
-        shift = np.where(bend < 0, np.clip(-slope / np.where(bend < 0, bend, -1.0), -0.5, 0.5), 0.0)
+        shift = np.where(curvature < 0, np.clip(-slope / np.where(curvature < 0, curvature, -1.0), -0.5, 0.5), 0.0)
         position[:, axis] += shift
-        peak += slope * shift + 0.5 * bend * shift**2
+        peak += slope * shift + 0.5 * curvature * shift**2
     return position, np.exp(peak)

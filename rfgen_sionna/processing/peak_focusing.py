@@ -14,7 +14,7 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.detection import refine_peaks
-from rfgen_sionna.processing.profile_selection import ComplexChannels
+from rfgen_sionna.processing.multiplexing import ComplexChannels
 from rfgen_sionna.processing.spectrum import range_transform
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import Directions, find_directions, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
-from rfgen_sionna.processing.peak_focusing import focus_peak
-from rfgen_sionna.processing.profile_selection import (
+from rfgen_sionna.processing.multiplexing import (
     ComplexChannels,
     empty_bands,
     occupied_bins,
     separate_bands,
     uses_doppler_bands,
 )
+from rfgen_sionna.processing.peak_focusing import focus_peak
 from rfgen_sionna.processing.spectrum import (
     RangeDoppler,
     Window,
@@ -281,8 +281,8 @@ def _window(
         room = max(0, (bins - 1) // (2 * padding))
         own = guard[axis] if guard is not None else min(_GUARD, room // 3)
         pairs.append((own, train[axis] if train is not None else max(0, min(_TRAIN, room - own))))
-    (up, above), (side, beside) = pairs
-    return (up, side), (above, beside)
+    (up, above), (side, train_columns) = pairs
+    return (up, side), (above, train_columns)
 
 
 def _distance(seen: FloatArray, direction: FloatArray, radar: Radar) -> FloatArray:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.profile_selection import occupied_bins, separate_bands, uses_doppler_bands
+from rfgen_sionna.processing.multiplexing import occupied_bins, separate_bands, uses_doppler_bands
 from rfgen_sionna.processing.spectrum import (
     Window,
     check_cube,

@@ -28,7 +28,7 @@ from scipy import fft
 from scipy.signal import CZT, get_window
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.profile_selection import axis_lengths, occupied_bins, separate_bands
+from rfgen_sionna.processing.multiplexing import axis_lengths, occupied_bins, separate_bands
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

@@ -283,19 +283,19 @@ def _spread_channels(
         if changing and splines.derivatives is not None:
             gains = gain_coefficients(gains, splines.derivatives[1], window)
         most = [max_power(gain) for gain in gains]
-        loudness = most[0] / max(float(most[0].sum()), 1e-300)
+        power_share = most[0] / max(float(most[0].sum()), 1e-300)
         sizes = np.maximum(sizes, np.sqrt([each.sum() for each in most]))
         phase, beat, quadratic = splines.terms(radar, paths, window, tx, rx)
         # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
         quadratic = 0.5 * quadratic
-        common = quadratic @ loudness
+        common = quadratic @ power_share
         phase = splines.matrix @ (phase + quadratic)
         own[..., PHASE] = phase - np.rint(phase[0])  # whole cycles are the same for all coefficients of a path
         own[..., BEAT] = splines.matrix @ beat
         quadratic = quadratic - common[:, None]
         own[..., QUADRATIC] = splines.matrix @ quadratic
         shared.append(splines.matrix @ common)
-        angle = max(angle, 2 * np.pi * float(np.sqrt(np.square(np.abs(quadratic).max(axis=0)) @ loudness)))
+        angle = max(angle, 2 * np.pi * float(np.sqrt(np.square(np.abs(quadratic).max(axis=0)) @ power_share)))
         # One gain for all times, or a course.
         turned = gains if gains.shape[2] == 1 else gains @ splines.matrix.T.astype(gains.real.dtype)
         own[..., GAINS : GAINS + 2 * len(gains) : 2] = turned.real.T

@@ -39,7 +39,7 @@ from rfgen_sionna.signal.formats.cascade_files import (
     find_frames,
 )
 from rfgen_sionna.signal.formats.consistency import check_json
-from rfgen_sionna.signal.formats.files import complain, staged, write_json
+from rfgen_sionna.signal.formats.files import atomic_files, warn_or_raise, write_json
 from rfgen_sionna.signal.formats.frames import (
     WriteRequest,
     channel_numbers,
@@ -50,7 +50,14 @@ from rfgen_sionna.signal.formats.frames import (
     frames_of,
     quantize,
 )
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, even_times, write_sidecar
+from rfgen_sionna.signal.formats.sidecar import (
+    SUFFIX,
+    Description,
+    describe,
+    find_description,
+    periodic_times,
+    write_sidecar,
+)
 from rfgen_sionna.signal.formats.studio import read_studio, studio_config
 from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, RX_PER_DEVICE
 
@@ -84,7 +91,7 @@ def write(request: WriteRequest, *, max_file_size: int = MAX_FILE_SIZE) -> Captu
     index = [folder / f"{name}_{group:04d}_idx.bin" for group in range(len(groups)) for name in DEVICES]
     paths = (*data, *index, folder / f"{folder.resolve().name}.mmwave.json", folder / SIDECAR)
     clipped = 0
-    with staged(paths, request.overwrite) as parts:
+    with atomic_files(paths, request.overwrite) as parts:
         remaining = frames_of(cube)
         for number, group in enumerate(groups):
             own = slice(len(DEVICES) * number, len(DEVICES) * (number + 1))
@@ -143,7 +150,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
                 config, studio_config(found.radar, found.frames or 0, len(DEVICES)), CHECKED_FIELDS, sidecar, partial
             )
 
-    known = described(folder, sidecar, radar, lambda hardware: _configured(configs, hardware), same)
+    known = find_description(folder, sidecar, radar, lambda hardware: _configured(configs, hardware), same)
     receivers = _receivers(known.radar)
     loops, slots, _, samples = frame_shape(known.radar)
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
@@ -157,7 +164,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
         message = f"'{folder}' holds frames of: {counts}; {wanted} of each are expected"
         if not numbers:
             raise CaptureFormatError(f"{message}: no frame is whole in all of {', '.join(left) or 'them'}")
-        complain(message, partial)
+        warn_or_raise(message, partial)
     taken = known.radar
     if len(left) < len(DEVICES):
         kept = [n for n, rx in enumerate(receivers) if DEVICES[(rx - 1) // RX_PER_DEVICE] in left]
@@ -205,7 +212,7 @@ def _times(places: list[FrameLocation], numbers: list[int], radar: Radar) -> Flo
     period = radar.waveform.frame_period
     stamps = [place.stamp for place in places if place.stamp is not None]
     if len(stamps) < len(places):
-        return even_times(numbers[-1] + 1, radar)[numbers] - numbers[0] * period
+        return periodic_times(numbers[-1] + 1, radar)[numbers] - numbers[0] * period
     since = np.asarray(stamps, dtype=np.float64) - stamps[0]
     steps = np.diff(since) / np.diff(numbers)
     unit = _TIME_UNITS[0]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
-from rfgen_sionna.signal.formats.files import complain
+from rfgen_sionna.signal.formats.files import warn_or_raise
 
 DEVICES = ("master", "slave1", "slave2", "slave3")
 DATA_NAME = re.compile(r"(master|slave[123])_(\d{4})_(data|idx)\.bin")
@@ -89,10 +89,10 @@ def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, d
             message = f"capture file '{folder / f'{name}_0000_data.bin'}' does not exist"
             if not partial or not any(files.values()):
                 raise FileNotFoundError(message)
-            complain(f"{message}: the receivers of {name} are left out", partial)
+            warn_or_raise(f"{message}: the receivers of {name} are left out", partial)
     groups = sorted({number for own in files.values() for number in own})
     if absent := sorted(set(range(groups[-1])) - set(groups)):
-        complain(f"capture files '{folder / f'*_{absent[0]:04d}_data.bin'}' do not exist", partial)
+        warn_or_raise(f"capture files '{folder / f'*_{absent[0]:04d}_data.bin'}' do not exist", partial)
     contents = []
     for group in groups:
         present = {name: own[group] for name, own in files.items() if group in own}
@@ -101,7 +101,7 @@ def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, d
         if not count:
             count = max(path.stat().st_size // shape.size for path in present.values())
             if count:
-                complain(f"'{folder}': no index says how much of file {group} is data", partial)
+                warn_or_raise(f"'{folder}': no index says how much of file {group} is data", partial)
         contents.append((group, present, indices, count))
     full = max(count for *_, count in contents)
     found: dict[str, dict[int, FrameLocation]] = {name: {} for name in DEVICES}
@@ -127,20 +127,20 @@ def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, ne
         if needed and not master.is_file():  # often only the master's index is kept
             if not partial:
                 raise FileNotFoundError(f"capture file '{path}' does not exist")
-            complain(f"capture file '{path}' does not exist", partial)
+            warn_or_raise(f"capture file '{path}' does not exist", partial)
         return _Index()
     content = path.read_bytes()
     if len(content) < HEADER.itemsize:
-        complain(f"'{path}' has {len(content)} bytes; its header alone has {HEADER.itemsize}", partial)
+        warn_or_raise(f"'{path}' has {len(content)} bytes; its header alone has {HEADER.itemsize}", partial)
         return _Index()
     header = np.frombuffer(content, dtype=HEADER, count=1)[0]
     if header["tag"] != FILE_TAG:
-        complain(f"'{path}' begins with 0x{header['tag']:08x}; an index begins with 0x{FILE_TAG:08x}", partial)
+        warn_or_raise(f"'{path}' begins with 0x{header['tag']:08x}; an index begins with 0x{FILE_TAG:08x}", partial)
     present = (len(content) - HEADER.itemsize) // ENTRY.itemsize
     declared = int(header["frames"])
     wanted = HEADER.itemsize + declared * ENTRY.itemsize
     if len(content) != wanted:
-        complain(
+        warn_or_raise(
             f"'{path}' has {len(content):,} bytes; a header and {declared} entries are {wanted:,}: "
             f"{abs(wanted - len(content)):,} bytes are {'missing' if len(content) < wanted else 'too many'}",
             partial,
@@ -152,7 +152,7 @@ def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, ne
     for number, entry in enumerate(entries):
         usable.append(entry if shape.fits(entry) else None)
         if usable[-1] is None:
-            complain(_damage(path, number, entry, shape), partial)
+            warn_or_raise(_damage(path, number, entry, shape), partial)
     if len(usable) and not any(entry is not None for entry in usable) and np.all(entries["tag"] == FRAME_TAG):
         # Not damage: the frames are others.
         raise CaptureFormatError(_damage(path, 0, entries[0], shape))
@@ -179,7 +179,7 @@ def _whole(
             continue
         offset = number * shape.size if entry is None else int(entry["offset"])
         if offset + shape.size > size:
-            complain(
+            warn_or_raise(
                 f"'{data}' has {size:,} bytes; frame {number} lies at {offset:,} … {offset + shape.size:,}: "
                 f"{offset + shape.size - max(size, offset):,} of its {shape.size:,} bytes are missing, "
                 f"and {count - number - 1} frames after it",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
-from rfgen_sionna.signal.formats.files import complain, read_json
+from rfgen_sionna.signal.formats.files import read_json, warn_or_raise
 
 _ROUNDING = 1e-9
 
@@ -27,7 +27,7 @@ def check_json(path: Path, wanted: dict[str, Any], fields: Collection[str], side
     try:
         found = read_json(path)
     except CaptureFormatError as error:
-        complain(str(error), partial)
+        warn_or_raise(str(error), partial)
         return
     _tell(path, next(_differences(wanted, found, fields, ""), None), sidecar, partial)
 
@@ -39,7 +39,7 @@ def check_xml(path: Path, wanted: bytes, ignored: Collection[str], sidecar: Path
     try:
         found = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: encodings that are none
-        complain(f"'{path}' is not XML: {error}", partial)
+        warn_or_raise(f"'{path}' is not XML: {error}", partial)
         return
     _tell(path, next(_elements(ElementTree.fromstring(wanted), found, ignored), None), sidecar, partial)
 
@@ -49,7 +49,7 @@ def _tell(path: Path, difference: tuple[str, Any, Any] | None, sidecar: Path, pa
         return
     field, found, wanted = difference
     said = "is missing" if found is None else f"is {found!r}"
-    complain(f"'{path}': {field} {said}; {wanted!r} by '{sidecar.name}' beside it", partial)
+    warn_or_raise(f"'{path}': {field} {said}; {wanted!r} by '{sidecar.name}' beside it", partial)
 
 
 def _differences(wanted: Any, found: Any, fields: Collection[str], where: str) -> Iterator[tuple[str, Any, Any]]:

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_json
-from rfgen_sionna.signal.formats.files import companion_path, data_file, need_file, staged, whole_frames, write_json
+from rfgen_sionna.signal.formats.files import (
+    atomic_files,
+    companion_path,
+    data_file,
+    need_file,
+    whole_frames,
+    write_json,
+)
 from rfgen_sionna.signal.formats.frames import (
     WriteRequest,
     channel_numbers,
@@ -31,8 +38,8 @@ from rfgen_sionna.signal.formats.sidecar import (
     SUFFIX,
     Description,
     describe,
-    described,
-    even_times,
+    find_description,
+    periodic_times,
     write_sidecar,
 )
 from rfgen_sionna.signal.formats.studio import read_studio, setup_config, studio_config
@@ -68,7 +75,7 @@ def write(request: WriteRequest) -> CaptureReport:
         companion_path(data, SUFFIX),
     )
     clipped = 0
-    with staged(paths, request.overwrite) as parts:
+    with atomic_files(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
             for frame in frames_of(cube):
                 levels, beyond = quantize(frame, divisor, FULL_SCALE)
@@ -93,7 +100,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     def same(found: Description) -> None:
         check_json(config, studio_config(found.radar, found.frames or 0), CHECKED_FIELDS, sidecar, partial)
 
-    known = described(data, sidecar, radar, lambda hardware: _configured(data, hardware), same)
+    known = find_description(data, sidecar, radar, lambda hardware: _configured(data, hardware), same)
     _even_samples(known.radar)
     shape = frame_shape(known.radar)
     frame_size = 4 * int(np.prod(shape))
@@ -153,7 +160,7 @@ def _configured(data: Path, hardware: Radar) -> Description:
     if not config.is_file():
         return Description(hardware, None, None, None)
     found = read_studio(config, hardware)
-    times = None if found.frames is None else even_times(found.frames, found.radar)
+    times = None if found.frames is None else periodic_times(found.frames, found.radar)
     return Description(found.radar, None, times, None, found.iq_swap)
 
 

@@ -25,7 +25,7 @@ def companion_path(path: Path, suffix: str) -> Path:
 
 
 @contextmanager
-def staged(paths: Sequence[Path], overwrite: bool) -> Iterator[list[Path]]:
+def atomic_files(paths: Sequence[Path], overwrite: bool) -> Iterator[list[Path]]:
     """Temporary names to write to; they take the places of `paths` when all went well, and vanish otherwise.
 
     Raises
@@ -82,7 +82,7 @@ def read_json(path: Path) -> dict[str, Any]:
     return record
 
 
-def complain(message: str, partial: bool) -> None:
+def warn_or_raise(message: str, partial: bool) -> None:
     """Report a damaged capture: by a warning where a part is wanted, by an error otherwise.
 
     Raises
@@ -121,5 +121,5 @@ def whole_frames(path: Path, size: int, frame_size: int, expected: int | None, p
     if frames == 0:
         raise CaptureFormatError(message or f"'{path}' is empty: one frame has {frame_size:,} bytes")
     if message:
-        complain(message, partial)
+        warn_or_raise(message, partial)
     return frames

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
-from rfgen_sionna.signal.formats.files import complain, data_file, need_file, staged
+from rfgen_sionna.signal.formats.files import atomic_files, data_file, need_file, warn_or_raise
 from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
 from rfgen_sionna.signal.formats.sidecar import Description, describe, from_record, with_radar
 
@@ -66,7 +66,7 @@ def write(request: WriteRequest, *, version: Literal["auto", "5", "7.3"] = "auto
     divisor, declared = request.resolve_scale(None)
     variables = _variables(cube, declared)
     target = data_file(request.path, STANDARD)
-    with staged((target,), request.overwrite) as (part,):
+    with atomic_files((target,), request.overwrite) as (part,):
         if version == "7.3" or size > MAX_VERSION_5:
             _write_hdf5(part, cube, divisor, variables)
         else:
@@ -153,7 +153,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
         raise CaptureFormatError(f"'{data}': adc has {found}; {', '.join(_DIMS)} = {shape} and the frames are needed")
     frames = found[4]
     if frames != known.frames:
-        complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
+        warn_or_raise(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
         frames = min(frames, len(known.times(frames)))
 
     def frame(number: int) -> NDArray[Any]:

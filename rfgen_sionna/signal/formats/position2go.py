@@ -22,7 +22,14 @@ from numpy.typing import NDArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_xml
-from rfgen_sionna.signal.formats.files import companion_path, complain, data_file, need_file, staged, whole_frames
+from rfgen_sionna.signal.formats.files import (
+    atomic_files,
+    companion_path,
+    data_file,
+    need_file,
+    warn_or_raise,
+    whole_frames,
+)
 from rfgen_sionna.signal.formats.frames import (
     WriteRequest,
     channel_numbers,
@@ -33,7 +40,7 @@ from rfgen_sionna.signal.formats.frames import (
     frames_of,
     quantize,
 )
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description, write_sidecar
 
 NAME = "position2go"
 STANDARD = "position2go.raw"
@@ -52,7 +59,7 @@ _TRAILER = (
 )
 _MOST_RECEIVERS = 32
 _CALIBRATION_VALUES = 16
-_NO_MATTER = ("description", "callibrationData")
+_IGNORED_ELEMENTS = ("description", "callibrationData")
 """Elements that do not say what the capture holds."""
 
 
@@ -71,7 +78,7 @@ def write(request: WriteRequest) -> CaptureReport:
     data = data_file(request.path, STANDARD)
     paths = (data, companion_path(data, ".xml"), companion_path(data, SUFFIX))
     clipped = 0
-    with staged(paths, request.overwrite) as parts:
+    with atomic_files(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
             for number, frame in enumerate(frames_of(cube)):
                 levels, beyond = quantize(frame, divisor, FULL_SCALE)
@@ -99,9 +106,9 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     sidecar, config = companion_path(files[0], SUFFIX), companion_path(files[0], ".xml")
 
     def same(found: Description) -> None:
-        check_xml(config, _xml(found.radar, _receivers(found.radar)), _NO_MATTER, sidecar, partial)
+        check_xml(config, _xml(found.radar, _receivers(found.radar)), _IGNORED_ELEMENTS, sidecar, partial)
 
-    known = described(files[0], sidecar, radar, lambda hardware: _configured(files[0], hardware), same)
+    known = find_description(files[0], sidecar, radar, lambda hardware: _configured(files[0], hardware), same)
     receivers = _receivers(known.radar)
     loops, slots, channels, samples = frame_shape(known.radar)
     record = np.dtype([("levels", ">f4", (loops, slots, channels, 2, samples)), ("trailer", ">u4", len(_TRAILER))])
@@ -119,7 +126,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
         kept += [before + int(place) for place in whole]
         before += count
     if known.frames is not None and before != known.frames and len(files) > 1:
-        complain(f"'{target}' holds {before} frames; {known.frames} are expected", partial)
+        warn_or_raise(f"'{target}' holds {before} frames; {known.frames} are expected", partial)
         kept = [number for number in kept if number < known.frames]
 
     def frame(number: int) -> NDArray[Any]:
@@ -144,7 +151,7 @@ def _check_trailers(
         )
         if len(set(wrong[:, 0].tolist())) == len(trailers):  # not a damaged frame: frames of another kind
             raise CaptureFormatError(message)
-        complain(message, partial)
+        warn_or_raise(message, partial)
     return np.flatnonzero(np.all(trailers[:, 1:] == expected, axis=1))
 
 

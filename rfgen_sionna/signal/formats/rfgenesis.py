@@ -18,14 +18,21 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_json
-from rfgen_sionna.signal.formats.files import companion_path, complain, data_file, need_file, staged, write_json
+from rfgen_sionna.signal.formats.files import (
+    atomic_files,
+    companion_path,
+    data_file,
+    need_file,
+    warn_or_raise,
+    write_json,
+)
 from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, described, write_sidecar
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description, write_sidecar
 
 NAME = "rfgenesis"
 STANDARD = "radar_frames.npy"
 _ANGLE_BINS = 64
-_MEANT = frozenset(
+_CHECKED_FIELDS = frozenset(
     (
         "num_tx",
         "num_rx",
@@ -58,7 +65,7 @@ def write(request: WriteRequest) -> CaptureReport:
     order = list(radar.waveform.tx_order)
     data = data_file(request.path, STANDARD)
     paths = (data, companion_path(data, "_config.json"), companion_path(data, SUFFIX))
-    with staged(paths, request.overwrite) as parts:
+    with atomic_files(paths, request.overwrite) as parts:
         stored = np.lib.format.open_memmap(
             parts[0], mode="w+", dtype=np.complex128, shape=(frames, slots, channels, loops, samples)
         )
@@ -108,14 +115,14 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     sidecar, config = companion_path(data, SUFFIX), companion_path(data, "_config.json")
 
     def same(found: Description) -> None:
-        check_json(config, _config(found.radar), _MEANT, sidecar, partial)
+        check_json(config, _config(found.radar), _CHECKED_FIELDS, sidecar, partial)
 
-    known = described(data, sidecar, radar, lambda hardware: Description(hardware, None, None, None), same)
+    known = find_description(data, sidecar, radar, lambda hardware: Description(hardware, None, None, None), same)
     loops, slots, channels, samples = frame_shape(known.radar)
     stored = _open(data, (slots, channels, loops, samples), partial)
     frames = len(stored)
     if known.frames is not None and frames != known.frames:
-        complain(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
+        warn_or_raise(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
         frames = min(frames, known.frames)
     elements = np.argsort(known.radar.waveform.tx_order)
 
@@ -151,9 +158,9 @@ def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArra
         )
         if present == 0:
             raise CaptureFormatError(message)
-        complain(message, partial)
+        warn_or_raise(message, partial)
     if missing < 0:
-        complain(
+        warn_or_raise(
             f"'{path}' has {-missing:,} bytes after its {found[0]} frames (from byte {path.stat().st_size + missing:,} "
             "on): its header is of another array",
             partial,

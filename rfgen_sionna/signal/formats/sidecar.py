@@ -20,7 +20,7 @@ SUFFIX = ".rfgen.json"
 _FORMAT, _VERSION = "rfgen-capture", 1
 
 
-def even_times(frames: int, radar: Radar) -> FloatArray:
+def periodic_times(frames: int, radar: Radar) -> FloatArray:
     """(frames,) one frame period after the other, from 0 [s]."""
     return np.asarray(np.arange(frames) * radar.waveform.frame_period, dtype=np.float64)
 
@@ -44,11 +44,11 @@ class Description:
     def times(self, frames: int) -> FloatArray:
         """(frames,) start of each frame [s]: as declared, else one period after the other."""
         if self.frame_times is None:
-            return even_times(frames, self.radar)
+            return periodic_times(frames, self.radar)
         return self.frame_times[:frames]
 
 
-def described(
+def find_description(
     data: Path,
     sidecar: Path,
     radar: Radar | None,

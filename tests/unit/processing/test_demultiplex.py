@@ -17,7 +17,7 @@ from rfgen_sionna.processing import (
     select_slot,
     velocity_axis,
 )
-from rfgen_sionna.processing.profile_selection import separate_bands
+from rfgen_sionna.processing.multiplexing import separate_bands
 from rfgen_sionna.radar import Radar, Slot
 
 
