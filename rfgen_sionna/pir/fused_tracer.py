@@ -1,4 +1,4 @@
-"""Traced actors in surroundings from an image, frame by frame."""
+"""Traced actors in imagined surroundings, frame by frame."""
 
 from __future__ import annotations
 
@@ -21,45 +21,45 @@ if TYPE_CHECKING:
     from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 
 KEY_SPACING = 0.5
-"""Time between the images that are refined [s]."""
+"""Time between refined images [s]; gains are blended in between."""
 
 
 class Refiner(Protocol):
-    """What repairs images, such as a path diffusion model."""
+    """Correction of image sequences, such as a path diffusion model."""
 
     def refine_sequence(self, frames: Sequence[Pir]) -> Sequence[Pir]:
-        """The images as they should be; of the same view and instants, alike from one to the next."""
+        """Corrected images of the same view and times, consistent over time."""
         ...
 
 
 @dataclass(frozen=True)
 class FusedFrame:
-    """Paths over a stretch of time; the channel is the sum of all parts, which don't share knots."""
+    """Paths over an interval; the channel is the sum of all parts, each with its own knots."""
 
     parts: tuple[RadarPaths, ...]
     report: TraceReport
 
 
 class FusedTracer:
-    """Traces actors, and puts them into surroundings that an image shows.
+    """Tracer of actors in imagined surroundings.
 
     Parameters
     ----------
     tracer
-        The actors in free space.
+        Actors in free space.
     environment
-        Image of the surroundings, of energies for isotropic elements.
+        PIR of the surroundings.
     seed
         Seed of the random phases.
     refiner
-        What repairs images of both together; None leaves them.
+        Correction of the images of actors and surroundings; None omits it.
     most_gain_db
-        Largest change of traced energy by the refiner.
+        Largest change of traced energy by the refiner [dB].
 
     Raises
     ------
     ValueError
-        If the tracer has static surfaces as well, the radar of a refined run moves, or the image holds what no radar
+        If the tracer has static surfaces, the radar of a refined run moves, or the image has values that no radar
         receives.
     """
 
@@ -73,22 +73,20 @@ class FusedTracer:
     ) -> None:
         if tracer.surfaces.static:
             names = ", ".join(repr(surface.name) for surface in tracer.surfaces.static[:3])
-            raise ValueError(
-                f"environment: the scene has surfaces of its own ({names} …); scene=None goes with an image"
-            )
+            raise ValueError(f"environment: the scene has surfaces of its own ({names} …); an image needs scene=None")
         if refiner is not None and tracer.radar.trajectory is not None:
-            raise ValueError("refiner: the radar moves, and images are refined for one that stands; None is allowed")
+            raise ValueError("refiner: the radar moves; a static radar, or None, is needed")
         self._tracer, self._refiner, self._seed, self._most_gain_db = tracer, refiner, seed, most_gain_db
         self.surroundings = ImageSurroundings(environment, tracer.radar, seed)
         self._viewpoint = np.asarray(tracer.radar.position)
 
     def images(self, times: Sequence[float]) -> list[Pir]:
-        """Actors and surroundings together at instants [s], before they are refined."""
-        run = self._tracer.follow(aimed=False)
+        """PIRs of actors and surroundings at times [s], before refinement."""
+        run = self._tracer.follow(cull=False)
         return [image(self._mixed(float(t), run), self.surroundings.view, float(t)) for t in times]
 
     def refinement(self, start: float, stop: float) -> Refinement | None:
-        """What the refiner makes of `start` … `stop` [s]; None where there is none."""
+        """Refinement of the interval `start` … `stop` [s]; None without a refiner."""
         if self._refiner is None:
             return None
         count = 1 + int(np.ceil((stop - start) / KEY_SPACING - 1e-9)) if stop > start else 1
@@ -97,7 +95,7 @@ class FusedTracer:
         return Refinement(mixed, refined, self._tracer.radar, self._seed, self._most_gain_db)
 
     def instant(self, t: float) -> list[RadarPaths]:
-        """All paths at `t` [s]: traced ones, those of the surroundings, and those that the refiner adds."""
+        """All paths at `t` [s]: of the actors, of the surroundings, and added by the refiner."""
         parts = self._mixed(t)
         refinement = self.refinement(t, t)
         if refinement is None:
@@ -106,36 +104,46 @@ class FusedTracer:
         return [*changed, *refinement.added(np.array([t]))]
 
     def trace(self, start: float, stop: float, moving: MovingTracer, refinement: Refinement | None) -> FusedFrame:
-        """Paths from `start` to `stop` [s]; `moving` is the run's (:meth:`Tracer.follow`)."""
+        """Paths from `start` to `stop` [s].
+
+        Parameters
+        ----------
+        start, stop
+            Ends of the interval [s].
+        moving
+            Kept state of the run (:meth:`Tracer.follow`).
+        refinement
+            Refinement of the interval; None omits it.
+        """
         visible_share: dict[float, FloatArray] = {}
 
         def watch(t: float, rays: RayScene) -> None:
             visible_share[t] = self.surroundings.visible_share(rays, t)
 
         traced = self._tracer.trace(start, stop, moving, watch if len(self._unoccluded_share) else None)
-        instants = np.array(sorted(visible_share) or [start])
-        share = np.stack([visible_share.get(t, self._unoccluded_share) for t in instants.tolist()], axis=1)
-        times, report = instants, traced.report
+        sampled = np.array(sorted(visible_share) or [start])
+        share = np.stack([visible_share.get(t, self._unoccluded_share) for t in sampled.tolist()], axis=1)
+        times, report = sampled, traced.report
         if self.surroundings.moves:
-            times, missed = self._tracer.knots(lambda t: [self.surroundings.points(t)], start, stop)
-            report = replace(report, time_error=max(report.time_error, missed))
-            share = np.stack([np.interp(times, instants, row) for row in share]) if len(share) else share[:, :0]
-        seen, *around = mix_paths(traced.moving, self.surroundings, times, share)
+            times, time_error = self._tracer.knots(lambda t: [self.surroundings.points(t)], start, stop)
+            report = replace(report, time_error=max(report.time_error, time_error))
+            share = np.stack([np.interp(times, sampled, row) for row in share]) if len(share) else share[:, :0]
+        actors, *around = mix_paths(traced.moving, self.surroundings, times, share)
         refined = [] if traced.refined is None else [occlude_traced(traced.refined, self.surroundings)]
         if refinement is not None:
-            seen = refinement(seen, self._facet_middles(traced))
+            actors = refinement(actors, self._facet_centres(traced))
             refined = [refinement(each, traced.refined_places) for each in refined]
             around = [refinement(part, self._positions_of(part)) for part in around]
             around += refinement.added(np.linspace(start, stop, 4) if stop > start else np.array([start]))
-        return FusedFrame((seen, *refined, *around), report)
+        return FusedFrame((actors, *refined, *around), report)
 
     @property
     def _unoccluded_share(self) -> FloatArray:
-        """(path,) shares of surroundings that nothing hides."""
+        """(path,) shares of unoccluded surroundings."""
         return np.ones(len(self.surroundings.pixel))
 
     def _mixed(self, t: float, run: MovingTracer | None = None) -> list[RadarPaths]:
-        """Traced paths and those of the surroundings at `t` [s]; those of a `run` share what it takes to find them."""
+        """Paths of actors and surroundings at `t` [s]; a `run` keeps its state from time to time."""
         paths = self._tracer.instant(t) if run is None else self._tracer.trace(t, t, run).moving
         visible_share = (
             self.surroundings.visible_share(self._tracer.rays_at(t), t)
@@ -145,12 +153,12 @@ class FusedTracer:
         return mix_paths(paths, self.surroundings, np.array([t]), visible_share[:, None])
 
     def _positions_of(self, paths: RadarPaths) -> Callable[[float], FloatArray]:
-        """Paths whose places stay: those of the surroundings, or any at one instant."""
+        """Constant positions: of the surroundings' paths, or of any paths at one time."""
         points = self._viewpoint + paths.range[:, :1] * paths.arrival[:, 0]
         return lambda _: points
 
-    def _facet_middles(self, traced: Traced) -> Callable[[float], FloatArray]:
-        """Middles of the facets that direct returns go by; paths by way of several surfaces stay where they are."""
+    def _facet_centres(self, traced: Traced) -> Callable[[float], FloatArray]:
+        """Centres of the facets of direct paths; paths by several surfaces have constant positions."""
         count = len(traced.places(traced.moving.times[0]))
         others = self._positions_of(traced.moving.select(np.arange(count, traced.moving.num_paths)))
         return lambda t: np.concatenate([traced.places(t), others(t)])

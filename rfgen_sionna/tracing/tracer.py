@@ -44,7 +44,7 @@ from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
 from rfgen_sionna.tracing.traced import Traced
-from rfgen_sionna.tracing.transmission.slab_reflections import SlabReflections
+from rfgen_sionna.tracing.transmission.slab_footprints import SlabLegs
 from rfgen_sionna.tracing.transmission.transmission import Transmission
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Tracer:
     transmission
         Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
         actors, and between static surfaces, by way of flat parts
-        (:mod:`rfgen_sionna.tracing.transmission.slab_reflections`,
+        (:mod:`rfgen_sionna.tracing.transmission.slab_footprints`,
         :mod:`rfgen_sionna.tracing.static.static_transmission`).
     """
 
@@ -225,12 +225,11 @@ class Tracer:
         reach = self.radar.max_range
         transmission_tracer = None
         if self.transmission and self.surfaces.moving:
-            every = (*self.surfaces.static, *self.surfaces.moving)
-            names = self.surfaces.object_names, self.surfaces.part_names
-            found = Transmission(every, self.surfaces.moving, names, self.radar, self.rtol)
+            found = Transmission(self.surfaces, self.surfaces.moving, self.radar, self.rtol)
             transmission_tracer = found if found.any_transmission() else None
             if self.max_bounces > 1 and found.any_transmission(one_way=True):
-                reflections.append(SlabReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, found))
+                common = self.surfaces, self.radar, self.rtol, self.max_bounces
+                reflections.append(PlanarReflections(*common, legs=SlabLegs(found)))
         given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
         indirect = IndirectPaths(self.surfaces, self._band, ghosts, reflections, curved, transmission_tracer)
         return MovingTracer(*given, indirect, cull)

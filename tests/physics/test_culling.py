@@ -147,14 +147,14 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     tracer = Tracer(None, radar, [body, disc], rtol)
     run = tracer.follow()
     positions = tracer._vertices
-    run._precision.cancellation[:] = 1.0
+    run._error_control.cancellation[:] = 1.0
     run._facets.follow(positions, np.zeros(1))
     run._facets.turn_to([positions(0.0)])
     (visible,) = run._trace_visibility(
         [0.0], TraceInterval(np.zeros(1), positions, lambda t: tracer._rays, tracer._rays, tracer.rays_at, [])
     )
-    facing = run._sight._facing(visible.facets)
-    return_estimate, most = run._sight._return_bounds.of(visible.facets, facing)
+    facing = run._moving_visibility._facing(visible.facets)
+    return_estimate, most = run._moving_visibility._return_bounds.of(visible.facets, facing)
     mine = visible.facets.surface[facing.chosen] == 0
     left = np.linalg.norm(most[mine & (visible.weight[facing.chosen] == 0)])
     any_visible = np.linalg.norm((return_estimate * visible.fraction[facing.chosen])[mine])

@@ -452,7 +452,7 @@ def test_furniture_of_which_some_glints_are_too_weak_is_hidden_by_actors(radar):
         for position in ((3.0, 0.0, 0.0), (2.0, -2.0, 0.0))
     )
     tracer = Tracer(scene, radar, [screen], rtol=1e-2, max_bounces=2)
-    glints = next(each for each in tracer.beyond if isinstance(each, StaticCurvedReflections))
+    glints = next(each for each in tracer.static_indirect if isinstance(each, StaticCurvedReflections))
     assert glints.paths.num_paths == 2 * len(glints.facet)
 
     def by_balls(actors):

@@ -145,7 +145,7 @@ def test_what_corners_return_is_in_the_error_stated(radar):
     for bounces in (1, 2):
         tracer = Tracer(scene_with_mesh(corner), radar, [screen(1.0)], rtol=1e-2, max_bounces=bounces)
         found.append((tracer, tracer.trace(0.0, radar.waveform.frame_length).report.time_error))
-    assert sum(each.paths.num_paths for each in found[1][0].beyond) > 0
+    assert sum(each.paths.num_paths for each in found[1][0].static_indirect) > 0
     assert found[1][1] > 1.05 * found[0][1]
 
 

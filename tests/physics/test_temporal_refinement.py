@@ -168,7 +168,7 @@ def test_what_comes_and_goes_between_two_instants_is_stated(radar, monkeypatch):
     """Two instants taken for enough, whatever moves: no more is missed than half of what may change. Nothing is looked
     at from places of pairs, as that is given three."""
     monkeypatch.setattr(moving, "BETWEEN_PER_RTOL", np.inf)
-    monkeypatch.setattr(ErrorControl, "unverified", lambda known, *_: np.zeros(len(known.own), np.bool_))
+    monkeypatch.setattr(ErrorControl, "unverified", lambda known, *_: np.zeros(len(known.per_element), np.bool_))
     length, found = radar.waveform.frame_length, []
     times = np.linspace(0.0, length, 20)
     for tilt, speed in [(5.0, 0.1), (20.0, 0.05), (20.0, 0.2), (35.0, 0.3), (50.0, 0.6)]:

@@ -115,7 +115,7 @@ def test_rims_are_weighed_again_where_a_thing_turns() -> None:
 
     def rim(run: MovingTracer) -> float:
         """What is stated of rims; infinity where they are traced."""
-        return np.inf if run._precision.terminator.any() else run._precision._terminator_error
+        return np.inf if run._error_control.terminator.any() else run._error_control._terminator_error
 
     run, again = tracer.follow(), []
     for t in np.linspace(0.0, np.pi / 2 - 0.9, 2 * MEASURED_EVERY + 1).tolist():

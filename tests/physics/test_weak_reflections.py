@@ -50,7 +50,7 @@ def dihedral(folder, cells, size=0.1):
 
 def traced(scene, radar, rtol):
     tracer = Tracer(scene, radar, [], rtol, max_bounces=2)
-    return tracer.static.level, tracer.beyond[0].paths
+    return tracer.static.level, tracer.static_indirect[0].paths
 
 
 def test_a_fine_mesh_s_faces_are_faint_only_by_themselves(tmp_path, monkeypatch):

@@ -77,31 +77,33 @@ class FacetClusters:
             first += len(own)
         self.cluster_head = np.concatenate(found)
 
-    def followed(self, centroids: Sequence[FloatArray], kept: NDArray[np.intp]) -> NDArray[np.intp]:
-        """(kept,) the facet whose path each of those `kept` adds to over a stretch with `centroids` (facet, 3) [m] at
+    def heads_over_interval(self, centroids: Sequence[FloatArray], selected: NDArray[np.intp]) -> NDArray[np.intp]:
+        """(selected,) the facet whose path each of those `selected` adds to over a stretch with `centroids` (facet, 3) [m] at
         its instants: those that turn against it too fast for a spline in time have a path of their own, and so has each
         at a single instant, where a path goes on at its own rate."""
         if len(centroids) == 1:
-            return kept
-        cluster_head = self.cluster_head[kept]
+            return selected
+        cluster_head = self.cluster_head[selected]
         ranges = [lengths(each - self._viewpoint) for each in centroids]
-        swing = np.zeros(len(kept))
-        for before, after in pairwise([each[kept] - each[cluster_head] for each in ranges]):
+        swing = np.zeros(len(selected))
+        for before, after in pairwise([each[selected] - each[cluster_head] for each in ranges]):
             np.maximum(swing, np.abs(after - before), out=swing)
         most = max_phase_step(CLUSTERED_PER_RTOL * self._rtol, len(centroids) - 1) / (
             4 * np.pi * self._band.highest / SPEED_OF_LIGHT
         )
-        return np.where(swing <= most, cluster_head, kept)
+        return np.where(swing <= most, cluster_head, selected)
 
-    def pattern(self, visible: VisibleFacets, kept: NDArray[np.intp], cluster_head: NDArray[np.intp]) -> FloatArray:
-        """(kept,) the antennas' field gain towards each facet of those `kept`, over that towards its `cluster_head`
-        (kept,),
+    def relative_pattern_gain(
+        self, visible: VisibleFacets, selected: NDArray[np.intp], cluster_head: NDArray[np.intp]
+    ) -> FloatArray:
+        """(selected,) the antennas' field gain towards each facet of those `selected`, over that towards its `cluster_head`
+        (selected,),
         which a path has."""
-        found, other = np.ones(len(kept)), np.flatnonzero(cluster_head != kept)
-        led = cluster_head[other]
-        own, there = visible.weight[kept[other]], visible.weight[led]
+        found, other = np.ones(len(selected)), np.flatnonzero(cluster_head != selected)
+        heads = cluster_head[other]
+        own, there = visible.weight[selected[other]], visible.weight[heads]
         unknown = np.flatnonzero(there == 0)  # leaders that look away
-        there[unknown] = self._band.pattern_gain(visible.facets.directions(self._viewpoint, led[unknown]))
+        there[unknown] = self._band.pattern_gain(visible.facets.directions(self._viewpoint, heads[unknown]))
         found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
         return found
 

@@ -30,11 +30,11 @@ are cut at the horizon. Those of a person come to about the default tolerance, a
 UNCUT_SHARE = 0.3
 """Share of what rims return that is told wrong of facets that are not cut there, as strengths have a kink on them."""
 UNVERIFIED_PER_RTOL, CURVED_UNVERIFIED_PER_RTOL, PER_ELEMENT_PER_RTOL = 0.1, 1.0, 1.0
-"""What strips beside shadows' edges may miss by an estimate, per unit of the tolerance, before they are held against
+"""What strips beside shadows' edges may miss by an estimate, per unit of the tolerance, before they are refined against
 what pairs see from their own places, of flat surfaces and of bent ones, where the estimate is right to a factor of two;
 and what they may then be off by before that counts."""
-RISEN, HELD = 2.0, 2.0
-"""By what factor the estimate may rise before they are held against it anew, and what they are off by at other times
+REVERIFY_GROWTH, CORRECTION_SAFETY = 2.0, 2.0
+"""By what factor the estimate may rise before they are refined against it anew, and what they are off by at other times
 and for other pairs, over what was found."""
 MAX_ROUNDS = 5
 """How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
@@ -44,7 +44,7 @@ _LOG = logging.getLogger(__name__)
 class ErrorControl:
     """Chooses facets and expansion, and says what the direct return of `surfaces` errs by.
 
-    What is chosen is kept until the error is found to be above the tolerance; `trace_visibility` tells what is seen
+    What is chosen is selected until the error is found to be above the tolerance; `trace_visibility` tells what is seen
     directly at a time [s] of a stretch, `indirect` what by other ways.
     """
 
@@ -68,13 +68,13 @@ class ErrorControl:
         knows."""
         self.terminator = np.zeros(len(surfaces.moving), np.bool_)
         """(surface,) of which counts what facets show before the horizon that look away themselves."""
-        self.own = np.zeros(len(surfaces.moving), np.bool_)
+        self.per_element = np.zeros(len(surfaces.moving), np.bool_)
         """(surface,) of which counts what each pair sees from its own places."""
-        self._still = np.array([each.still for each in surfaces.moving], np.bool_)
-        self._held_at, self._told, self._off = np.zeros((3, len(surfaces.moving)))
+        self._static = np.array([each.still for each in surfaces.moving], np.bool_)
+        self._verified_at, self._correction_scale, self._correction_offset = np.zeros((3, len(surfaces.moving)))
         self.verify_again()
-        self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
-        self._fine, self._round = rtol < LEAST_RTOL, bool(self._bent.any())
+        self._curved = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
+        self._fine, self._any_curved = rtol < LEAST_RTOL, bool(self._curved.any())
         self._error = self._last = self._terminator_error = 0.0
 
     def reset(self) -> None:
@@ -82,7 +82,7 @@ class ErrorControl:
         self.expansion: Expansion | None = None
         """The one in use, if any is."""
         self.level = np.zeros(len(self._surfaces.moving))
-        """(surface,) return of each, the largest that was met, or what pairs see of it where they were asked."""
+        """(surface,) return of each, the largest that was met, or what pairs see of it where they were unverified."""
         self._lowered = np.ones(len(self._surfaces.moving))
 
     def ensure(
@@ -96,24 +96,24 @@ class ErrorControl:
         facets that
         are: those of earlier stretches, where nothing says that they are not. That is measured where there is a `turn`,
         which says for what pair."""
-        kept_on = self.expansion is not None
-        if kept_on and turn is not None and self._round:  # a thing that turns may show more of its rim
+        continued = self.expansion is not None
+        if continued and turn is not None and self._any_curved:  # a thing that turns may show more of its rim
             self._weigh_terminator(self._trace_visibility(_middle(sample_times), interval))
         found = visibility(sample_times, self.expansion or self._refine(_middle(sample_times), interval, True))
-        if turn is None or self._measured(found, turn) <= 1.5 * max(self._rtol, self._error):
+        if turn is None or self._measure(found, turn) <= 1.5 * max(self._rtol, self._error):
             return found
         self.expansion = None
         # What was just chosen, from the coarsest on, goes on from where it is.
-        again = visibility(found.sample_times, self._refine(_middle(found.sample_times), interval, kept_on))
-        self._measured(again, turn)
+        again = visibility(found.sample_times, self._refine(_middle(found.sample_times), interval, continued))
+        self._measure(again, turn)
         return again._replace(discarded=[*found.discarded, *again.discarded])
 
     def verify_again(self) -> None:
-        """Forget of which surfaces own places count: strips are held against them anew."""
+        """Forget of which surfaces own places count: strips are refined against them anew."""
         self.level, self.cancellation = self.level / self._lowered, self.cancellation * self._lowered
-        self._lowered = np.ones(len(self.own))
-        self.own[:] = False
-        self._held_at[:], self._told[:], self._off[:] = 0.0, 1.0, 0.0
+        self._lowered = np.ones(len(self.per_element))
+        self.per_element[:] = False
+        self._verified_at[:], self._correction_scale[:], self._correction_offset[:] = 0.0, 1.0, 0.0
 
     def unverified(
         self, visibility: IntervalVisibility, shadowed_surfaces: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]
@@ -121,28 +121,28 @@ class ErrorControl:
         """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see.
         `shadowed_surfaces` says
         on which of some surfaces (surface,) edges fall that the phase centre may not see, of which strips don't tell:
-        it is asked of what has none at all, and of what is flat, where no slabs are seen through."""
+        it is unverified of what has none at all, and of what is flat, where no slabs are seen through."""
         estimate = self._correction_error(visibility)
-        asked = (
-            (estimate > np.where(self._bent, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol)
-            & (estimate > RISEN * self._held_at)
+        unverified = (
+            (estimate > np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol)
+            & (estimate > REVERIFY_GROWTH * self._verified_at)
         )  # fmt: skip
-        silent = ~asked & (~self._bent | (estimate == 0)) & ~self._still & ~self.own
-        if silent.any() and not self._indirect.through_slabs:  # which rays from own places don't go through
-            asked |= shadowed_surfaces(silent)
+        unshadowed = ~unverified & (~self._curved | (estimate == 0)) & ~self._static & ~self.per_element
+        if unshadowed.any() and not self._indirect.through_slabs:  # which rays from own places don't go through
+            unverified |= shadowed_surfaces(unshadowed)
         # Of furniture there is not the time to hold them against anything.
-        asked &= ~self.own & ~self._still
+        unverified &= ~self.per_element & ~self._static
         return np.asarray(
-            np.isin(self._tolerance_group, self._tolerance_group[asked]) & ~self._beside_slabs(visibility.visible)
+            np.isin(self._tolerance_group, self._tolerance_group[unverified]) & ~self._near_slabs(visibility.visible)
         )
 
     def exclude_slabs(self, visible: Sequence[VisibleFacets]) -> None:
         """Let own places not count of surfaces beside slabs that are seen through: strips are all there is then."""
-        self.own &= ~self._beside_slabs(visible)
+        self.per_element &= ~self._near_slabs(visible)
 
-    def _beside_slabs(self, visible: Sequence[VisibleFacets]) -> NDArray[np.bool_]:
+    def _near_slabs(self, visible: Sequence[VisibleFacets]) -> NDArray[np.bool_]:
         """(surface,) on whose lot shadows fall that let something through."""
-        through = np.concatenate([each.through() for each in visible])
+        through = np.concatenate([each.slab_shadowed_surfaces() for each in visible])
         return np.asarray(np.isin(self._tolerance_group, self._tolerance_group[through]))
 
     def verify_correction(
@@ -152,19 +152,21 @@ class ErrorControl:
         have returns of a `level` (surface,), which may be far above what is known of the first pair: then that is what
         errors are relative to from now on. Of flat ones, of which mostly pieces return, it may be far below what shares
         of whole facets come to as well."""
-        anew = unverified & (level > 0) & (~self._bent | (level > self.level))
+        anew = unverified & (level > 0) & (~self._curved | (level > self.level))
         lowered = np.where(anew & (self.level > 0), level / np.where(self.level > 0, self.level, 1.0), 1.0)
         self._lowered, self.cancellation = self._lowered * lowered, self.cancellation / lowered
         self.level = np.where(anew, level, self.level)
         off = off / np.where(self.level > 0, self.level, np.inf)
         estimate = self._correction_error(visibility)
-        self.own |= unverified & (off > PER_ELEMENT_PER_RTOL * self._rtol)
-        self._held_at = np.where(unverified, estimate, self._held_at)
+        self.per_element |= unverified & (off > PER_ELEMENT_PER_RTOL * self._rtol)
+        self._verified_at = np.where(unverified, estimate, self._verified_at)
         # Beside edges that the phase centre hardly sees there are no strips that a factor would tell of.
-        tells = estimate > np.where(self._bent, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol
-        told = np.where(tells, HELD * off / np.where(tells, estimate, 1.0), 1.0)
-        self._told = np.where(unverified, told, self._told)
-        self._off = np.where(unverified, np.where(tells, 0.0, HELD * off), self._off)
+        tells = estimate > np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol
+        told = np.where(tells, CORRECTION_SAFETY * off / np.where(tells, estimate, 1.0), 1.0)
+        self._correction_scale = np.where(unverified, told, self._correction_scale)
+        self._correction_offset = np.where(
+            unverified, np.where(tells, 0.0, CORRECTION_SAFETY * off), self._correction_offset
+        )
 
     def _correction_error(self, visibility: IntervalVisibility) -> FloatArray:
         """(surface,) estimated error of strips."""
@@ -178,15 +180,15 @@ class ErrorControl:
         edges = relative_to_largest(
             np.stack([each.missed for each in visibility.visible]), returned, returned.max(axis=0)
         )
-        correction = SAFETY * np.maximum(cancellation, 1.0) * self._told * visibility.sampled_returns.missed
-        correction = np.maximum(correction, np.where(self.own, 0.0, self._off))
+        correction = SAFETY * np.maximum(cancellation, 1.0) * self._correction_scale * visibility.sampled_returns.missed
+        correction = np.maximum(correction, np.where(self.per_element, 0.0, self._correction_offset))
         shadows = np.hypot(SAFETY * cancellation * edges, correction)
         return float(np.linalg.norm([max(self._last, self._error), self._terminator_error, shadows.max(initial=0.0)]))
 
     def _refine(self, t: float, interval: TraceInterval, afresh: bool) -> Expansion:
         """Choose the expansion, and facets so fine that the error at `t` is allowed, and whether rims count.
 
-        `afresh`, it begins with the coarsest ones: what another pose has asked for this one need not.
+        `afresh`, it begins with the coarsest ones: what another pose has unverified for this one need not.
         """
         self.verify_again()  # what returns are is told anew
         expansion, visible = self._refined(t, interval, afresh)
@@ -208,15 +210,15 @@ class ErrorControl:
         if afresh:
             self._facets.coarsen(vertices)
         while True:
-            held, visible = self._held(t, interval)
-            error = self._noted([held.of_facets(self.level)[0]])
+            refined, visible = self._refined_returns(t, interval)
+            error = self._record([refined.of_facets(self.level)[0]])
             facets.append(self._error)
             # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
             last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])
             # Facets that are too coarse by themselves need no expansion to tell it by.
             if not last and self._facets.refine(error, vertices):
                 continue
-            expansion, error = self._expanded(held)
+            expansion, error = self._expanded(refined)
             if not (error > self._rtol).any():
                 return expansion, visible
             whole.append(self._error)
@@ -230,57 +232,61 @@ class ErrorControl:
         _LOG.warning("the return of %s is right to %.2g of itself (rtol: %g)", whose, error[worst], self._rtol)
         return expansion, visible
 
-    def _held(self, t: float, interval: TraceInterval) -> tuple[RefinedReturns, VisibleFacets]:
+    def _refined_returns(self, t: float, interval: TraceInterval) -> tuple[RefinedReturns, VisibleFacets]:
         """What is seen at `t` [s], with finer facets to compare it with, for the first pair; and that."""
         visible = self._trace_visibility(t, interval)
         share = self._indirect.weights(
             lambda: interval.rays(t), interval.positions(t), visible.facets, visible.fraction
         )
-        kept = np.flatnonzero(share > 0)
-        facets = visible.facets.with_pattern_gradient(self._band.pattern_gradient(visible.facets, kept)).take(kept)
-        weight = share[kept] * self._band.pattern_gain(facets.directions(self._band.viewpoint))
-        reference = visible.facets.centroids[self._facets.clusters.cluster_head[kept]]
+        selected = np.flatnonzero(share > 0)
+        facets = visible.facets.with_pattern_gradient(self._band.pattern_gradient(visible.facets, selected)).take(
+            selected
+        )
+        weight = share[selected] * self._band.pattern_gain(facets.directions(self._band.viewpoint))
+        reference = visible.facets.centroids[self._facets.clusters.cluster_head[selected]]
         return RefinedReturns.of(
             self._band, facets, self._materials, weight, reference=reference, tolerance_group=self._tolerance_group
         ), visible
 
-    def _expanded(self, held: RefinedReturns) -> tuple[Expansion, FloatArray]:
-        """The expansion that the facets `held` ask for, and the error (surface,) of each surface with it."""
-        known = self._band, held.facets, self._materials, held.weight
-        expansion = self._band.expansion_for(*known[1:], reference=held.reference, apart=self._tolerance_group)
-        values = self._band.values(held.facets, self._materials, expansion, held.reference)
+    def _expanded(self, refined: RefinedReturns) -> tuple[Expansion, FloatArray]:
+        """The expansion that the facets `refined` ask for, and the error (surface,) of each surface with it."""
+        known = self._band, refined.facets, self._materials, refined.weight
+        expansion = self._band.expansion_for(*known[1:], reference=refined.reference, apart=self._tolerance_group)
+        values = self._band.values(refined.facets, self._materials, expansion, refined.reference)
         gains = self._band.combined(expansion, values)
         representative = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {
-            held.pair
+            refined.pair
         }
         others = [
-            RefinedReturns.of(*known, pair, reference=held.reference, tolerance_group=self._tolerance_group)
+            RefinedReturns.of(*known, pair, reference=refined.reference, tolerance_group=self._tolerance_group)
             for pair in sorted(representative)
         ]
         self.expansion = expansion
-        return expansion, self._noted([each.of_expansion(gains[:, *each.pair], self.level) for each in [held, *others]])
+        return expansion, self._record(
+            [each.of_expansion(gains[:, *each.pair], self.level) for each in [refined, *others]]
+        )
 
-    def _noted(self, found: Sequence[ErrorEstimate]) -> FloatArray:
-        """The error (surface,) of each surface, the worst of those `found`; they are kept in mind."""
+    def _record(self, found: Sequence[ErrorEstimate]) -> FloatArray:
+        """The error (surface,) of each surface, the worst of those `found`; they are selected in mind."""
         error = np.max([each.error for each in found], axis=0)
-        # Where the return fades no facets are asked for that it does not need elsewhere.
+        # Where the return fades no facets are unverified for that it does not need elsewhere.
         self.level = np.max([self.level, *(each.level for each in found)], axis=0)
         self.cancellation = np.max([each.cancellation for each in found], axis=0)
         self._error = float(error.max(initial=0.0))
         return np.asarray(error)
 
-    def _measured(self, visibility: IntervalVisibility, turn: int) -> float:
+    def _measure(self, visibility: IntervalVisibility, turn: int) -> float:
         """Error of the worst surface for one pair, another one from turn to turn. Over the band: where the return fades
         at one place of it, the error there tells little."""
         middle, own = len(visibility.sample_times) // 2, visibility.returned
         gains = self._band.combined(visibility.expansion, visibility.sampled_returns.whole[middle])
-        weight = visibility.visible[middle].fraction[own.kept] * visibility.visible[middle].weight[own.kept]
+        weight = visibility.visible[middle].fraction[own.selected] * visibility.visible[middle].weight[own.selected]
         if (outward := own.facets[middle].outward) is not None:
             weight = weight * ~outward  # their kink is at the horizon, where they are cut, or told of by themselves
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
         given = self._materials, weight, pair, PROBES, visibility.references[middle], self._tolerance_group
-        held = RefinedReturns.of(self._band, own.facets[middle], *given)
-        self._last = float(held.of_expansion(gains[:, *pair], self.level).error.max(initial=0.0))
+        refined = RefinedReturns.of(self._band, own.facets[middle], *given)
+        self._last = float(refined.of_expansion(gains[:, *pair], self.level).error.max(initial=0.0))
         return self._last
 
     def to_terminator(self, visible: VisibleFacets, everywhere: bool = False) -> VisibleFacets:

@@ -30,15 +30,15 @@ class IndirectVisibility(NamedTuple):
     facets: list[Facets]
     """What was looked at, at each instant."""
     mirrored: list[GhostVisibility]
-    bounced: list[list[ReflectionVisibility]]
-    """Of all bounces that there are, at each instant."""
-    rounded: list[DoubleBounceVisibility]
+    reflected: list[list[ReflectionVisibility]]
+    """Of all planar that there are, at each instant."""
+    double_bounces: list[DoubleBounceVisibility]
     transmitted: list[TransmittedVisibility]
 
     @property
     def views(self) -> list[GhostVisibility | ReflectionVisibility | DoubleBounceVisibility | TransmittedVisibility]:
         """All of them."""
-        return [*self.mirrored, *chain(*self.bounced), *self.rounded, *self.transmitted]
+        return [*self.mirrored, *chain(*self.reflected), *self.double_bounces, *self.transmitted]
 
 
 class IndirectPaths:
@@ -48,7 +48,7 @@ class IndirectPaths:
     ----------
     surfaces, band
         The surfaces, and the radar's gains.
-    ghosts, bounces, rounds, veils
+    ghosts, planar, curved, veils
         What there may be: ghosts in walls, what flat parts show, plainly and through slabs, what bent surfaces do, and
         what is behind slabs.
     """
@@ -58,22 +58,22 @@ class IndirectPaths:
         surfaces: Surfaces,
         band: BandTracer,
         ghosts: Ghosts | None = None,
-        bounces: Sequence[PlanarReflections] = (),
-        rounds: CurvedReflections | None = None,
+        planar: Sequence[PlanarReflections] = (),
+        curved: CurvedReflections | None = None,
         transmission_tracer: Transmission | None = None,
     ) -> None:
         self._still = surfaces.static_vertices
-        self.ghosts, self._bounces, self._rounds, self._transmission_tracer = (
+        self.ghosts, self._planar, self._curved, self._transmission_tracer = (
             ghosts,
-            tuple(bounces),
-            rounds,
+            tuple(planar),
+            curved,
             transmission_tracer,
         )
-        self._slab_edges = None if transmission_tracer is None else SlabTransmission(transmission_tracer, band)
+        self._slab_transmission = None if transmission_tracer is None else SlabTransmission(transmission_tracer, band)
 
     def __bool__(self) -> bool:
         """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
-        return self.ghosts is not None or bool(self._bounces) or self._transmission_tracer is not None
+        return self.ghosts is not None or bool(self._planar) or self._transmission_tracer is not None
 
     @property
     def through_slabs(self) -> bool:
@@ -81,28 +81,28 @@ class IndirectPaths:
         return self._transmission_tracer is not None
 
     @property
-    def _mirrored(self) -> Ghosts | None:
+    def _active_ghosts(self) -> Ghosts | None:
         return self.ghosts if self.ghosts is not None and self.ghosts.active else None
 
     def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
         """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
         if self.ghosts is not None:
             self.ghosts.prepare([positions(t) for t in times])
-        ghosts, bounces = self._mirrored, self.over(positions, times[0])
-        if ghosts is None and not bounces:
+        ghosts, planar = self._active_ghosts, self.active_reflections(positions, times[0])
+        if ghosts is None and not planar:
             return positions
 
         def delay_points(t: float) -> list[FloatArray]:
             found = list(positions(t))
             if ghosts is not None:
                 found = ghosts.delay_points(found)
-            return [*found, *(points for each in bounces for points in each.delay_points(positions(t)))]
+            return [*found, *(points for each in planar for points in each.delay_points(positions(t)))]
 
         return delay_points
 
-    def over(self, positions: Positions, start: float) -> list[PlanarReflections]:
-        """The bounces that there may be in a stretch that begins at `start` [s]."""
-        return [each for each in self._bounces if each.follow(positions, start)]
+    def active_reflections(self, positions: Positions, start: float) -> list[PlanarReflections]:
+        """The planar that there may be in a stretch that begins at `start` [s]."""
+        return [each for each in self._planar if each.follow(positions, start)]
 
     def weights(
         self, rays: Callable[[], RayScene], vertices: Sequence[FloatArray], facets: Facets, fraction: FloatArray
@@ -116,7 +116,7 @@ class IndirectPaths:
 
     def trace_visibility(
         self,
-        bounces: Sequence[PlanarReflections],
+        planar: Sequence[PlanarReflections],
         sample_times: Sequence[float],
         positions: Positions,
         rays: Callable[[float], RayScene],
@@ -128,30 +128,30 @@ class IndirectPaths:
 
         `rays` gives the ray scene as it stands at an instant, and takes it on to that from where it stood.
         """
-        indirect, direct = IndirectVisibility(list(facets), [], [[] for _ in bounces], [], []), list(visible)
+        indirect, direct = IndirectVisibility(list(facets), [], [[] for _ in planar], [], []), list(visible)
         for k, (t, own, there) in enumerate(zip(sample_times, facets, visible, strict=True)):
             if not self:
                 break
             scene, everything = rays(t), self._everything(positions(t))
-            if (ghosts := self._mirrored) is not None:
+            if (ghosts := self._active_ghosts) is not None:
                 indirect.mirrored.append(ghosts.trace_visibility(scene, own, there.fraction))
-            for reflectors, any_visible in zip(bounces, indirect.bounced, strict=True):
+            for reflectors, any_visible in zip(planar, indirect.reflected, strict=True):
                 any_visible.append(reflectors.trace_visibility(t, scene, own, there.fraction))
-            if self._rounds is not None:
-                indirect.rounded.append(
-                    self._rounds.trace_visibility(scene, everything, own.number[there.fraction > 0])
+            if self._curved is not None:
+                indirect.double_bounces.append(
+                    self._curved.trace_visibility(scene, everything, own.number[there.fraction > 0])
                 )
             if self._transmission_tracer is not None:
                 indirect.transmitted.append(
                     self._transmission_tracer.trace_visibility(scene, everything, own, there.fraction)
                 )
-            if self._slab_edges is not None:
-                direct[k] = self._slab_edges.beside(scene, everything, there)
+            if self._slab_transmission is not None:
+                direct[k] = self._slab_transmission.with_transmission(scene, everything, there)
         return indirect, direct
 
     def trace(
         self,
-        bounces: Sequence[PlanarReflections],
+        planar: Sequence[PlanarReflections],
         knots: FloatArray,
         sample_times: FloatArray,
         positions: Positions,
@@ -166,14 +166,14 @@ class IndirectPaths:
         if self._transmission_tracer is not None:
             through, missed, _ = self._transmission_tracer.trace(*given, visible.transmitted, centroids, level)
             paths, error = [] if through is None else [through], missed
-        if (ghosts := self._mirrored) is not None:
+        if (ghosts := self._active_ghosts) is not None:
             found, missed = ghosts.trace(*given, visible.mirrored, centroids, level)
             paths, error = paths + found, error + missed
-        for reflectors, any_visible in zip(bounces, visible.bounced, strict=True):
+        for reflectors, any_visible in zip(planar, visible.reflected, strict=True):
             found, missed = reflectors.trace(*given, any_visible, centroids, level)
             paths, error = paths + found, error + missed
-        if self._rounds is not None:
-            around, missed = self._rounds.trace(knots, sample_times, visible.rounded, positions, level)
+        if self._curved is not None:
+            around, missed = self._curved.trace(knots, sample_times, visible.double_bounces, positions, level)
             paths, error = paths if around is None else [*paths, around], error + missed
         return paths, error
 

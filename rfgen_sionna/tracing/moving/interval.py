@@ -33,14 +33,14 @@ class TraceInterval(NamedTuple):
     ray_scene: RayScene
     rays_between: Callable[[float], RayScene]
     """The same at any time, and nothing else."""
-    bounces: list[PlanarReflections]
+    planar: list[PlanarReflections]
     """Those that there may be."""
 
 
 class ReturnedFacets(NamedTuple):
     """Facets that are seen at some instant of a stretch, and what they return at each."""
 
-    kept: NDArray[np.intp]
+    selected: NDArray[np.intp]
     """(facet,) which of all they are."""
     facets: list[Facets]
     cluster_head: NDArray[np.intp]
@@ -54,7 +54,7 @@ class ReturnedFacets(NamedTuple):
     def take(self, rest: NDArray[np.intp]) -> ReturnedFacets:
         """Those that `rest` counts out."""
         return ReturnedFacets(
-            self.kept[rest],
+            self.selected[rest],
             Facets.taken(self.facets, rest),
             self.cluster_head[rest],
             self.shares[rest],
@@ -76,7 +76,7 @@ class IntervalVisibility(NamedTuple):
     sampled_returns: SampledReturns
     expansion: Expansion
     indirect: IndirectVisibility
-    steady: float
+    moved_shadow_error: float
     """What two instants miss for shadows that move."""
     discarded: list[VisibleFacets]
     """What was seen at two instants, which were not enough."""

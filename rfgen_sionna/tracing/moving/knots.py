@@ -103,11 +103,11 @@ def choose_knots(
         return Knots(np.array([start]), 0.0)
     counts = np.minimum(sizes, MAX_REPRESENTATIVES)
     borders = np.cumsum(counts)[:-1]
-    aimed = [
+    pattern_points = [
         np.linspace(0, count, min(count, PATTERN_POINTS), endpoint=False).astype(np.intp) for count in counts.tolist()
     ]
-    chosen = np.concatenate([first + own for first, own in zip([0, *borders], aimed, strict=True)])
-    parts = np.cumsum([len(own) for own in aimed])[:-1]
+    chosen = np.concatenate([first + own for first, own in zip([0, *borders], pattern_points, strict=True)])
+    parts = np.cumsum([len(own) for own in pattern_points])[:-1]
 
     def known(times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(time, vertex) phases [rad], and (time, vertex, 3) unit vectors to those that tell of directions."""
@@ -184,17 +184,17 @@ class SplinedPositions:
         tried = float(knots[0] + 0.4 * (knots[1] - knots[0])) if len(knots) > 1 else float(knots[0])
         if tried not in self._known:
             truth = positions(tried)
-            self.look_up(np.array([tried]))
+            self.precompute(np.array([tried]))
             missed = [lengths(each - own).max(initial=0.0) for each, own in zip(self._known[tried], truth, strict=True)]
             self._right = max(missed, default=0.0) <= SPLINE_PHASE_ERROR
 
     def __call__(self, t: float) -> Sequence[FloatArray]:
         """(vertex, 3) of each mesh at a time [s]; it is kept in mind."""
         if t not in self._known:
-            self.look_up(np.array([t]))
+            self.precompute(np.array([t]))
         return self._known[t]
 
-    def look_up(self, times: FloatArray) -> None:
+    def precompute(self, times: FloatArray) -> None:
         """Have them at these times [s]."""
         fresh = np.array([t for t in times.tolist() if t not in self._known])
         if not self._right:

@@ -1,4 +1,4 @@
-"""The facets of moving surfaces: made so fine as was asked for, and kept until the motion asks for others."""
+"""The facets of moving surfaces: made so fine as was asked for, and selected until the motion asks for others."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class MovingFacets:
         max_range: float,
         rtol: float,
         ghosts: Ghosts | None,
-        made: FacetCallback,
+        on_new_facets: FacetCallback,
     ) -> None:
         self.surfaces = surfaces
         self._band, self._viewpoint, self._max_range, self._rtol = band, viewpoint, max_range, rtol
-        self._ghosts, self._made = ghosts, made
+        self._ghosts, self._on_new_facets = ghosts, on_new_facets
         self.pieces: list[Tessellation] = []
         self.places: IntArray = np.zeros((0, 3), np.int32)
         """(facet, 3) where corners touch: :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`."""
@@ -67,8 +67,8 @@ class MovingFacets:
         for index, _ in enumerate(self.surfaces):
             distances = [lengths(pose[index] - self._viewpoint) for pose in poses]
             nearest = min(float(each.min()) for each in distances)
-            beyond = max(float(each.max()) for each in distances) > self._max_range
-            if beyond or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:
+            out_of_range = max(float(each.max()) for each in distances) > self._max_range
+            if out_of_range or not 0.8 * self._distance[index] <= nearest <= 2.0 * self._distance[index]:
                 self._distance[index] = nearest
                 changed = True
             elif not changed and self.surfaces[index].smooth is None:
@@ -114,7 +114,7 @@ class MovingFacets:
         given = self.pieces, vertices, self._viewpoint, wavenumber, self._parts, self._turns
         return stack_facets(self.surfaces, *given)
 
-    def bent(
+    def with_patches(
         self,
         facets: Sequence[Facets],
         vertices: Sequence[Sequence[FloatArray]],
@@ -127,23 +127,30 @@ class MovingFacets:
         """All of them, integrated in as many parts as any direction asks for."""
         return replace(facets, parts=np.concatenate([piece.parts for piece in self.pieces]))
 
-    def centroids(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
-        """(kept, 3) [m], those of the facets that `kept` counts out of all, ascending."""
-        found = [piece.centroids(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
+    def centroids(self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]) -> FloatArray:
+        """(selected, 3) [m], those of the facets that `selected` counts out of all, ascending."""
+        found = [
+            piece.centroids(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, selected)
+        ]
         return np.concatenate([np.zeros((0, 3)), *found])
 
-    def corners(self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]) -> FloatArray:
-        """(kept, 3, 3) [m], likewise."""
-        found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, kept)]
+    def corners(self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]) -> FloatArray:
+        """(selected, 3, 3) [m], likewise."""
+        found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, selected)]
         return np.concatenate([np.zeros((0, 3, 3)), *found])
 
     def _own(
-        self, vertices: Sequence[FloatArray], kept: NDArray[np.intp]
+        self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]
     ) -> Iterator[tuple[Tessellation, FloatArray, IntArray, NDArray[np.intp]]]:
-        """Of each surface its pieces, vertices, faces, and which of the facets `kept` are its own."""
+        """Of each surface its pieces, vertices, faces, and which of the facets `selected` are its own."""
         first = 0
         for piece, points, surface in zip(self.pieces, vertices, self.surfaces, strict=True):
-            yield piece, points, surface.faces, kept[(kept >= first) & (kept < first + len(piece.face))] - first
+            yield (
+                piece,
+                points,
+                surface.faces,
+                selected[(selected >= first) & (selected < first + len(piece.face))] - first,
+            )
             first += len(piece.face)
 
     def _split(self, vertices: Sequence[FloatArray]) -> None:
@@ -154,7 +161,7 @@ class MovingFacets:
                 surface.faces,
                 self._viewpoint,
                 self._band.highest,
-                self._rtol * fineness,
+                self._rtol * resolution,
                 self._band.pattern_gain,
                 RANGE_MARGIN * self._max_range,
                 self._band.half_band,
@@ -162,7 +169,7 @@ class MovingFacets:
                 smooth=surface.smooth,
                 grain=grain_of(surface),
             )
-            for points, surface, fineness, mirrored in zip(
+            for points, surface, resolution, mirrored in zip(
                 vertices, self.surfaces, self._resolution, images, strict=True
             )
         ]
@@ -183,5 +190,5 @@ class MovingFacets:
             for piece, first, surface in zip(self.pieces, firsts.tolist(), self.surfaces, strict=False)
             if surface.smooth is not None
         ]
-        self._made(corners, np.concatenate([np.zeros(0, np.intp), *of_curved]))
+        self._on_new_facets(corners, np.concatenate([np.zeros(0, np.intp), *of_curved]))
         self.clusters.form(self.surfaces, self.pieces, vertices, self._distance)

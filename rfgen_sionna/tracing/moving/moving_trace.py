@@ -1,4 +1,4 @@
-"""What moves: its paths, whose facets are kept fine enough from one stretch of time to the next."""
+"""What moves: its paths, whose facets are selected fine enough from one stretch of time to the next."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class MovingTracer:
 
     Facets stay the same until the motion asks for finer ones (:mod:`rfgen_sionna.tracing.moving.moving_facets`); small
     neighbouring ones make a path together (:mod:`rfgen_sionna.tracing.moving.clusters`). Their error is measured in
-    every few stretches; where it is above the tolerance, facets and expansion are chosen anew. Not `aimed`, what is
+    every few stretches; where it is above the tolerance, facets and expansion are chosen anew. Not `cull`, what is
     faint to the antennas (:mod:`rfgen_sionna.tracing.moving.culling`) is traced as well.
     """
 
@@ -87,21 +87,21 @@ class MovingTracer:
         max_range: float,
         rtol: float,
         indirect: IndirectPaths,
-        aimed: bool = True,
+        cull: bool = True,
     ) -> None:
         self._surfaces, self._band = surfaces, band
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
-        self._indirect, self._aimed = indirect, aimed
+        self._indirect, self._cull = indirect, cull
         self._tolerance_group = tolerance_groups(surfaces.moving)
         materials = tuple(surface.material for surface in surfaces.moving)
-        self._sight = MovingVisibility(surfaces, band, viewpoint, max_range, rtol)
+        self._moving_visibility = MovingVisibility(surfaces, band, viewpoint, max_range, rtol)
         self._returns = FacetReturns(band, materials, self._tolerance_group)
         self._temporal_refinement = TemporalRefinement(
-            band, self._sight, self._returns, viewpoint, max_range, rtol, self._tolerance_group
+            band, self._moving_visibility, self._returns, viewpoint, max_range, rtol, self._tolerance_group
         )
-        kept = surfaces.moving, band, viewpoint, max_range, rtol, indirect.ghosts
-        self._facets = MovingFacets(*kept, self._sight.use_silhouette_search)
-        self._precision = ErrorControl(
+        given = surfaces.moving, band, viewpoint, max_range, rtol, indirect.ghosts
+        self._facets = MovingFacets(*given, self._moving_visibility.use_silhouette_search)
+        self._error_control = ErrorControl(
             surfaces,
             band,
             rtol,
@@ -112,7 +112,7 @@ class MovingTracer:
         self._per_element = PerElementSampler(
             surfaces, *band.elements, viewpoint, 2 * np.pi * band.highest / SPEED_OF_LIGHT, rtol
         )
-        self._cancelling = np.zeros(len(surfaces.moving))
+        self._cancellation = np.zeros(len(surfaces.moving))
         self._turn = self._unsteady = 0
 
     def trace(
@@ -127,18 +127,23 @@ class MovingTracer:
         """Paths with delays at `knots` and gains traced at `sample_times` [s]; where shadows move, two of them are not
         enough. `rays` gives the `ray_scene` as it is at an instant, `rays_between` at any time, by itself."""
         interval = TraceInterval(
-            knots, positions, rays, ray_scene, rays_between, self._indirect.over(positions, float(knots[0]))
+            knots,
+            positions,
+            rays,
+            ray_scene,
+            rays_between,
+            self._indirect.active_reflections(positions, float(knots[0])),
         )
         visibility = self._visibility(interval, sample_times)
-        level, cancellation = self._when_seen_best(visibility)
+        level, cancellation = self._best_level(visibility)
         rest, refined, time_error = self._refine_in_time(interval, visibility, level)
-        paths, led = self._direct(interval, rest, visibility)
+        paths, heads = self._direct(interval, rest, visibility)
 
         def centroids(t: float, chosen: NDArray[np.intp]) -> FloatArray:
             return self._facets.centroids(positions(t), chosen)
 
-        given = interval.bounces, knots, visibility.sample_times, positions, centroids
-        more, beyond = self._indirect.trace(*given, visibility.indirect, self._precision.level)
+        given = interval.planar, knots, visibility.sample_times, positions, centroids
+        more, indirect_error = self._indirect.trace(*given, visibility.indirect, self._error_control.level)
         self._turn += 1
         views = [
             *visibility.visible,
@@ -149,42 +154,44 @@ class MovingTracer:
         return MovingTrace(
             RadarPaths.concatenate([paths, *more]) if more else paths,
             None if refined is None else refined.paths,
-            self._precision.error(visibility, cancellation) + beyond,
+            self._error_control.error(visibility, cancellation) + indirect_error,
             time_error,
             sum(each.sampled_facets for each in views),
             sum(each.rays for each in views),
-            lambda t: self._facets.centroids(positions(t), led),
-            lambda t: self._facets.centroids(positions(t), led[:0] if refined is None else refined.facets),
+            lambda t: self._facets.centroids(positions(t), heads),
+            lambda t: self._facets.centroids(positions(t), heads[:0] if refined is None else refined.facets),
             visibility.sample_times,
         )
 
     def _visibility(self, interval: TraceInterval, sample_times: FloatArray) -> IntervalVisibility:
         """What is seen in the stretch, as accurately as it has to be."""
         self._unsteady -= 1
-        if len(sample_times) == PAIR and (self._unsteady > 0 or self._precision.own.any()):
+        if len(sample_times) == PAIR and (self._unsteady > 0 or self._error_control.per_element.any()):
             sample_times = _with_middle(sample_times)
         positions, middle = interval.positions, len(sample_times) // 2
         if self._facets.follow(positions, interval.knots):
-            self._precision.reset()
+            self._error_control.reset()
         self._facets.turn_to(
             [positions(float(sample_times[each])) for each in sorted({0, middle, len(sample_times) - 1})]
         )
         turn, time_error = divmod(self._turn, MEASURED_EVERY)
         if not time_error:
-            self._precision.verify_again()
-        visibility = self._precision.ensure(
+            self._error_control.verify_again()
+        visibility = self._error_control.ensure(
             sample_times,
             interval,
             lambda times, by: self._sampled_visibility(interval, times, by),
             None if time_error else turn,
         )
-        unverified = self._precision.unverified(
+        unverified = self._error_control.unverified(
             visibility, lambda surfaces: self._shadowed_surfaces(visibility, surfaces)
         )
         if not unverified.any():
             return visibility
-        self._precision.verify_correction(unverified, *self._off(visibility, interval, unverified), visibility)
-        if not self._precision.own[unverified].any():
+        self._error_control.verify_correction(
+            unverified, *self._measured_correction_error(visibility, interval, unverified), visibility
+        )
+        if not self._error_control.per_element[unverified].any():
             return visibility
         if len(visibility.sample_times) == PAIR:  # which tell nothing of edges that pairs see
             self._unsteady = UNSTEADY + 1
@@ -196,7 +203,7 @@ class MovingTracer:
             visible,
             visibility.expansion,
             visibility.indirect,
-            visibility.steady,
+            visibility.moved_shadow_error,
             visibility.discarded,
         )
 
@@ -204,38 +211,39 @@ class MovingTracer:
         """(surface,) on which of the `surfaces` (surface,) edges of shadows fall at an instant, as pairs see them."""
         given = zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
         found = [
-            self._per_element.shadowed_surfaces(self._sight.silhouette_rays(t), each, surfaces) for t, each in given
+            self._per_element.shadowed_surfaces(self._moving_visibility.silhouette_rays(t), each, surfaces)
+            for t, each in given
         ]
         return np.asarray(np.any(found, axis=0))
 
-    def _off(
+    def _measured_correction_error(
         self, visibility: IntervalVisibility, interval: TraceInterval, unverified: NDArray[np.bool_]
     ) -> tuple[FloatArray, FloatArray]:
         """(surface,) error of what strips beside shadows' edges tell of the `unverified` ones, of the pairs that see
         most
         differently, at the ends and half way, and (surface,) the largest return of these."""
         own, width, pairs = visibility.returned, len(self._band.elements[1]), self._per_element.representative()
-        known = self._facets.places, unverified, self._precision.cancellation
+        known = self._facets.places, unverified, self._error_control.cancellation
         most = np.max([each.level for each in visibility.visible], axis=0)
         both = [(pair // width, pair % width) for pair in pairs.tolist()]
         off, level = np.zeros((2, len(unverified)))
         for k in sorted({0, len(visibility.sample_times) // 2, len(visibility.sample_times) - 1}):
             t, there = float(visibility.sample_times[k]), visibility.visible[k]
-            (bent,) = self._bent([there], np.array([t]), interval)
+            (patched,) = self._with_patches([there], np.array([t]), interval)
             sampled = self._per_element.visibility(
-                interval.rays_between(t), interval.positions(t), bent, *known, pairs, most
+                interval.rays_between(t), interval.positions(t), patched, *known, pairs, most
             )
-            given = bent.per_element(sampled, unverified), unverified, both, visibility.expansion
-            for pair, (more, whole) in zip(both, self._returns.per_element(*given), strict=True):
+            given = patched.with_per_element(sampled, unverified), unverified, both, visibility.expansion
+            for pair, (more, whole) in zip(both, self._returns.element_pair_returns(*given), strict=True):
                 correction = (
                     visibility.sampled_returns.boundary_correction[k],
                     there,
-                    own.kept,
+                    own.selected,
                     visibility.references[k],
                     pair,
                     unverified,
                 )
-                off = np.maximum(off, np.abs(more - self._returns.beside(*correction)))
+                off = np.maximum(off, np.abs(more - self._returns.pair_correction(*correction)))
                 level = np.maximum(level, whole)
         return off[self._tolerance_group], level[self._tolerance_group]
 
@@ -245,19 +253,26 @@ class MovingTracer:
         """What is seen at the `sample_times` [s], at three of them where shadows move too much for two, and what the
         facets
         that are seen return."""
-        positions, steady, discarded = interval.positions, 0.0, list[VisibleFacets]()
+        positions, moved_shadow_error, discarded = interval.positions, 0.0, list[VisibleFacets]()
         visible = self._trace_visibility(sample_times.tolist(), interval)
         if len(sample_times) == PAIR:
-            steady = self._changed(*visible)
-            if steady > BETWEEN_PER_RTOL * self._rtol:
-                sample_times, steady, self._unsteady, discarded = _with_middle(sample_times), 0.0, UNSTEADY + 1, visible
+            moved_shadow_error = self._moved_shadow_error(*visible)
+            if moved_shadow_error > BETWEEN_PER_RTOL * self._rtol:
+                sample_times, moved_shadow_error, self._unsteady, discarded = (
+                    _with_middle(sample_times),
+                    0.0,
+                    UNSTEADY + 1,
+                    visible,
+                )
                 visible = self._trace_visibility(sample_times.tolist(), interval)
-        whole = [self._facets.from_all_sides(each.facets) if self.beside else each.facets for each in visible]
+        whole = [
+            self._facets.from_all_sides(each.facets) if self.traces_back_faces else each.facets for each in visible
+        ]
         times = sample_times.tolist(), positions, interval.rays
-        indirect, visible = self._indirect.trace_visibility(interval.bounces, *times, whole, visible)
-        visible = [self._precision.to_terminator(each) for each in visible]
+        indirect, visible = self._indirect.trace_visibility(interval.planar, *times, whole, visible)
+        visible = [self._error_control.to_terminator(each) for each in visible]
         visible = self._all_per_element(visible, sample_times, interval)
-        return self._integrated(sample_times, visible, expansion, indirect, steady, discarded)
+        return self._integrated(sample_times, visible, expansion, indirect, moved_shadow_error, discarded)
 
     def _integrated(
         self,
@@ -265,37 +280,45 @@ class MovingTracer:
         visible: list[VisibleFacets],
         expansion: Expansion,
         indirect: IndirectVisibility,
-        steady: float,
+        moved_shadow_error: float,
         discarded: list[VisibleFacets],
     ) -> IntervalVisibility:
         """What facets return that are `visible` at the `sample_times` [s]."""
-        kept = np.flatnonzero(np.any([each.any_visible() for each in visible], axis=0))
-        pattern_gradient = self._band.pattern_gradient(visible[0].facets, kept)
+        selected = np.flatnonzero(np.any([each.any_visible() for each in visible], axis=0))
+        pattern_gradient = self._band.pattern_gradient(visible[0].facets, selected)
         visible = [replace(each, facets=each.facets.with_pattern_gradient(pattern_gradient)) for each in visible]
-        facets = Facets.taken([each.facets for each in visible], kept)
-        cluster_head = self._facets.clusters.followed([each.facets.centroids for each in visible], kept)
+        facets = Facets.taken([each.facets for each in visible], selected)
+        cluster_head = self._facets.clusters.heads_over_interval([each.facets.centroids for each in visible], selected)
         references = [np.take(each.facets.centroids, cluster_head, axis=0) for each in visible]
-        sampled_returns = self._returns.visible(visible, kept, facets, references, expansion)
-        shares = np.stack([each.shares(len(self._per_element.pairs))[kept] for each in visible], axis=-1)
+        sampled_returns = self._returns.visible(visible, selected, facets, references, expansion)
+        shares = np.stack([each.shares(len(self._per_element.pairs))[selected] for each in visible], axis=-1)
         returned = ReturnedFacets(
-            kept, facets, cluster_head, shares, sampled_returns.values, sampled_returns.boundary_correction
+            selected, facets, cluster_head, shares, sampled_returns.values, sampled_returns.boundary_correction
         )
         return IntervalVisibility(
-            sample_times, visible, returned, references, sampled_returns, expansion, indirect, steady, discarded
+            sample_times,
+            visible,
+            returned,
+            references,
+            sampled_returns,
+            expansion,
+            indirect,
+            moved_shadow_error,
+            discarded,
         )
 
-    def _when_seen_best(self, visibility: IntervalVisibility) -> tuple[FloatArray, FloatArray]:
+    def _best_level(self, visibility: IntervalVisibility) -> tuple[FloatArray, FloatArray]:
         """(surface,) level and interference of each, of one that goes behind another when it is seen best."""
 
         def waves(k: int) -> ComplexArray:
             gains = (
                 visibility.expansion.weights[0, 0, 0]
                 @ visibility.sampled_returns.values[k]
-                * visibility.visible[k].weight[visibility.returned.kept]
+                * visibility.visible[k].weight[visibility.returned.selected]
             )
             return np.asarray(gains * phasors(self._band.centre * self._band.delays(visibility.references[k], (0, 0))))
 
-        own, middle, known = visibility.returned, len(visibility.sample_times) // 2, self._precision
+        own, middle, known = visibility.returned, len(visibility.sample_times) // 2, self._error_control
         tolerance_group = self._tolerance_group[own.facets[middle].surface]
         return best_visible_level(waves, own.shares, tolerance_group, middle, known.level, known.cancellation)
 
@@ -307,9 +330,9 @@ class MovingTracer:
         own, sample_times, positions = visibility.returned, visibility.sample_times, interval.positions
         given = own.facets, visibility.references, own.values, own.boundary_correction, own.shares, visibility.expansion
         chosen = self._temporal_refinement.choose(*given, level)
-        followed = own.kept[chosen.facets]
+        followed = own.selected[chosen.facets]
         if not len(followed):
-            return own, None, max(chosen.error(), visibility.steady)
+            return own, None, max(chosen.error(), visibility.moved_shadow_error)
         placed, most = (
             SplinedPositions(interval.knots, positions),
             np.max([each.level for each in visibility.visible], axis=0),
@@ -322,14 +345,17 @@ class MovingTracer:
         # As many knots as delays ask for, the times among them.
         often = fine_times(found.times, -(-(len(interval.knots) - 1) // (len(found.times) - 1)))
         paths = self._paths(often, found.times, placed, found.facets, found.coefficients, followed, {})
-        rest = np.setdiff1d(np.arange(len(own.kept)), chosen.facets, assume_unique=True)
+        rest = np.setdiff1d(np.arange(len(own.selected)), chosen.facets, assume_unique=True)
         return own.take(rest), RefinedFacets(found, paths, followed), found.error
 
     def _direct(
         self, interval: TraceInterval, own: ReturnedFacets, visibility: IntervalVisibility
     ) -> tuple[RadarPaths, NDArray[np.intp]]:
         """Paths of the facets that are seen directly, small neighbours together, and the facets they go by."""
-        pattern = [self._facets.clusters.pattern(each, own.kept, own.cluster_head) for each in visibility.visible]
+        pattern = [
+            self._facets.clusters.relative_pattern_gain(each, own.selected, own.cluster_head)
+            for each in visibility.visible
+        ]
         given = (
             own.facets,
             own.shares,
@@ -339,41 +365,41 @@ class MovingTracer:
             own.boundary_correction,
             pattern,
         )
-        coefficients, led = self._returns.coefficients(*given)
-        led_by, count = visibility.visible[0].facets.take(led), len(self._cancelling)
-        by_way = [np.take(each.facets.centroids, led, axis=0) for each in visibility.visible]
-        self._cancelling = self._returns.cancelling(by_way, coefficients[0, 0, 0], led_by.surface, count)
+        coefficients, heads = self._returns.coefficients(*given)
+        head_facets, count = visibility.visible[0].facets.take(heads), len(self._cancellation)
+        by_way = [np.take(each.facets.centroids, heads, axis=0) for each in visibility.visible]
+        self._cancellation = self._returns.cancellation(by_way, coefficients[0, 0, 0], head_facets.surface, count)
         known = {
             t: each.facets.centroids
             for t, each in zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
         }
         return self._paths(
-            interval.knots, visibility.sample_times, interval.positions, led_by, coefficients, led, known
-        ), led
+            interval.knots, visibility.sample_times, interval.positions, head_facets, coefficients, heads, known
+        ), heads
 
-    def _changed(self, first: VisibleFacets, last: VisibleFacets) -> float:
+    def _moved_shadow_error(self, first: VisibleFacets, last: VisibleFacets) -> float:
         """Error between two instants for shadows that move on, at most, of the worst surface."""
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
         change = moved_shadow_returns(first, last, self._viewpoint, wavenumber, self._tolerance_group)
-        return float((0.5 * np.maximum(self._precision.cancellation, 1.0) * change).max(initial=0.0))
+        return float((0.5 * np.maximum(self._error_control.cancellation, 1.0) * change).max(initial=0.0))
 
     def silhouette_rays(self, t: float) -> SilhouetteRays:
         """Rays that just pass the outlines of what moves at one of the instants [s]."""
-        return self._sight.silhouette_rays(t)
+        return self._moving_visibility.silhouette_rays(t)
 
     def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
         """:meth:`IndirectPaths.prepare`"""
         return self._indirect.prepare(positions, times)
 
     @property
-    def cancelled(self) -> FloatArray:
+    def relative_cancellation(self) -> FloatArray:
         """(surface,) how much larger errors of single facets are for all of a surface than for a body, whose facets
         return without order, as told in the stretch before: where a flat thing looks elsewhere they cancel nearly, and
         their errors don't."""
-        return np.maximum(self._cancelling / TYPICAL_CANCELLATION, 1.0)
+        return np.maximum(self._cancellation / TYPICAL_CANCELLATION, 1.0)
 
     @property
-    def beside(self) -> bool:
+    def traces_back_faces(self) -> bool:
         """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
         return bool(self._indirect)
 
@@ -382,14 +408,14 @@ class MovingTracer:
     ) -> list[VisibleFacets]:
         """What is seen directly at several `times` [s] of the stretch, bent where it is seen, and `all_around` or where
         that counts along the horizon, too."""
-        vertices, everything = [interval.positions(t) for t in times], self.beside
-        facets, around = self._facets.at(vertices), self._precision.terminator | all_around
+        vertices, everything = [interval.positions(t) for t in times], self.traces_back_faces
+        facets, around = self._facets.at(vertices), self._error_control.terminator | all_around
         if everything:
-            facets = self._facets.bent(facets, vertices)
+            facets = self._facets.with_patches(facets, vertices)
         # Of what was not seen before nobody knows how it interferes.
-        known = (self._precision.cancellation > 0) & (self._aimed and not everything and self._rtol >= LEAST_RTOL)
-        share = np.where(known, 1.0 / np.maximum(self._precision.cancellation, 1.0), 0.0)
-        visible = self._sight(interval.ray_scene, facets, self._facets.places, times, vertices, share)
+        known = (self._error_control.cancellation > 0) & (self._cull and not everything and self._rtol >= LEAST_RTOL)
+        share = np.where(known, 1.0 / np.maximum(self._error_control.cancellation, 1.0), 0.0)
+        visible = self._moving_visibility(interval.ray_scene, facets, self._facets.places, times, vertices, share)
         if everything:
             return visible
         any_visible = np.any([each.fraction > 0 for each in visible], axis=0)
@@ -397,29 +423,29 @@ class MovingTracer:
             any_visible |= np.any(
                 [near_terminator(each.facets, self._viewpoint, self._band.reach) for each in visible], axis=0
             )
-        facets = self._facets.bent([each.facets for each in visible], vertices, np.flatnonzero(any_visible))
+        facets = self._facets.with_patches([each.facets for each in visible], vertices, np.flatnonzero(any_visible))
         return [replace(each, facets=own) for each, own in zip(visible, facets, strict=True)]
 
     def _all_per_element(
         self, visible: Sequence[VisibleFacets], times: FloatArray, interval: TraceInterval
     ) -> list[VisibleFacets]:
         """What is `visible` at some `times` [s], as :meth:`_per_element_visible` has it."""
-        self._precision.exclude_slabs(visible)
-        if not self._precision.own.any():
+        self._error_control.exclude_slabs(visible)
+        if not self._error_control.per_element.any():
             return list(visible)
-        visible = self._bent(visible, times, interval)
+        visible = self._with_patches(visible, times, interval)
         level = np.max([each.level for each in visible], axis=0)
         given = zip(visible, times.tolist(), strict=True)
         return [self._per_element_visible(each, t, self._facets.places, interval, level) for each, t in given]
 
-    def _bent(
+    def _with_patches(
         self, visible: Sequence[VisibleFacets], times: FloatArray, interval: TraceInterval
     ) -> list[VisibleFacets]:
         """What is `visible` at some `times` [s], all bent that is looked at, as pairs may see it where the phase centre
         does not."""
         vertices = [interval.positions(t) for t in times.tolist()]
         chosen = np.flatnonzero(np.any([each.weight > 0 for each in visible], axis=0))
-        facets = self._facets.bent([each.facets for each in visible], vertices, chosen)
+        facets = self._facets.with_patches([each.facets for each in visible], vertices, chosen)
         return [replace(each, facets=own) for each, own in zip(visible, facets, strict=True)]
 
     def _per_element_visible(
@@ -428,11 +454,11 @@ class MovingTracer:
         """What is `visible` at `t` [s] of facets at some `places` (facet, 3), of surfaces of which that counts from
         each
         pair's own places; the others are those of :meth:`PerElementSampler.visibility`."""
-        own, every = self._precision.own, self._per_element
+        own, every = self._error_control.per_element, self._per_element
         if not own.any():
             return visible
-        given = interval.positions(t), visible, places, own, self._precision.cancellation, every.pairs, level
-        return visible.per_element(every.visibility(interval.rays_between(t), *given), own)
+        given = interval.positions(t), visible, places, own, self._error_control.cancellation, every.pairs, level
+        return visible.with_per_element(every.visibility(interval.rays_between(t), *given), own)
 
     def _paths(
         self,
@@ -441,16 +467,16 @@ class MovingTracer:
         positions: Positions,
         facets: Facets,
         gains: NDArray[np.complex128],
-        led: NDArray[np.intp],
+        heads: NDArray[np.intp],
         known: Mapping[float, FloatArray],
     ) -> RadarPaths:
-        """Paths by way of `facets`, which `led` counts out of all, with `gains` (order, tx, rx, facet, instant); the
+        """Paths by way of `facets`, which `heads` counts out of all, with `gains` (order, tx, rx, facet, instant); the
         centroids (facet, 3) [m] of all facets are `known` at some times."""
-        direction = np.empty((len(led), len(knots), 3))
+        direction = np.empty((len(heads), len(knots), 3))
         column = {float(t): k for k, t in enumerate(knots)}
 
         def centroids(t: float) -> FloatArray:
-            return np.take(known[t], led, axis=0) if t in known else self._facets.centroids(positions(t), led)
+            return np.take(known[t], heads, axis=0) if t in known else self._facets.centroids(positions(t), heads)
 
         def delays(t: float) -> FloatArray:
             there = centroids(t)
@@ -462,7 +488,7 @@ class MovingTracer:
         def rates(t: float) -> FloatArray:
             before, after = positions(t - RATE_STEP), positions(t + RATE_STEP)
             velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
-            return self._band.rates(centroids(t), self._facets.centroids(velocities, led))
+            return self._band.rates(centroids(t), self._facets.centroids(velocities, heads))
 
         curves = over_time(knots, sample_times, gains, delays, rates)
         return facet_paths(

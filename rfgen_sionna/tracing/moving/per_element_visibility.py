@@ -1,6 +1,6 @@
 """What pairs of elements see of moving facets from their own places.
 
-Shadows are cast from the array's phase centre, and strips beside their edges tell what pairs see more or less
+Shadows are cast from the array's phase centre, and strips in_cone their edges tell what pairs see more or less
 (:mod:`rfgen_sionna.tracing.shadows.boundary_edges`), to the first order. That is not enough where a surface
 returns little
 but for the corners of its shadow, where an edge falls far aside of the centre's, and where the centre sees none at all
@@ -95,7 +95,7 @@ class PerElementSampler:
             [MeshSilhouette(each.faces) for each in surfaces.moving],
             tolerance_groups(surfaces.moving),
         )
-        self._bent = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
+        self._curved = np.array([each.smooth is not None for each in surfaces.moving], np.bool_)
         self._tx, self._rx, self._viewpoint = tx, rx, viewpoint
         self._wavenumber, self._rtol = wavenumber, rtol
         self._static: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}  # by element and surface
@@ -143,9 +143,9 @@ class PerElementSampler:
             opening = (
                 np.arccos(np.clip((ways @ axis).min(), -1.0, 1.0)) + (reach + 0.5 * silhouette_rays.span * away) / away
             )
-            beside = np.arccos(np.clip(edges @ axis / away, -1.0, 1.0)) < opening
+            in_cone = np.arccos(np.clip(edges @ axis / away, -1.0, 1.0)) < opening
             others = True if silhouette_rays.owner is None else silhouette_rays.owner != surface
-            near = np.flatnonzero(beside & others & (away < lengths(own.reshape(-1, 3)).max()))
+            near = np.flatnonzero(in_cone & others & (away < lengths(own.reshape(-1, 3)).max()))
             for some in np.array_split(near, -(-len(near) * len(own) // MAX_LANES)) if len(near) else ():
                 if any(
                     _shadow_reaches(edges[some], silhouette_rays.span[some], own, end - self._viewpoint)
@@ -191,9 +191,13 @@ class PerElementSampler:
         edged = np.isin(places[chosen], places[chosen[edged]]).any(axis=1)
         of_groups = np.zeros(len(surfaces))
         of_groups[self._tolerance_group] = level
-        views, energy, bent = [PerElementVisibility.none()], np.zeros(len(surfaces)), self._bent[facets.surface[chosen]]
-        finer = float(np.clip(cancellation[surfaces & ~self._bent].max(initial=1.0), 1.0, MAX_FINER))
-        for closely, kind in ((True, ~bent), (False, bent)):
+        views, energy, curved = (
+            [PerElementVisibility.none()],
+            np.zeros(len(surfaces)),
+            self._curved[facets.surface[chosen]],
+        )
+        finer = float(np.clip(cancellation[surfaces & ~self._curved].max(initial=1.0), 1.0, MAX_FINER))
+        for closely, kind in ((True, ~curved), (False, curved)):
             some, missed = np.flatnonzero(edged & kind), np.zeros(len(surfaces))
             batches = min(-(-len(some) * len(pairs) // MAX_LANES), len(pairs))
             for batch in np.array_split(np.arange(len(pairs)), batches) if batches else ():
@@ -233,12 +237,12 @@ class PerElementSampler:
             np.maximum(silhouette[ends[0]], silhouette[ends[1]]).ravel(), visible.weight[facet], group,
             level=np.tile(level, len(pairs)), search=search, times=len(pairs),
         )  # fmt: skip
-        kept = np.flatnonzero((own.fraction != visible.fraction[facet]) | ((own.fraction > 0) & (own.fraction < 1)))
+        changed = np.flatnonzero((own.fraction != visible.fraction[facet]) | ((own.fraction > 0) & (own.fraction < 1)))
         lane = np.full(len(facet), -1, np.intp)
-        lane[kept] = np.arange(len(kept))
+        lane[changed] = np.arange(len(changed))
         mine = lane[own.owner] >= 0
         view = PerElementVisibility(
-            facet[kept], pairs[of[kept]], own.fraction[kept], lane[own.owner[mine]], own.pieces[mine]
+            facet[changed], pairs[of[changed]], own.fraction[changed], lane[own.owner[mine]], own.pieces[mine]
         )
         energy = np.bincount(group, own.missed**2, len(pairs) * groups_of_all).reshape(len(pairs), -1)
         error = np.sqrt(energy.max(axis=0, initial=0.0))

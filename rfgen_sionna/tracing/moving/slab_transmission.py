@@ -101,7 +101,9 @@ class SlabTransmission:
                 break
         return _appended(occluder, found.reshape(len(found), -1).view(np.float64)), slab_tracer.sent
 
-    def beside(self, rays: RayScene, vertices: Sequence[FloatArray], visible: VisibleFacets) -> VisibleFacets:
+    def with_transmission(
+        self, rays: RayScene, vertices: Sequence[FloatArray], visible: VisibleFacets
+    ) -> VisibleFacets:
         """What is `visible`, with that."""
         occluder, sent = self(rays, vertices, visible.facets, visible.owner, visible.pieces, visible.occluder)
         return replace(visible, occluder=occluder, rays=visible.rays + sent)

@@ -87,7 +87,7 @@ def choose_refinement(
     level: FloatArray,
     rtol: float,
     most: int = MAX_SUBDIVISIONS,
-    aside: ComplexArray | None = None,
+    unfollowed: ComplexArray | None = None,
 ) -> RefinementChoice:
     """Choose facets that splines through the instants miss most of, where all that edges pass over miss more than the
     tolerance.
@@ -111,7 +111,7 @@ def choose_refinement(
         Relative tolerance.
     most
         Times from one instant to the next, at most.
-    aside
+    unfollowed
         (inner instant,) what is missed of others of the only surface there is, which are not to be chosen.
     """
     chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
@@ -132,7 +132,7 @@ def choose_refinement(
         np.cumsum(energy[able], out=apart[1:])
         np.cumsum(missed[able], axis=0, out=together[1:])
         others = np.sqrt(np.maximum(energy[mine].sum() - apart, 0.0))
-        left = missed[mine].sum(axis=0) if aside is None else missed[mine].sum(axis=0) + aside
+        left = missed[mine].sum(axis=0) if unfollowed is None else missed[mine].sum(axis=0) + unfollowed
         others = np.maximum(others, rms(left - together))
         count = 0
         if others[0] > allowed > 0:
@@ -207,14 +207,14 @@ class TemporalRefinement:
     def __init__(
         self,
         band: BandTracer,
-        sight: MovingVisibility,
+        visibility: MovingVisibility,
         returns: FacetReturns,
         viewpoint: FloatArray,
         max_range: float,
         rtol: float,
         tolerance_group: IntArray,
     ) -> None:
-        self._band, self._sight, self._returns = band, sight, returns
+        self._band, self._visibility, self._returns = band, visibility, returns
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
         self._pairs = int(np.prod([len(each) for each in band.elements]))
         self._tolerance_group = tolerance_group  # (surface,) what shares one tolerance
@@ -242,9 +242,9 @@ class TemporalRefinement:
         ends = lengths(own[half].corners - self._viewpoint)
         # Who comes into the range window is not coming out of a shadow.
         near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)
-        beside = [None if each is None else each.within(some) for each in boundary_correction]
+        corrections = [None if each is None else each.within(some) for each in boundary_correction]
         found = choose_refinement(
-            self._single(own[half], [each[:, some] for each in values], beside, expansion),
+            self._first_pair_gains(own[half], [each[:, some] for each in values], corrections, expansion),
             np.concatenate([self._phasors(each[some]) for each in references], axis=1),
             np.where(near[:, None], shares[some], 1.0),
             4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
@@ -288,16 +288,16 @@ class TemporalRefinement:
         while True:
             times = fine_times(sample_times, rounds)
             fresh = np.setdiff1d(times, known)
-            positions.look_up(fresh)
+            positions.precompute(fresh)
             step = times_at_once(rays.num_facets, self._viewpoint, positions(float(sample_times[0])))
             for begin in range(0, len(fresh), step):
                 some = fresh[begin : begin + step]
                 there = np.stack([corners(t) for t in some.tolist()])
                 facets = first.at(there, QuadraticPatch.blended(patches, knot_weights(sample_times, some)))
-                occluders = self._sight.occluders(rays, [positions(t) for t in some.tolist()], there)
-                found = self._sight.resample(occluders, facets, places, silhouette, level)
+                occluders = self._visibility.occluders(rays, [positions(t) for t in some.tolist()], there)
+                found = self._visibility.resample(occluders, facets, places, silhouette, level)
                 found = interpolate_transmission(found, some, sample_times, visible, self._viewpoint)
-                if visible[0].own is not None:
+                if visible[0].per_element is not None:
                     counted = replace(found, rays=0, sampled_facets=0), found
                     single = [counted[k == 0].of(np.arange(count * k, count * (k + 1))) for k in range(len(some))]
                     found = VisibleFacets.joined(
@@ -308,7 +308,7 @@ class TemporalRefinement:
             order = np.argsort(known)
             own, references = sampled.facets, sampled.facets.centroids
             every = np.arange(len(own))
-            sampled_returns = self._lit(sampled, count, max(1, AT_ONCE // count), expansion)
+            sampled_returns = self._samples(sampled, count, max(1, AT_ONCE // count), expansion)
             values = sampled_returns.values[0]
             by_time = [values[:, count * k : count * (k + 1)] for k in order]
             shares = sampled.shares(self._pairs).reshape(-1, count)[order].T
@@ -318,8 +318,8 @@ class TemporalRefinement:
                 if sampled_returns.boundary_correction[0] is None
                 else sampled_returns.boundary_correction[0].split(count, len(order))
             )
-            beside = [of_time[k] for k in order]
-            gains = self._single(first, by_time, beside, expansion)
+            corrections = [of_time[k] for k in order]
+            gains = self._first_pair_gains(first, by_time, corrections, expansion)
             own_group, tolerance_groups = self._tolerance_group[first.surface], len(chosen.level)
             missed = missed_energy(gains, waves, shares, chosen.width, own_group, tolerance_groups)
             error = chosen.error(missed)
@@ -327,10 +327,10 @@ class TemporalRefinement:
                 break
             rounds *= 2
         parts = [own.take(every[count * k : count * (k + 1)]) for k in order]
-        coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count), beside)
+        coefficients, _ = self._returns.coefficients(parts, shares, by_time, expansion, np.arange(count), corrections)
         return RefinedGains(times, first, coefficients, sampled.sampled_facets, sampled.rays, error)
 
-    def _lit(self, sampled: VisibleFacets, count: int, most: int, expansion: Expansion) -> SampledReturns:
+    def _samples(self, sampled: VisibleFacets, count: int, most: int, expansion: Expansion) -> SampledReturns:
         """What is seen of `count` facets at several times, each by way of its centroid, at so many times at most at
         once; as of a single instant."""
         found, boundary_correction = list[ComplexArray](), list[BoundaryCorrection]()
@@ -348,14 +348,14 @@ class TemporalRefinement:
                 if each is not None
             ]
         values = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
-        beside = BoundaryCorrection.joined(boundary_correction) if boundary_correction else None
-        return SampledReturns([], [values], [beside], sampled_returns.missed)
+        corrections = BoundaryCorrection.joined(boundary_correction) if boundary_correction else None
+        return SampledReturns([], [values], [corrections], sampled_returns.missed)
 
     def _phasors(self, reference: FloatArray) -> ComplexArray:
-        """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_single`."""
+        """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_first_pair_gains`."""
         return phasors(self._band.centre * self._band.delays(reference, (0, 0)))[:, None]
 
-    def _single(
+    def _first_pair_gains(
         self,
         facets: Facets,
         values: Sequence[ComplexArray],
@@ -364,7 +364,7 @@ class TemporalRefinement:
     ) -> ComplexArray:
         """(facet, time) gains of the first pair in the middle of the band, antennas included."""
         found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
-        for k, beside in enumerate(boundary_correction):
-            if beside is not None:
-                found[:, k] += beside.of_first(len(found))
+        for k, corrections in enumerate(boundary_correction):
+            if corrections is not None:
+                found[:, k] += corrections.of_first(len(found))
         return np.asarray(found * self._band.pattern_gain(facets.directions(self._viewpoint))[:, None])

@@ -37,10 +37,10 @@ class PerElementVisibility(NamedTuple):
         """Those of the facets that `chosen` counts out, ascending, counted among these."""
         place = np.minimum(np.searchsorted(chosen, self.facet), max(len(chosen) - 1, 0))
         mine = chosen[place] == self.facet if len(chosen) else np.zeros(len(self.facet), np.bool_)
-        kept = mine[self.owner]
+        inside = mine[self.owner]
         lane = np.cumsum(mine) - 1
         return PerElementVisibility(
-            place[mine], self.pair[mine], self.fraction[mine], lane[self.owner[kept]], self.pieces[kept]
+            place[mine], self.pair[mine], self.fraction[mine], lane[self.owner[inside]], self.pieces[inside]
         )
 
     @staticmethod
@@ -103,9 +103,9 @@ class VisibleFacets:
     are too faint to be looked at, relative to what they return without interfering."""
     sampled_facets: int
     rays: int
-    faint: FloatArray | float = 0.0
+    culled: FloatArray | float = 0.0
     """What of `missed` (surface,) is for facets too faint to be looked at."""
-    own: PerElementVisibility | None = None
+    per_element: PerElementVisibility | None = None
     """What pairs see of some facets from their own places, if they have looked."""
 
     def of(self, chosen: NDArray[np.intp]) -> VisibleFacets:
@@ -121,10 +121,10 @@ class VisibleFacets:
             pieces=self.pieces[mine],
             occluder=self.occluder[mine],
             silhouette=self.silhouette[chosen],
-            own=None if self.own is None else self.own.of(chosen),
+            per_element=None if self.per_element is None else self.per_element.of(chosen),
         )
 
-    def through(self) -> NDArray[np.intp]:
+    def slab_shadowed_surfaces(self) -> NDArray[np.intp]:
         """Surfaces on which shadows fall that let something through."""
         slabs = (self.occluder[:, 4:] != 0).any(axis=1) & (self.occluder[:, 0] < 1.0)
         return np.unique(self.facets.surface[self.owner[slabs]])
@@ -132,21 +132,21 @@ class VisibleFacets:
     def any_visible(self) -> NDArray[np.bool_]:
         """(facet,) of which something is seen, by whatever pair."""
         found = self.fraction > 0
-        if self.own is not None:
-            found[self.own.facet] = True
+        if self.per_element is not None:
+            found[self.per_element.facet] = True
         return found
 
     def shares(self, pairs: int) -> FloatArray:
         """(facet,) share of the area that is seen, in the mean of so many pairs if they have looked."""
-        return self.fraction if self.own is None else self.own.shares(self.fraction, pairs)
+        return self.fraction if self.per_element is None else self.per_element.shares(self.fraction, pairs)
 
-    def per_element(self, sampled: PerElementSamples, surfaces: NDArray[np.bool_]) -> VisibleFacets:
+    def with_per_element(self, sampled: PerElementSamples, surfaces: NDArray[np.bool_]) -> VisibleFacets:
         """The same with what pairs see themselves of some `surfaces` (surface,), in place of strips beside shadows'
         edges there."""
         occluder = np.where(surfaces[self.facets.surface[self.owner]][:, None], np.nan, self.occluder)
         visible = sampled.missed * sampled.level / np.where(self.level > 0, self.level, np.inf)
-        missed = np.where(surfaces, np.hypot(self.faint, visible), self.missed)
-        return replace(self, occluder=occluder, own=sampled.views, missed=missed, rays=self.rays + sampled.rays)
+        missed = np.where(surfaces, np.hypot(self.culled, visible), self.missed)
+        return replace(self, occluder=occluder, per_element=sampled.views, missed=missed, rays=self.rays + sampled.rays)
 
     @staticmethod
     def joined(parts: Sequence[VisibleFacets]) -> VisibleFacets:
@@ -168,8 +168,8 @@ class VisibleFacets:
             np.max([each.missed for each in parts], axis=0),
             sum(each.sampled_facets for each in parts),
             sum(each.rays for each in parts),
-            np.max([np.broadcast_to(each.faint, len(each.level)) for each in parts], axis=0),
-            _joined_elements([each.own for each in parts], first.tolist()),
+            np.max([np.broadcast_to(each.culled, len(each.level)) for each in parts], axis=0),
+            _joined_elements([each.per_element for each in parts], first.tolist()),
         )
 
 

@@ -122,7 +122,7 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
     tracer = Tracer(None, radar, [ball], rtol)
     run = tracer.follow()
     tracer.trace(0.0, 0.0, run)
-    expansion, band = run._precision.expansion, run._band
+    expansion, band = run._error_control.expansion, run._band
     assert expansion.axes is not None
     assert len(expansion.nodes) <= 3
     rays = tracer.rays_at(0.0)
@@ -131,10 +131,10 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
     )
     facets = visible.facets.take(np.flatnonzero(visible.fraction > 0))
     weight = visible.fraction[visible.fraction > 0]
-    gains = band(facets, run._precision._materials, expansion)
+    gains = band(facets, run._error_control._materials, expansion)
     u = np.array([-1.0, -0.3, 0.6, 1.0])
     for pair in ((0, 0), (2, 3), (1, 2)):
-        exact = band.at_probes(facets, run._precision._materials, u, pair, facets.parts)
+        exact = band.at_probes(facets, run._error_control._materials, u, pair, facets.parts)
         phasor = weight * np.exp(-2j * np.pi * np.mod(band.frequency(u)[:, None] * exact.tau, 1.0))
         found = np.vander(u, expansion.order, increasing=True) @ gains[:, *pair]
         truth = (exact.a * phasor).sum(axis=1)
@@ -165,10 +165,12 @@ def test_all_pieces_of_a_facet_return_what_it_does(shape):
     pieces = facets.cut(owner, np.tile(parts, (len(facets), 1, 1)))
     identity = np.stack([pieces.number, pieces.place], axis=1)
     assert len(np.unique(identity, axis=0)) == len(pieces)  # rough ones have phases of their own
-    each = run._band.values(pieces, run._precision._materials, run._precision.expansion, facets.centroids[owner])
-    whole = run._band.values(facets, run._precision._materials, run._precision.expansion)
+    each = run._band.values(
+        pieces, run._error_control._materials, run._error_control.expansion, facets.centroids[owner]
+    )
+    whole = run._band.values(facets, run._error_control._materials, run._error_control.expansion)
     summed = each.reshape(len(whole), len(facets), count).sum(axis=2)
-    nodes = len(run._precision.expansion.nodes)
+    nodes = len(run._error_control.expansion.nodes)
     for number, (value, expected) in enumerate(zip(summed, whole, strict=True)):
         allowed = 0.005 if number < nodes else 0.1  # gains, and their slopes
         assert np.abs(value - expected).max() < allowed * np.abs(expected).max()

@@ -107,14 +107,14 @@ def test_a_spline_through_them_misses_no_more_than_stated(turn, tolerance):
 
 
 @pytest.mark.parametrize("frequency", [200.0, 300.0, 397.0, 400.0, 403.0, 600.0, 800.0])
-@pytest.mark.parametrize("beside", [False, True])
-def test_vibrations_in_step_with_the_frame_are_not_missed(frequency, beside):
+@pytest.mark.parametrize("indirect", [False, True])
+def test_vibrations_in_step_with_the_frame_are_not_missed(frequency, indirect):
     """Of a plate that yaws by 0.05 rad, at knots that follow it: evenly spaced times alone would not tell."""
 
     def positions(t):
         return turning(0.05 * np.sin(2 * np.pi * frequency * t))(1.0)
 
-    found = chosen(positions, knots=193, beside=beside)
+    found = chosen(positions, knots=193, indirect=indirect)
     assert missed_by(found, positions) <= 1.5 * found.error + 1e-4
 
 
@@ -173,7 +173,7 @@ def test_what_looks_away_tells_nothing_of_a_closed_body():
 
 
 def test_mirrors_ask_for_four_and_for_a_quarter_of_the_error():
-    found = chosen(turning(30.0, size=0.01), beside=True)
+    found = chosen(turning(30.0, size=0.01), indirect=True)
     assert len(found.times) >= 4
     assert found.error <= 0.25 * 0.03
 

@@ -35,7 +35,7 @@ def test_positions_between_knots_are_right(motion):
 
     splined = SplinedPositions(knots, positions)
     times = np.linspace(0.0, LENGTH, 23)
-    splined.look_up(times)
+    splined.precompute(times)
     assert (len(asked) > len(times)) == (motion is spinning)
     for t in times.tolist():
         assert np.abs(splined(t)[0] - motion(t)[0]).max() <= SPLINE_PHASE_ERROR
