@@ -1,7 +1,6 @@
-"""Path-based intermediate representations: images of what returns to the radar's viewpoint."""
+"""Path-based intermediate representations (PIR): images of energy, time of arrival and velocity at a viewpoint."""
 
-from rfgen_sionna.pir.fusion import image
-from rfgen_sionna.pir.rasterisation import rasterise
+from rfgen_sionna.pir.fusion import image, rasterise
 from rfgen_sionna.pir.render import render_pir
 from rfgen_sionna.pir.view import View
 

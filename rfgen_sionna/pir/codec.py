@@ -1,7 +1,7 @@
-"""Physical units to image channels in −1 … 1 and back: what an image model calls a picture, declared once.
+"""Physical units to image channels in −1 … 1 and back.
 
-A PIR spans eight orders of magnitude of energy and two of range. :class:`PirCodec` is the convention of our own image
-models; :class:`AuthorsCodec` reads and writes the pictures of the RF LoRA that was published with the paper.
+:class:`PirCodec` is the convention of this package's image models, :class:`AuthorsCodec` that of the RF LoRA that was
+published with the paper.
 """
 
 from __future__ import annotations
@@ -19,16 +19,15 @@ from rfgen_sionna.records import Pir
 Image = NDArray[np.float32]
 
 _TOLERANCE = 1e-3
-"""How far beyond −1 … 1 rounding may take a value."""
+"""Upper bound of rounding beyond −1 … 1: half precision at 1."""
 _PRESENT = -2.0 / 3.0
-"""Value of the third channel above which something returns: half way between "nothing" and the fastest approach."""
+"""Lower bound of the third channel of a pixel with a return: midway between an empty one and the fastest approach."""
 _STATIC_SPEED = 1e-3
-"""Root of the share of the highest speed below which a surface stands still: the channel's 1/3 is no number of half or
-single precision, and a wall must not move because its image was stored."""
+"""Root of the share of `max_speed` below which a velocity is 0: above the rounding of 1/3 in half precision."""
 
 
 class ImageRangeError(ValueError):
-    """An image's values are not those of its convention."""
+    """Image values outside of their convention."""
 
 
 @dataclass(frozen=True)
@@ -36,15 +35,15 @@ class PirCodec:
     """Three channels in −1 … 1.
 
     ========  =====================================  ===========================================================
-    channel   what                                   value
+    channel   quantity                               value
     ========  =====================================  ===========================================================
-    0         energy, logarithmic                    −1 at `energy_db[0]`, 1 at `energy_db[1]`; −1 where nothing
-    1         range, logarithmic beyond `knee`       −1 at 0 m, 1 at `max_range`; 1 where nothing returns
-    2         validity and radial velocity           −1 where nothing returns, else 1/3 + 2/3 sign(v) √(|v|/`max_speed`)
+    0         energy, logarithmic                    −1 at `energy_db[0]`, 1 at `energy_db[1]`; −1 in empty pixels
+    1         range, logarithmic beyond `knee`       −1 at 0 m, 1 at `max_range`; 1 in empty pixels
+    2         validity and radial velocity           −1 in empty pixels, else 1/3 + 2/3 sign(v) √(|v|/`max_speed`)
     ========  =====================================  ===========================================================
 
-    Energies weaker than the floor come back as the floor. Otherwise decoding inverts encoding: to 1e-4 dB, 1e-5 of
-    range plus `knee`, and 1e-4 of `max_speed` (single precision); what moves by less than 1e-6 of that stands still.
+    Decoding inverts encoding to 1e-4 dB, 1e-5 of range plus `knee`, and 1e-4 of `max_speed` (single precision).
+    Energies below the floor become the floor; speeds below 1e-6 of `max_speed` become 0.
     """
 
     energy_db: tuple[float, float] = (-180.0, -50.0)
@@ -52,20 +51,24 @@ class PirCodec:
     max_range: float = 120.0
     """[m]"""
     knee: float = 3.0
-    """Range [m] below which a step of the channel is a step in metres, and beyond which in per cent."""
+    """Range [m] up to which the channel is about linear, and beyond which about logarithmic."""
     max_speed: float = 20.0
     """[m/s]"""
 
     def encode(self, pir: Pir, *, clip: bool = False) -> Image:
-        """(3, row, column) channels of `pir`.
+        """(3, row, column) channels of `pir`; energies under the floor are raised to it.
 
-        Energies under the floor are raised to it. What is stronger, farther or faster than the convention's range is
-        refused, or held at its end if `clip`.
+        Parameters
+        ----------
+        pir
+            The PIR.
+        clip
+            Clip values to the convention's range; False refuses values above it.
 
         Raises
         ------
         ImageRangeError
-            If energies, ranges or velocities are out of the convention's range.
+            If energies, ranges or velocities are out of the convention's range, without `clip`.
         """
         return self.encode_arrays(pir.energy, pir.time_of_arrival, pir.velocity, clip=clip)
 
@@ -82,24 +85,28 @@ class PirCodec:
             _refuse("range", distance, 0.0, self.max_range, " m")
             _refuse("velocity", np.where(there, speed, 0.0), -self.max_speed, self.max_speed, " m/s")
         low, high = self.energy_db
-        level = 10 * np.log10(np.where(there, power, 1.0))
-        first = np.where(there, 2 * (level - low) / (high - low) - 1, -1.0)
-        second = np.where(there, 2 * np.log1p(distance / self.knee) / self._octaves - 1, 1.0)
+        energy_db = 10 * np.log10(np.where(there, power, 1.0))
+        first = np.where(there, 2 * (energy_db - low) / (high - low) - 1, -1.0)
+        second = np.where(there, 2 * np.log1p(distance / self.knee) / self._log_range - 1, 1.0)
         third = np.where(there, 1 / 3 + 2 / 3 * np.sign(speed) * np.sqrt(np.abs(speed) / self.max_speed), -1.0)
         return np.clip(np.stack([first, second, third], axis=-3), -1.0, 1.0).astype(np.float32)
 
     def decode(self, image: ArrayLike, like: Pir, *, clip: bool = False) -> Pir:
-        """The PIR whose channels are `image` (3, row, column), with the viewpoint, field of view and time of `like`.
+        """PIR of the channels `image` (3, row, column), with the viewpoint, field of view and time of `like`.
 
         Parameters
         ----------
+        image
+            (3, row, column) channels.
+        like
+            PIR of the same view.
         clip
-            Hold values beyond −1 … 1 at its ends, as drawn pictures need; otherwise they are refused.
+            Clip values to −1 … 1, as generated images need; False refuses values beyond.
 
         Raises
         ------
         ImageRangeError
-            If the image has other channels or other values.
+            If the image has other channels, or values out of range without `clip`.
         """
         energy, arrival, velocity = self.decode_arrays(image, clip=clip)
         if energy.ndim != 2:
@@ -121,38 +128,37 @@ class PirCodec:
 
     def distance(self, channel: FloatArray) -> FloatArray:
         """Range [m] of values of the second channel."""
-        return np.asarray(self.knee * np.expm1(0.5 * (channel + 1) * self._octaves))
+        return np.asarray(self.knee * np.expm1(0.5 * (channel + 1) * self._log_range))
 
     @property
-    def _octaves(self) -> float:
+    def _log_range(self) -> float:
         return float(np.log1p(self.max_range / self.knee))
 
 
 @dataclass(frozen=True)
 class AuthorsCodec:
-    """The published RF LoRA's pictures: red is depth, green is amplitude, each 0 … 1 in the file; blue says nothing.
+    """Images of the published RF LoRA: red is depth, green is amplitude, each 0 … 1 in the file; blue is unused.
 
-    Depth is `nearest` + `span` × red, measured along the line of sight, not along the ray; energy is `full_scale` ×
-    green². The paper's code leaves the amplitude in no unit: `full_scale` gives it one. Everything stands still.
-    Fields of view are the reader's to say; the paper's are 60 degrees, square.
+    Depth along the boresight is `nearest` + `span` × red; energy is `full_scale` × green², since the paper's amplitudes
+    have no unit. Velocities are 0. The files have no field of view; the paper's is 60 degrees, square.
     """
 
     nearest: float = 5.0
-    """[m]"""
+    """Least depth [m]."""
     span: float = 5.0
-    """[m]"""
+    """Range of depths [m]."""
     full_scale: float = 1e-8
-    """Energy of a pixel at full amplitude: that of a mirror at 1.6 m at 77 GHz."""
+    """Energy of a pixel at full amplitude: a mirror at 1.6 m at 77 GHz."""
 
     def encode(self, pir: Pir, *, clip: bool = False) -> Image:
-        """(3, row, column) channels in −1 … 1 of `pir`; pixels without a return are black.
+        """(3, row, column) channels in −1 … 1 of `pir`; empty pixels are black.
 
         Raises
         ------
         ImageRangeError
-            If energies or depths are out of the convention's range and `clip` doesn't hold them at its ends.
+            If energies or depths are out of the convention's range, without `clip`.
         ValueError
-            If the projection isn't perspective.
+            If the projection is not perspective.
         """
         there = (pir.energy > 0) & np.isfinite(pir.time_of_arrival)
         depth = np.where(there, 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival, self.nearest) / _ray_over_depth(pir)
@@ -165,12 +171,12 @@ class AuthorsCodec:
         return np.clip(2 * np.stack([red, green, 0 * red]) - 1, -1.0, 1.0).astype(np.float32)
 
     def decode(self, image: ArrayLike, like: Pir, *, clip: bool = False) -> Pir:
-        """The PIR of a picture (3, row, column) in −1 … 1, with the viewpoint, field of view and time of `like`.
+        """PIR of an image (3, row, column) in −1 … 1, with the viewpoint, field of view and time of `like`.
 
         Raises
         ------
         ImageRangeError
-            If the image has other channels or other values.
+            If the image has other channels, or values out of range without `clip`.
         """
         x = 0.5 * (check_image(image, clip=clip) + 1)
         if x.ndim != 3:
@@ -182,12 +188,13 @@ class AuthorsCodec:
 
 
 def check_image(image: ArrayLike, *, clip: bool = False) -> FloatArray:
-    """(…, 3, row, column) in −1 … 1 as float64.
+    """(…, 3, row, column) channels in −1 … 1 as float64; `clip` clips values beyond.
 
     Raises
     ------
     ImageRangeError
-        If it has another number of channels, is not finite, or has values beyond −1 … 1 that `clip` doesn't allow.
+        If it has another number of channels, integers, values that are not finite, or values out of range without
+        `clip`.
     """
     x = np.asarray(image)
     if x.ndim < 3 or x.shape[-3] != 3:
@@ -207,10 +214,10 @@ def check_image(image: ArrayLike, *, clip: bool = False) -> FloatArray:
 
 
 def _ray_over_depth(pir: Pir) -> FloatArray:
-    """(row, column) length of a ray over its depth along the line of sight, at the pixels' middles."""
+    """(row, column) length of the rays through the pixels' centres over their depth along the boresight."""
     view = View.of(pir)
     if view.projection != "perspective":
-        raise ValueError(f"pir.projection is {view.projection!r}: the authors' pictures are in 'perspective'")
+        raise ValueError(f"pir.projection is {view.projection!r}: 'perspective' is needed by the authors' images")
     return np.asarray(1.0 / (view.directions @ rotation_matrix(view.orientation)[:, 0]))
 
 
@@ -218,6 +225,6 @@ def _refuse(name: str, values: FloatArray, low: float, high: float, unit: str) -
     lowest, highest = float(np.min(values)), float(np.max(values))
     if not (low <= lowest and highest <= high):
         raise ImageRangeError(
-            f"{name} lies in {lowest:.4g} … {highest:.4g}{unit}: the images hold {low:.4g} … {high:.4g}{unit}; "
-            "leave out what is beyond, or clip"
+            f"{name} lies in {lowest:.4g} … {highest:.4g}{unit}: {low:.4g} … {high:.4g}{unit} is allowed; clip=True "
+            "clips the rest"
         )

@@ -1,7 +1,7 @@
-"""Surroundings known from an image: diffuse paths for its pixels, and who hides whom.
+"""Surroundings from an image: one diffuse path a pixel, and occlusion between them and traced actors.
 
-A pixel's time of arrival is right to centimetres and its phase is unknown: it becomes one path of the pixel's energy
-with a random phase, drawn once and kept, so that static clutter stays coherent from chirp to chirp.
+A pixel's phase is unknown: its path has the pixel's energy and a random phase, drawn once, so that static clutter stays
+coherent from chirp to chirp.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 GUIDES, SUBPIXELS = 2, 6
-"""Rays across a pixel that look for actors in front of it, and across one at an actor's outline: the share that is
-hidden comes out to about a hundredth."""
+"""Visibility rays across a pixel, and across a pixel at an actor's silhouette: its share is exact to about 1/100."""
 SOFT_EDGE = 0.3
-"""Depth [m] over which what stands behind the surroundings fades: their times of arrival are no more exact."""
+"""Depth over which paths behind the surroundings fade [m]: the accuracy of imagined times of arrival."""
 OBJECT_NAME = "environment"
 _RATE_STEP = 1e-3
+"""Half the time step of the central difference of delays [s]: motion within it is straight to rounding."""
 
 
 class ImageSurroundings:
-    """What an image of surroundings returns to a radar, and what it hides.
+    """Paths and occlusion of surroundings from an image.
 
     Parameters
     ----------
     pir
-        The image, in physical units. Its pixels are points of the world. They needn't be seen from where the radar
-        stands, but their energies are those at the image's viewpoint, so that it should be near.
+        The image, in physical units. Its pixels are fixed points of the world, with energies for the image's viewpoint,
+        which should be near the radar.
     radar
-        The radar. If it moves, the points stay where they are in the world.
+        The radar, static or moving.
     seed
         Seed of the phases.
 
     Raises
     ------
     ValueError
-        If the image holds what no radar receives; the message names the channel (:func:`check_image`).
+        If the image has values that no radar receives; the message names the channel (:func:`check_image`).
     """
 
     def __init__(self, pir: Pir, radar: Radar, seed: int) -> None:
@@ -53,24 +53,23 @@ class ImageSurroundings:
         self.view = View.of(pir)
         energy = pir.energy.ravel()
         self.pixel = np.flatnonzero(energy > 0)
-        """(path,) the pixels that return something, counted row by row."""
+        """(path,) pixels with energy, counted row by row."""
         self._radar, self._start = radar, pir.time
         self._amplitude = np.sqrt(energy[self.pixel])
         self._distance = 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival.ravel()[self.pixel]
         self._velocity = pir.velocity.ravel()[self.pixel]
         self._directions = self.view.directions.reshape(-1, 3)[self.pixel]
-        # A phase belongs to its pixel, whichever others return something.
+        # Phases of all pixels: a pixel's phase does not depend on the energy of others.
         phases = np.random.default_rng([seed, PathKind.ENVIRONMENT]).uniform(0.0, 2 * np.pi, self.view.size)
         self._phasor = np.exp(1j * phases[self.pixel])
 
     @property
     def moves(self) -> bool:
-        """Whether delays change: the radar moves, or something in the image does."""
+        """Whether delays change: the radar or a pixel's point moves."""
         return self._radar.trajectory is not None or bool(np.any(self._velocity))
 
     def paths(self, times: FloatArray, visible_share: FloatArray) -> RadarPaths:
-        """The pixels' paths at knots `times` (time,) [s], of which the share `visible_share` (path, time) is not
-        hidden."""
+        """Paths of the pixels at knots `times` (time,) [s], with visible shares `visible_share` (path, time)."""
         still = np.zeros((len(self._radar.tx_positions), len(self._radar.rx_positions), len(self.pixel), len(times)))
         tau, rate = still, still
         if self.moves:
@@ -85,7 +84,7 @@ class ImageSurroundings:
         points = np.stack([self.points(t) for t in times.tolist()], axis=1)
         offset = points - np.asarray(self._radar.position)
         direction = offset / np.linalg.norm(offset, axis=2, keepdims=True)
-        # Whatever the elements' polarisation, diffuse returns are taken to keep it.
+        # Diffuse returns keep the elements' polarisation.
         gain = (self._phasor * self._amplitude)[:, None] * np.sqrt(visible_share)
         gain = gain * float(self._radar.tx_field @ self._radar.rx_field)
         count = len(self.pixel)
@@ -107,39 +106,36 @@ class ImageSurroundings:
         )
 
     def visible_share(self, rays: RayScene, t: float) -> FloatArray:
-        """(path,) share of each pixel that nothing in `rays`, which stand as the radar sees them at `t` [s], hides."""
+        """(path,) unoccluded share of each pixel at `t` [s], for occluders `rays` in the radar's apparent frame."""
         rows, columns = self.view.resolution
         share = np.full(self.view.size, np.nan)
         share[self.pixel] = self._unoccluded_share(rays, t, self.pixel, GUIDES)
-        # Outlines: where guiding rays disagree within a pixel or with its neighbours.
+        # Silhouettes: rays disagree within a pixel or with its neighbours.
         padded = np.pad(share.reshape(rows, columns), 1, constant_values=np.nan)
         around = np.stack([padded[r : r + rows, c : c + columns] for r in range(3) for c in range(3)])
         lowest, highest = (np.where(np.isnan(around), other, around).reshape(9, -1) for other in (np.inf, -np.inf))
-        outline = self.pixel[(lowest.min(axis=0) < highest.max(axis=0))[self.pixel]]
-        share[outline] = self._unoccluded_share(rays, t, outline, SUBPIXELS)
+        silhouette = self.pixel[(lowest.min(axis=0) < highest.max(axis=0))[self.pixel]]
+        share[silhouette] = self._unoccluded_share(rays, t, silhouette, SUBPIXELS)
         return share[self.pixel]
 
     def unoccluded_share(self, paths: RadarPaths) -> FloatArray:
-        """(path, time) 1 for paths that end before the surroundings, falling to 0 over `SOFT_EDGE` behind them.
+        """(path, time) 1 for paths in front of the surroundings, falling to 0 over `SOFT_EDGE` behind them.
 
-        Between pixels it is interpolated, so that what moves fades smoothly.
+        Depths are interpolated between pixels, so that moving facets fade smoothly.
         """
         weight = np.empty((paths.num_paths, len(paths.times)))
         for k, t in enumerate(paths.times.tolist()):
             direction, origin = paths.arrival[:, k], np.asarray(self._radar.position)
             if self._radar.trajectory is not None:
                 direction, origin = to_world(direction, self._radar, t), np.asarray(self._radar.at(t).position)
-            weight[:, k] = self._let_through(origin + paths.range[:, k, None] * direction)
+            weight[:, k] = self._transmitted(origin + paths.range[:, k, None] * direction)
         return weight
 
     def occluded(self, _: FloatArray, targets: FloatArray, /) -> FloatArray:
-        """(target,) how much of a return from points (target, 3) of the world [m] the surroundings keep back, 0 … 1.
+        """(target,) occluded share, 0 … 1, of points (target, 3) of the world [m], seen from the image's viewpoint."""
+        return 1.0 - self._transmitted(targets)
 
-        From wherever the points are looked at: it is the image's viewpoint that counts.
-        """
-        return 1.0 - self._let_through(targets)
-
-    def _let_through(self, points: FloatArray) -> FloatArray:
+    def _transmitted(self, points: FloatArray) -> FloatArray:
         """(point,) 1 for points (point, 3) of the world [m] before the surroundings, falling to 0 behind them."""
         distance = np.full(self.view.size, np.inf)
         distance[self.pixel] = self._distance
@@ -147,7 +143,7 @@ class ImageSurroundings:
         return self._fade(distance, np.linalg.norm(offset, axis=1), *self.view.coordinates(offset))
 
     def _fade(self, distance: FloatArray, reach: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
-        """(path,) blend of what the four nearest pixels let through; outside of the view nothing hides."""
+        """(path,) bilinear blend of the shares by the four nearest pixels' depths; 1 outside of the view."""
         rows, columns = self.view.resolution
         around, poles = self.view.plane.closed
         known = np.isfinite(row) & np.isfinite(column)
@@ -166,25 +162,24 @@ class ImageSurroundings:
         return total
 
     def points(self, t: float) -> FloatArray:
-        """(path, 3) where the pixels' points are at `t` [s], as the radar sees them then [m]."""
+        """(path, 3) apparent positions of the pixels' points at `t` [s], in the radar's frame [m]."""
         return self._apparent_positions(
             (self._distance + self._velocity * (t - self._start))[:, None] * self._directions, t
         )
 
     def _apparent_positions(self, offsets: FloatArray, t: float) -> FloatArray:
-        """Points by their offsets from the image's viewpoint, world frame, where the radar sees them at `t` [s]."""
+        """Apparent positions at `t` [s] of points at `offsets` from the image's viewpoint, world frame [m]."""
         points = np.asarray(self.view.position) + offsets
         return points if self._radar.trajectory is None else from_world(points, self._radar, t)
 
     def _delays(self, points: FloatArray) -> FloatArray:
         """(tx, rx, path) [s]"""
-        to_tx, to_rx = (
-            np.linalg.norm(points - ends[:, None], axis=2) for ends in (self._radar.tx_world, self._radar.rx_world)
-        )
+        ends = self._radar.tx_world, self._radar.rx_world
+        to_tx, to_rx = (np.linalg.norm(points - end[:, None], axis=2) for end in ends)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def _unoccluded_share(self, rays: RayScene, t: float, pixels: NDArray[np.intp], split: int) -> FloatArray:
-        """(pixel,) share of the rays, `split` across each of `pixels`, that reach its point."""
+        """(pixel,) share of unoccluded rays, `split` across each of `pixels`."""
         if len(pixels) == 0:
             return np.zeros(0)
         rows, columns = self.view.resolution
@@ -193,17 +188,17 @@ class ImageSurroundings:
         own = np.searchsorted(self.pixel, pixels)
         distance = self._distance[own] + self._velocity[own] * (t - self._start)
         targets = self._apparent_positions(distance[:, None, None] * chosen, t).reshape(-1, 3)
-        hidden = rays.occluded(np.asarray(self._radar.position), targets)
-        return 1.0 - hidden.reshape(len(pixels), -1).mean(axis=1)
+        occluded = rays.occluded(np.asarray(self._radar.position), targets)
+        return 1.0 - occluded.reshape(len(pixels), -1).mean(axis=1)
 
 
 def check_image(name: str, pir: Pir) -> None:
-    """Whether an image holds what a radar may receive.
+    """Check that the values of a PIR are physical; `name` is its name in messages.
 
     Raises
     ------
     TypeError, ValueError
-        Naming the channel, its first wrong value and what is allowed.
+        The message names the channel, its first wrong value and the allowed range.
     """
     if not isinstance(pir, Pir):
         raise TypeError(f"{name} is a {type(pir).__name__}: a Pir is needed")
@@ -211,13 +206,11 @@ def check_image(name: str, pir: Pir) -> None:
     energy, arrival, velocity = pir.energy, pir.time_of_arrival, pir.velocity
     if np.ndim(energy) != 2 or np.shape(arrival) != np.shape(energy) or np.shape(velocity) != np.shape(energy):
         shapes = np.shape(energy), np.shape(arrival), np.shape(velocity)
-        raise ValueError(
-            f"{name}: energy, time_of_arrival and velocity have shapes {shapes}: one (row, column) is needed"
-        )
+        raise ValueError(f"{name}: energy, time_of_arrival and velocity have shapes {shapes}: one is needed for all")
     limits = (
-        ("energy", np.isfinite(energy) & (energy >= 0) & (energy <= 1), "0 … 1, as no more returns than was sent"),
-        ("time_of_arrival", (energy == 0) | ((arrival > 0) & (arrival < 1e-3)), "0 … 1e-3 s where energy returns"),
-        ("velocity", (energy == 0) | (np.abs(velocity) < 1e4), "-1e4 … 1e4 m/s where energy returns"),
+        ("energy", np.isfinite(energy) & (energy >= 0) & (energy <= 1), "0 … 1, at most the sent energy,"),
+        ("time_of_arrival", (energy == 0) | ((arrival > 0) & (arrival < 1e-3)), "0 … 1e-3 s at energy above 0"),
+        ("velocity", (energy == 0) | (np.abs(velocity) < 1e4), "-1e4 … 1e4 m/s at energy above 0"),
     )
     for channel, right, allowed in limits:
         if not np.all(right):

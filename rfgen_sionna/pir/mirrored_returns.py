@@ -1,9 +1,8 @@
-"""What smooth surfaces show a second time, of what scatters diffusely: reflections in floors, walls and panes.
+"""Diffuse returns reflected by smooth surfaces: floors, walls and panes.
 
-Three ways by a mirror m and a rough point P count: radar, m, P, m, radar; radar, P, m, radar; and that one backwards.
-The mirror reflects the coherent share (1 - S^2) \\|Gamma\\|^2 of the energy, and is
-flat as far as neighbouring beams reach: curved ones spread what they reflect so that it hardly counts. Mirrors in
-mirrors and the coherent returns of corners are left out.
+Three routes by a mirror m and a rough point P count: radar, m, P, m, radar; radar, P, m, radar; and its reverse. The
+mirror is flat over neighbouring rays and reflects the coherent share (1 - S^2) \\|Gamma\\|^2 of the energy. Curved
+mirrors, which spread their reflections, mirrors in mirrors and the coherent returns of corners are left out.
 """
 
 from __future__ import annotations
@@ -18,27 +17,25 @@ from rfgen_sionna.pir.pixel_patches import DiffuseReturns, SceneSnapshot, diffus
 from rfgen_sionna.tracing.gains.diffuse import reflectance
 
 MIN_REFLECTANCE = 1e-3
-"""Share of the energy that a surface must reflect coherently to count as a mirror."""
+"""Least coherently reflected share of the energy of a mirror: −30 dB of the direct return."""
 _MIN_ALIGNMENT = float(np.cos(np.radians(0.5)))
-"""Normals of neighbouring beams on a flat surface differ by less."""
+"""Least cosine between the normals of neighbouring rays on a mirror: flat to half a degree."""
 _SURFACE_GAP = 1e-4
-"""Rays start this far above the surface that they leave [m]."""
+"""Height of a ray's origin over the surface that it leaves [m]: above rounding, below any detail of a mesh."""
 
 
 @dataclass(frozen=True)
 class MirroredReturns:
-    """Energies by way of mirrors."""
+    """Diffuse returns by way of mirrors."""
 
-    beam: IntArray
-    """(way,) the beam, of those given, by which it leaves or arrives."""
     arrival: FloatArray
-    """(way, 3) unit vector, from the viewpoint, to where it arrives from."""
+    """(route, 3) unit vector from the viewpoint against the direction of arrival."""
     energy: FloatArray
-    """(way,) expected \\|gain\\|^2, isotropic elements."""
+    """(route,) expected \\|gain\\|^2, isotropic elements."""
     distance: FloatArray
-    """(way,) half the length of the way there and back [m]."""
+    """(route,) half the path length [m]."""
     velocity: FloatArray
-    """(way,) rate of that [m/s]."""
+    """(route,) rate of `distance` [m/s]."""
 
 
 def trace_mirrored(
@@ -48,42 +45,53 @@ def trace_mirrored(
     solid_angles: FloatArray,
     columns: int,
 ) -> MirroredReturns:
-    """What the surfaces that beams meet show of others; `directions` and `solid_angles` [sr] are those of the beams
-    that `diffuse_returns` was made from, a grid of so many `columns`."""
+    """Diffuse returns in the mirrors among the surfaces that rays hit.
+
+    Parameters
+    ----------
+    snapshot
+        The scene.
+    diffuse_returns
+        Direct returns of the rays (:func:`~rfgen_sionna.pir.pixel_patches.trace_diffuse`).
+    directions, solid_angles
+        (ray, 3) unit vectors and (ray,) solid angles [sr] of the rays.
+    columns
+        Columns of the grid of rays.
+    """
     materials, towards = snapshot.materials, directions[diffuse_returns.ray]
     mirror = (1.0 - diffuse_returns.roughness) * _reflectance(snapshot, diffuse_returns.object, diffuse_returns.cos)
-    beam = np.flatnonzero((mirror > MIN_REFLECTANCE) & _is_flat(diffuse_returns, len(directions), columns))
-    share, first, normal = mirror[beam], diffuse_returns.distance[beam], diffuse_returns.normal[beam]
-    outgoing = towards[beam] + 2.0 * diffuse_returns.cos[beam, None] * normal
-    start = snapshot.viewpoint + first[:, None] * towards[beam] + _SURFACE_GAP * normal
+    ray = np.flatnonzero((mirror > MIN_REFLECTANCE) & _is_flat(diffuse_returns, len(directions), columns))
+    share, first, normal = mirror[ray], diffuse_returns.distance[ray], diffuse_returns.normal[ray]
+    outgoing = towards[ray] + 2.0 * diffuse_returns.cos[ray, None] * normal
+    start = snapshot.viewpoint + first[:, None] * towards[ray] + _SURFACE_GAP * normal
     hits = snapshot.rays.first_hit(start, outgoing)
-    met = np.flatnonzero(hits.object >= 0)
-    beam, share, first, start, outgoing = beam[met], share[met], first[met], start[met], outgoing[met]
-    hits = hits.take(met)
+    hit = np.flatnonzero(hits.object >= 0)
+    ray, share, first, start, outgoing = ray[hit], share[hit], first[hit], start[hit], outgoing[hit]
+    hits = hits.take(hit)
     inward = snapshot.normals(hits)
     inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-30)[:, None]
     facing = np.einsum("ri,ri->r", inward, outgoing)
     inward *= -np.sign(facing)[:, None]
     cos, total = np.maximum(np.abs(facing), 1e-3), first + np.maximum(hits.distance, 1e-3)
-    solid = solid_angles[diffuse_returns.ray[beam]]
+    solid = solid_angles[diffuse_returns.ray[ray]]
     speed = snapshot.radial_velocity(hits, outgoing)
     twice = share**2 * diffuse_energy(materials, hits.object, snapshot.frequency, cos, outgoing, inward)
     twice *= solid / total**2
-    # Straight one way: P is lit from the radar under another angle, and seen by the mirror under the same solid angle.
+    # One leg direct: another angle of incidence at P, the same solid angle of the mirror.
     points = start + hits.distance[:, None] * outgoing
     offset = points - snapshot.viewpoint
     straight = np.maximum(np.linalg.norm(offset, axis=1), 1e-3)
     direct = offset / straight[:, None]
-    lit = -np.einsum("ri,ri->r", inward, direct)
-    seen = np.flatnonzero(lit > 1e-3)
+    incidence = -np.einsum("ri,ri->r", inward, direct)
+    seen = np.flatnonzero(incidence > 1e-3)
     seen = seen[~snapshot.rays.occluded(snapshot.viewpoint, points[seen] + _SURFACE_GAP * inward[seen])]
-    once = share[seen] * _one_way(snapshot, hits.object[seen], direct[seen], -outgoing[seen], inward[seen], lit[seen])
-    once *= solid[seen] * lit[seen] / (cos[seen] * straight[seen] ** 2)
+    scattered = _bistatic(snapshot, hits.object[seen], direct[seen], -outgoing[seen], inward[seen], incidence[seen])
+    once = share[seen] * scattered
+    once *= solid[seen] * incidence[seen] / (cos[seen] * straight[seen] ** 2)
     halves = 0.5 * (total[seen] + straight[seen])
     rate = 0.5 * (speed[seen] + snapshot.radial_velocity(hits.take(seen), direct[seen]))
-    by_mirror = towards[beam]
+    by_mirror = towards[ray]
     return MirroredReturns(
-        beam=np.concatenate([beam, beam[seen], beam[seen]]).astype(np.int32),
         arrival=np.concatenate([by_mirror, by_mirror[seen], direct[seen]]),
         energy=np.concatenate([twice, once, once]),
         distance=np.concatenate([total, halves, halves]),
@@ -91,26 +99,22 @@ def trace_mirrored(
     )
 
 
-def _is_flat(diffuse_returns: DiffuseReturns, beams: int, columns: int) -> NDArray[np.bool_]:
-    """(beam,) whether what lies around a beam's hit is the same object, as flat as a mirror."""
-    of_all, towards = np.full(beams, -1), np.zeros((beams, 3))
-    of_all[diffuse_returns.ray], towards[diffuse_returns.ray] = diffuse_returns.object, diffuse_returns.normal
-    objects, normals = of_all.reshape(-1, columns), towards.reshape(-1, columns, 3)
+def _is_flat(diffuse_returns: DiffuseReturns, rays: int, columns: int) -> NDArray[np.bool_]:
+    """(hit,) whether the neighbouring rays hit the same object with the same normal."""
+    objects, normals = np.full(rays, -1), np.zeros((rays, 3))
+    objects[diffuse_returns.ray], normals[diffuse_returns.ray] = diffuse_returns.object, diffuse_returns.normal
+    objects, normals = objects.reshape(-1, columns), normals.reshape(-1, columns, 3)
     flat = np.ones(objects.shape, dtype=np.bool_)
-    for one, other in (
-        ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-        ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
-    ):
-        same = (objects[one] == objects[other]) & (
-            np.einsum("rci,rci->rc", normals[one], normals[other]) > _MIN_ALIGNMENT
-        )
+    for one, other in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
+        aligned = np.einsum("rci,rci->rc", normals[one], normals[other]) > _MIN_ALIGNMENT
+        same = (objects[one] == objects[other]) & aligned
         flat[one] &= same
         flat[other] &= same
     return np.asarray(flat.ravel()[diffuse_returns.ray])
 
 
 def _reflectance(snapshot: SceneSnapshot, objects: IntArray, cos: FloatArray) -> FloatArray:
-    """(ray,) share of the energy that a smooth surface of the object's material reflects."""
+    """(ray,) reflected share of the energy, for smooth surfaces of the objects' materials."""
     found = np.zeros(len(objects))
     for number in np.unique(objects).tolist():
         chosen = objects == number
@@ -118,7 +122,7 @@ def _reflectance(snapshot: SceneSnapshot, objects: IntArray, cos: FloatArray) ->
     return found
 
 
-def _one_way(
+def _bistatic(
     snapshot: SceneSnapshot, objects: IntArray, k_in: FloatArray, k_out: FloatArray, normal: FloatArray, cos: FloatArray
 ) -> FloatArray:
     """(ray,) (lambda / 4 pi)^2 S^2 \\|Gamma\\|^2 f from one direction to another."""

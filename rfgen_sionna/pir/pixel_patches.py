@@ -1,7 +1,7 @@
-"""Rays as beams: what each ray hits first, and what the patch that the ray stands for returns.
+"""Returns of the surface patches behind the pixels of an image, one patch a ray.
 
-Two returns: the coherent one, integrated over the patch with its phase, needs patches of a few wavelengths; the diffuse
-one of rough surfaces has no phase that pixels could share, and takes no more rays than the shapes ask for.
+The coherent return is integrated over patches of a few wavelengths with their phase. The diffuse return of rough
+surfaces has independent phases and needs no more rays than the shapes do.
 """
 
 from __future__ import annotations
@@ -26,29 +26,28 @@ if TYPE_CHECKING:
     from rfgen_sionna.tracing.tracer import Tracer
 
 _MAX_DISTANCE_RATIO = 4.0
-"""A patch's corner lies at most this many times further away, or nearer, than its ray's hit: at grazing incidence the
-tangent plane runs away from the surface it stands for."""
+"""Upper bound of the ratio of distances of a patch's corner and centre: grazing tangent planes leave the surface."""
 
 
 @dataclass(frozen=True)
 class SceneSnapshot:
-    """A scene as it stands at one instant, for rays from one viewpoint."""
+    """Scene at one time, for rays from one viewpoint."""
 
     rays: RayScene
     surfaces: tuple[Surface, ...]
     """Static ones first, numbered as in `rays`."""
     velocities: tuple[FloatArray | None, ...]
-    """Of each surface's vertices [m/s]; None where it stays."""
+    """(vertex, 3) velocities of each surface [m/s]; None for a static one."""
     viewpoint: FloatArray
-    """(3,) where the rays start, Tx and Rx at once [m]."""
+    """(3,) origin of the rays, position of both Tx and Rx [m]."""
     frequency: float
     """Middle of the band [Hz]."""
     num_static: int
-    """Surfaces that stay."""
+    """Number of static surfaces."""
 
     @staticmethod
     def of(tracer: Tracer, t: float, viewpoint: FloatArray) -> SceneSnapshot:
-        """The tracer's scene at `t` [s], seen from `viewpoint` [m]."""
+        """Snapshot of a tracer's scene at `t` [s], for rays from `viewpoint` [m]."""
         rays, _, velocities = tracer.geometry(t)
         static = tracer.surfaces.static
         return SceneSnapshot(
@@ -62,15 +61,16 @@ class SceneSnapshot:
 
     @property
     def materials(self) -> list[Material]:
+        """Material of each surface."""
         return [surface.material for surface in self.surfaces]
 
     def normals(self, hits: Hits) -> FloatArray:
-        """(ray, 3) normals of the faces hit, as long as twice their area [m^2], to either side."""
+        """(ray, 3) normals of the hit faces to either side, of length twice the area [m^2]."""
         triangle = self.rays.corners(hits.facet)
         return np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
 
     def radial_velocity(self, hits: Hits, towards: FloatArray) -> FloatArray:
-        """(ray,) of the points hit, along `towards` (ray, 3) [m/s]."""
+        """(ray,) velocities of the hit points along the unit vectors `towards` (ray, 3) [m/s]."""
         found = np.zeros(len(hits.object))
         for number in range(self.num_static, len(self.surfaces)):
             speed = self.velocities[number]
@@ -85,7 +85,7 @@ class SceneSnapshot:
 
 @dataclass(frozen=True)
 class PatchReturns:
-    """Monostatic coherent returns of the patches that rays stand for; rays that hit nothing are left out."""
+    """Monostatic coherent returns of the patches of rays with a hit."""
 
     ray: IntArray
     """(patch,) index of the ray."""
@@ -99,35 +99,35 @@ class PatchReturns:
 
 @dataclass(frozen=True)
 class DiffuseReturns:
-    """Monostatic diffuse returns of the beams that rays stand for; rays that hit nothing are left out."""
+    """Monostatic diffuse returns of rays with a hit."""
 
     ray: IntArray
-    """(beam,) index of the ray."""
+    """(hit,) index of the ray."""
     object: IntArray
-    """(beam,) index of the surface."""
+    """(hit,) index of the surface."""
     energy: FloatArray
-    """(beam,) expected \\|gain\\|^2 of the diffuse part, isotropic elements."""
+    """(hit,) expected \\|gain\\|^2 of the diffuse part, isotropic elements."""
     roughness: FloatArray
-    """(beam,) share S^2 of the reflected energy that is diffuse."""
+    """(hit,) diffuse share S^2 of the reflected energy."""
     cos: FloatArray
-    """(beam,) cosine of the angle of incidence."""
+    """(hit,) cosine of the angle of incidence."""
     normal: FloatArray
-    """(beam, 3) unit normal towards the viewpoint."""
+    """(hit, 3) unit normal towards the viewpoint."""
     distance: FloatArray
-    """(beam,) distance to the hit [m]."""
+    """(hit,) distance to the hit [m]."""
     velocity: FloatArray
-    """(beam,) radial velocity of the hit point [m/s], receding is positive."""
+    """(hit,) radial velocity of the hit point [m/s], receding is positive."""
 
 
 def trace_diffuse(snapshot: SceneSnapshot, directions: FloatArray, solid_angles: FloatArray) -> DiffuseReturns:
-    """What beams along `directions` (ray, 3), of some `solid_angles` (ray,) [sr], return diffusely.
+    """Diffuse returns along `directions` (ray, 3) of `solid_angles` (ray,) [sr].
 
-    A surface at distance R that fills the solid angle W returns, of the energy that falls on it,
+    A surface at distance R that fills the solid angle W returns
 
         (lambda / 4 pi)^2 S^2 \\|Gamma\\|^2 f W / R^2
 
-    with the scattering pattern f: that of facets (:mod:`rfgen_sionna.tracing.gains.diffuse`), whose area is
-    W R^2 / cos(theta).
+    of the incident energy, with the scattering pattern f of facets (:mod:`rfgen_sionna.tracing.gains.diffuse`), whose
+    area is W R^2 / cos(theta).
     """
     hits = snapshot.rays.first_hit(snapshot.viewpoint, directions)
     ray = np.flatnonzero(hits.object >= 0)
@@ -160,8 +160,21 @@ def diffuse_energy(
     towards: FloatArray,
     normal: FloatArray,
 ) -> FloatArray:
-    """(ray,) (lambda / 4 pi)^2 S^2 \\|Gamma\\|^2 f, co-polar, of rays that meet material number `of` at incidence `cos`
-    and return the way they came."""
+    """(ray,) (lambda / 4 pi)^2 S^2 \\|Gamma\\|^2 f, co-polar and monostatic, of rays that hit material number `of`.
+
+    Parameters
+    ----------
+    materials
+        Materials by number.
+    of
+        (ray,) number of the material.
+    frequency
+        [Hz].
+    cos
+        (ray,) cosine of the angle of incidence.
+    towards, normal
+        (ray, 3) unit vectors of the rays and of the surface.
+    """
     found = np.zeros(len(of))
     scale = (SPEED_OF_LIGHT / frequency / (4 * np.pi)) ** 2
     numbers: dict[Material, list[int]] = {}
@@ -183,45 +196,44 @@ def trace_patches(
     nodes: FloatArray,
     node: NDArray[np.integer[Any]],
 ) -> PatchReturns:
-    """Send rays through the middle and the corners of patches, and integrate the patches coherently.
+    """Coherent returns of patches, from rays through their centres and corners.
 
-    A patch whose corners meet the same object as its middle is the quadrilateral of the four points: neighbours share
-    corners, so that the surface stays closed. At outlines the patch lies on the tangent plane of the middle.
+    A patch whose corners hit the same object as its centre is the quadrilateral of the four points: neighbours share
+    corners, so that the surface stays closed. At silhouettes the patch lies on the tangent plane of the centre.
 
     Parameters
     ----------
-    stage
-        Geometry and materials; the gains are for the middle of the band.
+    snapshot
+        The scene; gains are for the middle of the band.
     field
         (3,) direction of the electric field sent and received.
     directions
-        (ray, 3) unit vectors through the patches' middles.
+        (ray, 3) unit vectors through the patches' centres.
     nodes
         (node, 3) unit vectors through corners.
     node
-        (ray, 4) the corners of each patch, in a cycle.
+        (ray, 4) corners of each patch, in a cycle.
     """
     hits = snapshot.rays.first_hit(snapshot.viewpoint, directions)
     ray = np.flatnonzero(hits.object >= 0)
     if len(ray) == 0:
         return PatchReturns(ray.astype(np.int32), np.zeros(0, np.complex128), np.zeros(0), np.zeros(0))
-    rim = snapshot.rays.first_hit(snapshot.viewpoint, nodes)
+    node_hits = snapshot.rays.first_hit(snapshot.viewpoint, nodes)
     hits, node, towards = hits.take(ray), node[ray], directions[ray]
     corners, normal, objects, distance = nodes[node], snapshot.normals(hits), hits.object, hits.distance
-    # Where a corner's ray meets the tangent plane: n . (s c - d D) = 0.
+    # Intersection of a corner's ray with the tangent plane: n . (s c - d D) = 0.
     plane = distance * np.einsum("ri,ri->r", normal, towards)
     facing = np.einsum("ri,rci->rc", normal, corners)
     safe = np.where(np.abs(facing) > 1e-12, facing, 1e-12)
     reach = np.clip(
         plane[:, None] / safe, distance[:, None] / _MAX_DISTANCE_RATIO, distance[:, None] * _MAX_DISTANCE_RATIO
     )
-    # The points that the corners' rays hit, unless one of them belongs to something else or lies over an edge: further
-    # from the tangent plane than the patch is wide.
+    # Hits of the corners' rays, unless one is on another object or over an edge: further from the tangent plane than
+    # the patch is wide.
     width = distance[:, None] * np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1)[:, None]
-    met = rim.distance[node]
-    off = np.abs(met - reach)
-    smooth = (rim.object[node] == objects[:, None]) & (off <= width)
-    patch = np.where(smooth.all(axis=1)[:, None], np.where(np.isfinite(met), met, 0.0), reach)[..., None] * corners
+    hit = node_hits.distance[node]
+    smooth = (node_hits.object[node] == objects[:, None]) & (np.abs(hit - reach) <= width)
+    patch = np.where(smooth.all(axis=1)[:, None], np.where(np.isfinite(hit), hit, 0.0), reach)[..., None] * corners
     triangles = np.concatenate([patch[:, [0, 1, 2]], patch[:, [0, 2, 3]]])
     here, frequency = np.zeros((1, 3)), np.array([snapshot.frequency])
     media = Media.at(snapshot.materials, frequency)

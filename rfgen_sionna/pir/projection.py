@@ -1,4 +1,4 @@
-"""How directions are laid out on an image."""
+"""Projection of directions onto an image."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from rfgen_sionna._types import FloatArray
 Projection = Literal["perspective", "equirectangular"]
 PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
 _MAX_FOV: dict[Projection, tuple[float, float]] = {"perspective": (180.0, 180.0), "equirectangular": (360.0, 180.0)}
-"""Fields of view, horizontal and vertical [degrees]: a perspective view shows less than that."""
+"""Largest fields of view, horizontal and vertical [degrees]; a perspective view stays below."""
 _MIN_FORWARD = 1e-9
+"""Least forward component of a direction on a perspective image: a direction at 90° has no finite place."""
 
 
 @dataclass(frozen=True)
 class ImagePlane:
-    """Directions in a viewpoint's frame, which looks along +x with +y to the left and +z up, on an image.
+    """Projection of directions in the viewpoint's frame: +x forward, +y left, +z up.
 
-    Perspective: square to the boresight, straight edges stay straight. Equirectangular: azimuth and elevation evenly,
-    as radars know directions, and up to all around.
+    A perspective image is a plane normal to the boresight; straight edges stay straight. An equirectangular image has
+    even steps of azimuth and elevation, up to the full sphere.
     """
 
     projection: Projection
@@ -32,21 +33,21 @@ class ImagePlane:
 
     @property
     def half(self) -> FloatArray:
-        """Half of the extents, horizontal and vertical: tangents, or angles [rad]."""
+        """Half extents, horizontal and vertical: tangents, or angles [rad]."""
         angles = np.radians(self.fov_deg) / 2
         return np.asarray(np.tan(angles) if self.projection == "perspective" else angles)
 
     def directions(self, left: FloatArray, up: FloatArray) -> FloatArray:
-        """(..., 3) unit vectors through places that are given from -1 (right, lower edge) to 1 (left, upper edge)."""
+        """(..., 3) unit vectors through positions from -1 (right, lower edge) to 1 (left, upper edge)."""
         y, z = self.half[0] * left, self.half[1] * up
         if self.projection == "perspective":
             vectors = np.stack([np.ones_like(y), y, z], axis=-1)
             return np.asarray(vectors / np.sqrt(1 + y**2 + z**2)[..., None])
-        level = np.cos(z)
-        return np.stack([level * np.cos(y), level * np.sin(y), np.sin(z)], axis=-1)
+        horizontal = np.cos(z)
+        return np.stack([horizontal * np.cos(y), horizontal * np.sin(y), np.sin(z)], axis=-1)
 
     def places(self, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Places (left, up) of directions (..., 3) of any length; NaN where they can't be on the image."""
+        """Positions (left, up) of directions (..., 3) of any length; NaN behind a perspective image."""
         x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
         if self.projection == "perspective":
             ahead = np.where(x > _MIN_FORWARD, x, np.nan)
@@ -60,7 +61,7 @@ class ImagePlane:
         return around and self.fov_deg[0] == 360.0, around and self.fov_deg[1] == 180.0
 
     def cells(self, left: FloatArray, up: FloatArray, resolution: tuple[int, int]) -> NDArray[np.intp]:
-        """(...) pixels, row by row, of an image of `resolution` (rows, columns) that places are in; -1 beside it."""
+        """(...) pixels, row by row, of positions on an image of `resolution` (rows, columns); -1 outside."""
         rows, columns = resolution
         with np.errstate(invalid="ignore"):
             row, column = np.floor(0.5 * (1 - up) * rows), np.floor(0.5 * (1 - left) * columns)
@@ -73,17 +74,19 @@ class ImagePlane:
         return np.where(inside, np.where(inside, row * columns + column, 0), -1).astype(np.intp)
 
     def density(self, left: FloatArray, up: FloatArray) -> FloatArray:
-        """(...) solid angle [sr] for each unit of `left` times `up`."""
+        """(...) solid angle [sr] per unit of `left` times `up`."""
         y, z = self.half[0] * left, self.half[1] * up
-        stretch = (1 + y**2 + z**2) ** -1.5 if self.projection == "perspective" else np.cos(z) * np.ones_like(y)
-        return np.asarray(self.half[0] * self.half[1] * stretch)
+        jacobian = (1 + y**2 + z**2) ** -1.5 if self.projection == "perspective" else np.cos(z) * np.ones_like(y)
+        return np.asarray(self.half[0] * self.half[1] * jacobian)
 
 
 def check_projection(projection: str) -> Projection:
-    """The projection of that name.
+    """`projection` as one of :data:`PROJECTIONS`.
 
-    Raises:
-        ValueError: there is none.
+    Raises
+    ------
+    ValueError
+        If it is none of them.
     """
     for known in PROJECTIONS:
         if isinstance(projection, str) and projection == known:
@@ -94,16 +97,19 @@ def check_projection(projection: str) -> Projection:
 def check_fov(
     fov_deg: float | tuple[float, float], projection: Projection, resolution: tuple[int, int]
 ) -> tuple[float, float]:
-    """(horizontal, vertical) field of view [degrees]; of a horizontal one alone, with pixels that are square in the
-    middle of an image of `resolution` (rows, columns).
+    """(horizontal, vertical) field of view [degrees].
 
-    Raises:
-        ValueError: it is beyond what the projection shows.
+    A single number is the horizontal one; pixels of an image of `resolution` (rows, columns) are square in the middle.
+
+    Raises
+    ------
+    ValueError
+        If the angles are out of the projection's range.
     """
     wide, high = _MAX_FOV[projection]
     try:
         angles = np.asarray(fov_deg)
-    except ValueError:  # of ragged lists
+    except ValueError:  # ragged lists
         angles = np.array([])
     right = angles.dtype.kind in "iuf" and angles.shape in ((), (2,)) and bool((angles > 0).all())
     if right and angles.shape == ():
@@ -122,7 +128,7 @@ def check_fov(
             rows, columns = resolution
             why = (
                 f"; {angles[0]:g} degrees across are {angles[1]:g} from top to bottom with {rows} x {columns} square "
-                "pixels: take fewer rows, or say both angles"
+                "pixels: take fewer rows, or give both angles"
             )
         raise ValueError(
             f"fov_deg is {fov_deg!r}: an angle above 0 and {allowed}, or (horizontal, vertical), is needed for "

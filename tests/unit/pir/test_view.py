@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rfgen_sionna.pir.projection import PROJECTIONS, ImagePlane, Projection
-from rfgen_sionna.pir.raster import Raster
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar.pose import rotation_matrix
@@ -48,17 +47,15 @@ def test_solid_angles_of_an_equirectangular_view(fov_deg: tuple[float, float]) -
 def test_every_pixel_finds_its_own_direction(
     projection: Projection, wide: float, high: float, yaw: float, roll: float
 ) -> None:
-    """In views and in the tracer's rasters, which are the same geometry."""
     view = View((5, 7), (wide, high), (0.0, 0.0, 0.0), (yaw, 0.2, roll), projection)
     directions = view.directions
     np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0, rtol=1e-12)
     number = np.arange(35).reshape(5, 7)
     np.testing.assert_array_equal(view.pixels(3.0 * directions), number)
-    raster = Raster(5, 7, (wide, high), rotation_matrix((yaw, 0.2, roll)), projection)
-    beams, solid_angles, pixel = raster.beams(1)
-    np.testing.assert_allclose(beams, directions.reshape(-1, 3), atol=1e-14)
+    rays, solid_angles, pixel = view.rays(1)
+    np.testing.assert_allclose(rays, directions.reshape(-1, 3), atol=1e-14)
     np.testing.assert_allclose(solid_angles, view.solid_angles.ravel(), rtol=1e-12)
-    np.testing.assert_array_equal(raster.pixels(directions.reshape(-1, 3)), pixel)
+    np.testing.assert_array_equal(view.pixels(directions.reshape(-1, 3)), pixel)
 
 
 def test_an_equirectangular_view_is_even_in_azimuth_and_elevation() -> None:
@@ -74,11 +71,9 @@ def test_an_equirectangular_view_is_even_in_azimuth_and_elevation() -> None:
 def test_all_around_there_is_no_seam_and_no_hole(yaw: float) -> None:
     """Straight behind, up and down, and whatever rounding makes of them, are in the outermost pixels."""
     view = View((9, 18), (360.0, 180.0), (0.0, 0.0, 0.0), (yaw, 0.0, 0.0), "equirectangular")
-    raster = Raster(9, 18, (360.0, 180.0), rotation_matrix((yaw, 0.0, 0.0)), "equirectangular")
     behind = np.array([[-1.0, y, 0.0] for y in (0.0, -0.0, -1e-17, 1e-17)]) @ rotation_matrix((yaw, 0.0, 0.0)).T
     for directions, row in ((behind, 4), (np.array([[0.0, 0.0, 1.0]]), 0), (np.array([[0.0, 0.0, -1.0]]), 8)):
-        for found in (view.pixels(directions), raster.pixels(directions)):
-            assert set(found // 18) == {row}
+        assert set(view.pixels(directions) // 18) == {row}
     assert set(view.pixels(behind) % 18) <= {0, 17}
 
 
